@@ -1,6 +1,6 @@
-"""What a station drives: a fleet of assets with its sensors, simulated or real.
+"""The fleet protocol: assets with their sensors, simulated or real.
 
-A fleet of your own implements `Fleet`; nothing above this package knows what is behind it.
+A fleet of your own implements `Fleet`; nothing above this package depends on an implementation.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from pa_console.schema.world import World
 
 @dataclass(frozen=True)
 class Countersigned:
-    """What a second person has signed elsewhere for a plan that waits here; a valid signature."""
+    """A second person's valid signature, given elsewhere, for a plan that waits here."""
 
     request_id: str
     person: str
@@ -25,18 +25,18 @@ class Countersigned:
 
 @dataclass(frozen=True)
 class Received:
-    """What came in during one step, in order of arrival."""
+    """The results of one step, in order of arrival."""
 
     replies: tuple[CommandReply, ...] = ()
     told: tuple[IncidentHappened | Noticed, ...] = ()
-    """What else the fleet tells of; the session log says so too."""
+    """Further events of the fleet, for the session log."""
     countersigned: tuple[Countersigned, ...] = ()
     stop_asked: str = ""
-    """Who asks from elsewhere that everybody stops; '' for nobody."""
+    """The person at another station who asks for a stop; '' for none."""
 
 
 class Forecast(Protocol):
-    """What a fleet's picture leads to; nothing that is done in it reaches a device."""
+    """A simulation of what a fleet's picture leads to; no command in it reaches a device."""
 
     @property
     def world(self) -> World:
@@ -115,7 +115,7 @@ class Simulated(Fleet, Protocol):
 
     @property
     def seed(self) -> int:
-        """Where its random draws begin."""
+        """The seed of its random draws."""
         ...
 
     def inject(self, incident: Incident) -> None:

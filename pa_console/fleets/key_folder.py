@@ -73,7 +73,7 @@ class KeyFolder:
 
     @property
     def made(self) -> bool:
-        """Whether there are keys of a site."""
+        """True if there are keys of a site."""
         return self._file(SITE_OWNER).exists()
 
     @property
@@ -108,9 +108,9 @@ class KeyFolder:
         return trust
 
     def keys(self, person: tuple[str, Ed25519PrivateKey] | None = None) -> Keys:
-        """Return what the station of this machine, and whoever sits at it, sign with.
+        """Return the keys with which the station and the person at it sign.
 
-        That is the first station and the first person in the roster whose keys are here; `person`
+        These are the first station and the first person in the roster whose keys are here; `person`
         are a name and a key that were loaded before.
         """
         station = self._first("station", self.trust().roster.stations)
@@ -123,7 +123,7 @@ class KeyFolder:
         return name, self._load("person", name)
 
     def person_key(self, name: str) -> Ed25519PrivateKey:
-        """Return the key of the person called `name`, whom the roster here need not know yet."""
+        """Return the key of the person `name`, who need not be in the roster here yet."""
         _named(name)
         return self._load("person", name)
 
@@ -191,7 +191,7 @@ class KeyFolder:
             self._sign(owner, replace(roster, stations={**roster.stations, name: key}))
 
     def enrol_rules(self, content_sha256: str, rules: EnrolledRules) -> None:
-        """Let vehicles take plans that were checked by a rule set, with what it asks approvals for.
+        """Let vehicles accept plans checked by a rule set, with its numbers of approvals.
 
         Another set of the same name is no longer enrolled.
         """

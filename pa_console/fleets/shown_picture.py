@@ -7,7 +7,7 @@ from pa_console.sim.worlds.terrain import Terrain
 
 
 class ShownPicture:
-    """A picture that another station has told, and the forecast from it; it moves nobody."""
+    """A picture reported by another station, and the forecast from it; it commands no asset."""
 
     def __init__(self, world: World) -> None:
         self._terrain = Terrain(world)

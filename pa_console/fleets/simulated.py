@@ -27,7 +27,7 @@ class SimulatedFleet:
     checkpoint: Checkpoint
     _authorize: Authorize | None = field(default=None, init=False)
     _tokens: dict[str, str | None] = field(default_factory=dict[str, str | None], init=False)
-    """By command id: the token that went out with it last, until its device asks for it."""
+    """The latest token of each command, by its id, until its device asks for it."""
 
     @classmethod
     def start(cls, world: World, seed: int = 0, scenario: Scenario | None = None) -> Self:
@@ -52,7 +52,7 @@ class SimulatedFleet:
 
     @property
     def seed(self) -> int:
-        """Where the checkpoint's random draws begin."""
+        """The seed of the checkpoint's random draws."""
         return self.checkpoint.seed
 
     @property

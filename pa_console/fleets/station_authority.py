@@ -31,12 +31,12 @@ from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision
 
 MOST_SENT = 512
-"""So many commands can be signed anew, when they are sent again."""
+"""The number of commands that can be signed anew when they are sent again."""
 
 
 @dataclass(frozen=True)
 class Keys:
-    """What a station needs to sign: its own key, and the name and key of whoever sits at it."""
+    """The keys of a station: its own, and the name and key of the person at it."""
 
     station: Ed25519PrivateKey
     person: str
@@ -81,7 +81,7 @@ class StationAuthority:
 
     @property
     def person(self) -> str:
-        """The name of whoever sits at this station."""
+        """The name of the person at this station."""
         return self.keys.person
 
     def begin(self, session: str, head: Callable[[], str], now: Callable[[], float]) -> None:
@@ -122,7 +122,7 @@ class StationAuthority:
 
     @property
     def refusal(self) -> str:
-        """Why this station may move nothing at present, '' when it may."""
+        """The reason why this station may move nothing at present, '' when it may."""
         trust = self.trust
         if trust.takeover.station != self._public:
             return f"this station is not in command: {trust.in_command}"
@@ -186,11 +186,11 @@ class StationAuthority:
         return self.trust.roster.station_of(self._public)
 
     def fresh(self, agents: Collection[str]) -> frozenset[str]:
-        """Return those of `agents` to whom no order was ever sent."""
+        """Return the agents that have never got an order."""
         return frozenset(agents) - self._commanded
 
     def signed(self, request: ApprovalRequested, decision: Decision, rules: Rulebook) -> Decision:
-        """Return `decision` with the signature of whoever sits at this station."""
+        """Return `decision` with the signature of the person at this station."""
         approval = self._approval(request, decision, rules)
         signature = sign_approval(self.keys.own, approval, self.now())
         return decision.model_copy(update={"signatures": {self.keys.person: signature}})
@@ -231,7 +231,7 @@ class StationAuthority:
         self._plan = frozenset(approval.orders), grounds
 
     def authorize(self, command: DeviceCommand) -> str | None:
-        """Return the token of `command`, None for one that nobody approved, or a hold."""
+        """Return the token of `command`, None for a hold and for a command without approval."""
         if command.verb == "hold" or self.refusal:
             return None
         grounds = self._sent.get(command.command_id)
@@ -297,7 +297,7 @@ def _difference(wanted: Approval, approval: Mapping[str, Any]) -> str:
 
 
 class Vehicles:
-    """What the vehicles of a simulation check tokens and commands with, each by an own verifier."""
+    """The verifiers of a simulation's vehicles, one each, for tokens and commands."""
 
     def __init__(
         self, agents: Iterable[str], owner: str, messages: Iterable[str], now: Callable[[], float]
@@ -318,7 +318,7 @@ class Vehicles:
         return first.trust.in_command if first is not None else "there is no vehicle"
 
     def take(self, message: str) -> str:
-        """Tell every vehicle of a signed message; return why one does not take it, '' if all do."""
+        """Pass a signed message to every vehicle; return why one refuses it, '' if all take it."""
         return self._signed.hear(message)
 
     def _tell(self, message: str) -> str:

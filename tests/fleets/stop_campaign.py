@@ -13,7 +13,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Generator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from multiprocessing import get_context
@@ -463,16 +463,16 @@ def main() -> None:
         return
     starts = range(given.seed, given.seed + given.histories, given.batch)
     out = Outcome()
-    with ProcessPoolExecutor(given.workers, mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(
+        given.workers, mp_context=get_context("spawn"), max_tasks_per_child=1
+    ) as pool:
         jobs = [
             pool.submit(play, min(given.batch, given.seed + given.histories - start), start)
             for start in starts
         ]
-        for job in jobs:
+        for job in as_completed(jobs):
             out.add(job.result())
-            print(f"\r{out.histories} of {given.histories}", end="", flush=True)
-    print()
-    print(out.summary())
+            print(f"{out.histories} of {given.histories}: {out.summary()}", flush=True)
     print(*out.drove_on[:20], *out.unnamed[:20], sep="\n")
 
 

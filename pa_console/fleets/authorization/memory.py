@@ -1,4 +1,4 @@
-"""What a vehicle must not forget: the tokens it has used, and the newest signed messages."""
+"""The persistent memory of a vehicle: used tokens, and the newest signed messages."""
 
 import sqlite3
 from pathlib import Path
@@ -10,14 +10,14 @@ from pa_console.fleets.authorization.messages import (
 
 
 class Memory:
-    """What a vehicle must not forget: what it has used, and the newest signed messages.
+    """The used tokens and the newest signed messages of a vehicle.
 
-    With a `path` it survives a restart, and a power cut: a token is on the disk before its command
+    With a `path` they survive a restart and a power cut: a token is on the disk before its command
     is carried out. Raises OSError or sqlite3.Error when that file cannot be used.
     """
 
     def __init__(self, path: Path | None = None, most: int = MOST_USED) -> None:
-        """At `most` so many are remembered of each kind."""
+        """Keep the last `most` entries of each kind."""
         self._most = most
         if path is not None:
             path.touch(mode=0o600)
@@ -50,12 +50,12 @@ class Memory:
         return ""
 
     def kept(self, name: str) -> str:
-        """Return what is kept under `name`, '' for nothing."""
+        """Return the value stored under `name`, '' if there is none."""
         row = self._base.execute("SELECT value FROM kept WHERE name = ?", (name,)).fetchone()
         return str(row[0]) if row is not None else ""
 
     def keep(self, name: str, value: str) -> None:
-        """Keep `value` under `name`, in place of what was there."""
+        """Store `value` under `name` and replace the earlier value."""
         with self._base:
             self._base.execute("INSERT OR REPLACE INTO kept VALUES (?, ?)", (name, value))
 

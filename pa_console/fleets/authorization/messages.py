@@ -1,6 +1,6 @@
-"""What people, stations and owners sign: approvals, tokens, rosters, revocations, takeovers.
+"""The signed messages of a site: approvals, tokens, rosters, revocations, takeovers.
 
-All of them are JWTs, signed with Ed25519 ("EdDSA"), and say in their header which kind they are.
+All of them are JWTs, signed with Ed25519 ("EdDSA"), and name their kind in the header.
 """
 
 import hashlib
@@ -17,30 +17,32 @@ from jwt.utils import base64url_encode
 
 Role = Literal["observer", "operator", "commander"]
 ROLES: tuple[Role, ...] = ("observer", "operator", "commander")
-"""What a person may do, each more than the one before: watch, approve, put a station in command."""
+"""The roles of people, each with more rights than the one before: watch, approve, put a station in
+command."""
 
 Kind = Literal["operator", "override", "standing"]
 KINDS: tuple[Kind, ...] = ("operator", "override", "standing")
-"""How a person approved: after looking, against the judge with a reason, or beforehand."""
+"""The kinds of approval: after looking, against the judge with a reason, or beforehand."""
 
 Message = Literal["command", "approval", "roster", "revocation", "takeover", "records"]
 UNSIGNED = frozenset(("hold",))
 """The commands that never need a token: nothing may stand in the way of a stop."""
 
 TOKEN_S = 30.0
-"""How long a token is good for, at most; a command that is sent again gets another one."""
+"""The longest validity of a token, seconds; a command that is sent again gets another one."""
 
 APPROVAL_S = 3600.0
-"""How long what people approved may be carried out, at most: a plan, and its way to safety."""
+"""The longest validity of an approval, seconds: of a plan and its way to safety."""
 
 RECORDS_S = 10.0
-"""How long records of a session log that a station shares may be on their way."""
+"""The longest time that shared records of a session log may be on their way, seconds."""
 
 LEEWAY_S = 2.0
-"""So far may the clocks of a station and a vehicle be apart."""
+"""The largest difference between the clocks of a station and a vehicle, seconds."""
 
 MOST_USED = 4096
-"""So many used tokens are remembered; what is older than all of them is refused unread."""
+"""The number of used tokens that are remembered; tokens older than all of them are refused
+unread."""
 
 MOST_CHARACTERS = 65_536
 ROUNDING_S = 0.001
@@ -64,7 +66,7 @@ class Command(Protocol):
 
 @dataclass(frozen=True)
 class Person:
-    """Somebody of the site: the public key in hexadecimal, and what it may do."""
+    """A person of the site: the public key in hexadecimal, and the role."""
 
     key: str
     role: Role
@@ -80,9 +82,9 @@ class EnrolledRules:
 
 @dataclass(frozen=True)
 class Roster:
-    """Who and what belongs to a site: people and stations by name, rule sets by SHA-256.
+    """The members of a site: people and stations by name, rule sets by SHA-256.
 
-    No takeover below `epoch` counts any more, even at a vehicle that has forgotten those after it.
+    No takeover below `epoch` counts any more, even at a vehicle that has forgotten the later ones.
     """
 
     serial: int = 0
@@ -119,10 +121,10 @@ class Roster:
 
 @dataclass(frozen=True)
 class Approval:
-    """What one person approves: the plan's orders and its way to safety, each in words.
+    """One person's approval of a plan: its orders and its way to safety, each in words.
 
-    `station` is the public key of the station that may send them; `acts` are what needs more than
-    a plan without objections does: `override`, `acknowledge`. All hashes are SHA-256.
+    `station` is the public key of the station that may send them; `acts` are the acts beyond a
+    plain approval: `override`, `acknowledge`. All hashes are SHA-256.
     """
 
     person: str
@@ -138,7 +140,7 @@ class Approval:
 
 @dataclass(frozen=True)
 class Grounds:
-    """What a command rests on: signed approvals by the person's name, and what they are about.
+    """The approvals that a command rests on, by the person's name, and their subject.
 
     `operator` is the person whose decision it was.
     """
@@ -158,7 +160,7 @@ def public_of(key: Ed25519PrivateKey) -> str:
 
 
 def digest(command: Command) -> str:
-    """Return the SHA-256 of everything that `command` says."""
+    """Return the SHA-256 of the whole content of `command`."""
     said = [command.command_id, command.agent, command.verb, command.target]
     return hashlib.sha256(json.dumps(said).encode()).hexdigest()
 
@@ -236,7 +238,7 @@ def sign_records(key: Ed25519PrivateKey, records: Records, now: float) -> str:
 
 
 class RefusedError(Exception):
-    """Why something is not accepted, in words."""
+    """The reason why a message is not accepted, in words."""
 
 
 def sign(kind: Message, claims: Claims, key: Ed25519PrivateKey) -> str:
@@ -291,7 +293,7 @@ def unverified(message: str) -> Claims:
 
 
 def kind_of(message: str) -> str:
-    """Return which kind a message says it is; raises RefusedError for one that is too long."""
+    """Return the kind that a message claims; raises RefusedError for a message that is too long."""
     if len(message) > MOST_CHARACTERS:
         raise RefusedError(f"it is longer than {MOST_CHARACTERS} characters")
     typ = str(_JWS.get_unverified_header(message).get("typ"))
@@ -312,5 +314,5 @@ def whole_number(value: object) -> int:
 
 
 def is_time(value: object) -> TypeGuard[float]:
-    """Whether `value` is a number of seconds, and no truth value."""
+    """Return whether `value` is a number of seconds and no truth value."""
     return type(value) in (int, float)

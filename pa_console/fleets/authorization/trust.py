@@ -1,4 +1,4 @@
-"""What a vehicle or a station goes by: the roster, what was revoked, who is in command."""
+"""The trust of a vehicle or a station: roster, revoked keys, station in command."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,14 +22,14 @@ from pa_console.fleets.authorization.messages import (
 )
 
 KINDS_OF_TRUST: tuple[Message, ...] = ("roster", "revocation", "takeover")
-"""The kinds of messages that change whom one goes by."""
+"""The kinds of messages that change the trust of a vehicle or a station."""
 
 MOST_REFUSED = 16
 
 
 @dataclass(frozen=True)
 class Takeover:
-    """Which station is in command: the epoch that a commander has signed for it."""
+    """The station in command, and the epoch that a commander has signed for it."""
 
     epoch: int = 0
     station: str = ""
@@ -37,7 +37,7 @@ class Takeover:
 
 
 class Trust:
-    """What a vehicle or a station goes by: the roster, what was revoked, and who is in command.
+    """The trust of a vehicle or a station: roster, revoked keys, station in command.
 
     It begins with the public key of the site's owner and takes signed messages, each only if it is
     newer than the one before.
@@ -182,7 +182,7 @@ class SignedMessages:
         """The kind of each message that was refused lately."""
 
     def hear(self, message: str) -> str:
-        """Take `message` if it is newer than what is known; return why not, '' when it is taken."""
+        """Take `message` if it is newer than the known one; return why not, '' when it is taken."""
         try:
             kind = kind_of(message)
         except Exception as error:

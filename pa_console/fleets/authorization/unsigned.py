@@ -29,11 +29,11 @@ _TEXTS = ("person", "station", "session", "request", "plan", "rules")
 
 @dataclass(frozen=True)
 class UnsignedApproval:
-    """What one person is to sign: `text` is header and claims of a JWT, in ASCII.
+    """An approval ready for signing: `text` is header and claims of a JWT, in ASCII.
 
-    The signature is Ed25519 (RFC 8032) over the bytes of `text`. What is signed is `text`, a full
-    stop, and the 64 bytes of the signature in base64url without padding. `begins` and `ends` are
-    in seconds since 1970.
+    The signature is Ed25519 (RFC 8032) over the bytes of `text`. The signed approval is `text`, a
+    full stop, and the 64 bytes of the signature in base64url without padding. `begins` and `ends`
+    are in seconds since 1970.
     """
 
     text: str
@@ -43,7 +43,7 @@ class UnsignedApproval:
 
     @classmethod
     def of(cls, approval: Approval, now: float) -> Self:
-        """Return what is to be signed of `approval`, good for APPROVAL_S from `now`."""
+        """Return `approval` ready for signing, valid for APPROVAL_S from `now`."""
         ends = now + APPROVAL_S
         claims = {**asdict(approval), "nbf": now, "exp": ends}
         return cls(f"{_packed(_HEADER)}.{_packed(claims)}", approval, now, ends)
@@ -71,7 +71,7 @@ class UnsignedApproval:
 
     @property
     def sha256(self) -> str:
-        """The SHA-256 of what is signed, in hexadecimal."""
+        """The SHA-256 of `text`, in hexadecimal."""
         return hashlib.sha256(self.text.encode()).hexdigest()
 
     def signed(self, key: Ed25519PrivateKey) -> str:

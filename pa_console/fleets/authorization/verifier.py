@@ -96,7 +96,7 @@ class Verifier:
         return ""
 
     def _recall(self) -> None:
-        """Go by what was taken before a restart; it was checked when it came."""
+        """Restore the trust of before a restart; its messages were checked when they came."""
         if not (kept := self._memory.kept("trust")):
             return
         state, trust = json.loads(kept), self.trust

@@ -20,7 +20,7 @@ KEEPALIVE_S = 5
 FIRST_RETRY_S, LAST_RETRY_S = 0.1, 1.0
 CONNECT_S = 5.0
 MOST_QUEUED = 2_000
-"""Messages between the socket and `heard`, which empties them as they come."""
+"""The longest queue between the socket and `heard`, which empties it at once."""
 
 QUIET = logging.getLogger("pa_console.bus")
 QUIET.addHandler(logging.NullHandler())
@@ -58,7 +58,9 @@ class Sent:
 
 @dataclass
 class BusClient:
-    """Who is connected as `name`: hears `topics`, leaves `will` when the connection breaks.
+    """One connection to the broker under the client id `name`.
+
+    It subscribes to `topics` and leaves `will` when the connection breaks.
 
     `heard` is called with every message, `changed` with whether there is a connection and why not.
     All of it happens in the event loop that runs it.
@@ -72,13 +74,13 @@ class BusClient:
     will: Callable[[], Sent] | None = None
     credentials: Credentials | None = None
     problem: str = "not connected yet"
-    """Why there is no connection, "" while there is one."""
+    """The reason why there is no connection, "" while there is one."""
     _client: "Client | None" = None
     _sending: set[asyncio.Task[None]] = field(default_factory=set[asyncio.Task[None]])
 
     @property
     def connected(self) -> bool:
-        """Whether something that is sent now goes out."""
+        """True while messages can be sent."""
         return self._client is not None
 
     async def run(self) -> None:
@@ -122,7 +124,7 @@ class BusClient:
         return True
 
     async def sent(self) -> None:
-        """Wait until what was sent is out, or cannot be any more."""
+        """Wait until all messages are sent, or cannot be sent any more."""
         while self._sending:
             await asyncio.wait(tuple(self._sending))
 

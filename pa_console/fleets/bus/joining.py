@@ -21,27 +21,27 @@ TELEMETRY = (
     additions.IncidentDone,
     additions.Told,
 )
-"""What robots, cameras and a simulated site send."""
+"""The messages of robots, cameras and a simulated site."""
 
 FROM_PEOPLE = (*additions.SIGNED, RecordsAsked, Countersignature, StopAsked)
-"""What people send: who belongs to the site and commands it, and what a joined console asks for."""
+"""The messages of people: members and command of the site, requests of joined consoles."""
 
 CONNECT_S = 5.0
 RETAINED_S = 0.3
-"""What is retained has come when nothing of it did for so long; live messages never end."""
+"""Retained messages are complete after this silence, seconds; live messages never end."""
 MOST_RETAINED_S = 10.0
-"""A bus that keeps on delivering what is retained is listened to for so long."""
+"""The longest wait for retained messages, seconds."""
 
 
 @dataclass(frozen=True)
 class Joined:
-    """What was found on a bus before a fleet is made of it."""
+    """A bus that was joined, with the retained messages found there."""
 
     link: StationLink
     site: additions.SiteDescription | None
     factsheets: dict[Identity, Factsheet]
     online: frozenset[Identity]
-    """Whoever is connected."""
+    """The identities that are connected."""
     deliveries: tuple[Delivery, ...]
 
 
@@ -50,7 +50,7 @@ def join(
     credentials: Credentials | None = None,
     telemetry: Credentials | None = None,
 ) -> Joined:
-    """Connect to the broker and receive what is retained there; raises ValueError without a broker.
+    """Connect to the broker and receive the retained messages; raises ValueError without a broker.
 
     `telemetry` are the credentials of the connection that only receives.
     """

@@ -69,7 +69,7 @@ class MqttFleet:
         self._stop_asked = ""
         self._published_s, self._older_there = 0.0, False
         self._published: set[str] = set()
-        """What this station has retained itself: it comes back from the broker."""
+        """The messages that this station has retained itself: the broker sends them back."""
         self._weather: Weather = joined.site.weather if joined.site is not None else "clear"
         self._tick, self._connected, self._ready = 0, True, False
         for delivery in joined.deliveries:
@@ -101,7 +101,7 @@ class MqttFleet:
 
     @property
     def paced(self) -> bool:
-        """Whether the robots stand still until the station steps: simulated ones may."""
+        """True if the robots wait for the station's steps, as simulated ones may."""
         return False
 
     def picture(self) -> Picture:
@@ -265,7 +265,7 @@ class MqttFleet:
         self._told.say(level, subject, text, self.time_s, kind)
 
     def _look_after_link(self) -> None:
-        """Tell when the connection breaks or is there again, and what had to be dropped."""
+        """Report a connection that breaks or is back, and messages that were left out."""
         problem, dropped = self._link.problem, self._link.dropped
         if bool(problem) == self._connected:
             self._connected = not problem
@@ -284,7 +284,7 @@ class MqttFleet:
             self._say("alarm", SUBJECT, text, "flood")
 
     def _request_states(self) -> None:
-        """Ask every robot for its state, and tell it of the zones again."""
+        """Ask every robot for its state, and send it the zones again."""
         for robot in self._robots.values():
             self._welcome(robot)
 
@@ -300,7 +300,7 @@ class MqttFleet:
 
     @property
     def connected(self) -> bool:
-        """Whether there is a connection to the broker."""
+        """True while there is a connection to the broker."""
         return not self._link.problem
 
     def publish_signed(self) -> None:
@@ -327,12 +327,12 @@ class MqttFleet:
             self._say("info", KEYS_SUBJECT, "this station is in command")
 
     def _share(self) -> None:
-        """Publish what is new in the session, and what was asked for."""
+        """Publish the new records of the session, and those that were requested."""
         if self._shared is not None:
             self._link.publish(*self._shared.step(self._link.address.site, self.now()))
 
     def _shares(self, station: Identity) -> bool:
-        """Whether `station` is this one, and its session is shared."""
+        """Return whether `station` is this one and its session is shared."""
         return self._shared is not None and self._shared.identity == station
 
     def _take_countersignature(self, message: Countersignature) -> None:

@@ -15,9 +15,9 @@ _TELLING: Mapping[str, AssetKind] = {"observe": "uav", "block": "ugv"}
 
 
 def with_newcomers(world: World, joined: Joined) -> tuple[World, tuple[str, ...]]:
-    """Return `world` with the robots that are on the bus and not in it, and what is told of them.
+    """Return `world` with the robots that are on the bus and not in it, and a line about each.
 
-    Each counts as one of the kind that its factsheet shows, with that kind's platform.
+    Each becomes an asset of the kind that its factsheet shows, with that kind's platform.
     """
     added: dict[str, AssetSpec] = {}
     told: list[str] = []

@@ -1,4 +1,4 @@
-"""Makes a fleet of what is found on a bus: simulated or real."""
+"""Opens the fleet of a joined bus: simulated or real."""
 
 from pa_console.fleets.bus.joining import Joined
 from pa_console.fleets.bus.mqtt_fleet import MqttFleet

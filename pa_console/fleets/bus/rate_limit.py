@@ -1,4 +1,4 @@
-"""How much of each sender on a bus is read: more than any robot reports, less than a flood."""
+"""A limit on the messages of each sender: more than any robot reports, less than a flood."""
 
 from collections import OrderedDict
 from collections.abc import Callable
@@ -12,7 +12,7 @@ BYTES_PER_S, BYTES_AT_ONCE = 512_000.0, 1_024_000.0
 """A state has two to ten kilobytes; reading these takes some milliseconds of each second."""
 
 MOST_SENDERS = 20_000
-"""So many senders and topics are told apart; those that were silent longest are forgotten."""
+"""The number of senders and topics with a share of their own; the longest silent are forgotten."""
 
 
 class RateLimit:
@@ -22,7 +22,7 @@ class RateLimit:
         """`clock` returns seconds."""
         self._clock = clock
         self._left: OrderedDict[Topic, tuple[float, float, float]] = OrderedDict()
-        """By topic: messages and bytes left, and when that was."""
+        """Messages and bytes left, and the moment of that, by topic."""
 
     def allows(self, topic: Topic, size: int) -> bool:
         """Take a message of `size` bytes off its sender's share; return False beyond it."""

@@ -32,7 +32,7 @@ from pa_console.sim.worlds.terrain import Terrain
 
 T = TypeVar("T")
 SEEN_PERIODS = 2.0
-"""Where a sensor has recognised an asset counts for so many telemetry periods."""
+"""The telemetry periods during which a sensor's sighting of an asset counts."""
 
 
 class ReportedPicture:
@@ -60,7 +60,7 @@ class ReportedPicture:
         self._cameras: dict[str, tuple[int, bool]] = {}
         self._recognised: dict[str, tuple[int, Point]] = {}
         self._taken: list[tuple[str, Callable[[], object]]] = []
-        """By sender: what was taken in since the last picture."""
+        """The messages taken in since the last picture, by sender."""
         for index, (name, spec) in enumerate(world.assets.items()):
             at = world.frames[spec.post].at
             scene.assets[name] = AssetState(
@@ -74,7 +74,7 @@ class ReportedPicture:
         self.show()
 
     def report(self, name: str, stamp: int, said: AssetTelemetry) -> None:
-        """Take in what asset `name` said of itself at tick `stamp`; older news are left out."""
+        """Take in the report of asset `name` from tick `stamp`; an older one is left out."""
         self._take(name, partial(self._report, name, stamp, said))
 
     def _report(self, name: str, stamp: int, said: AssetTelemetry) -> None:
@@ -91,7 +91,7 @@ class ReportedPicture:
         station_side.receive(self.terrain, scene, (Report(name, stamp, Said.of(said)),))
 
     def break_link(self, name: str) -> None:
-        """Note that asset `name` has no connection any more, as the broker says."""
+        """Note that the broker reports asset `name` as disconnected."""
         self._take(name, partial(self._break_link, name))
 
     def _break_link(self, name: str) -> None:
@@ -133,7 +133,7 @@ class ReportedPicture:
         return (*aside, beyond(sensor, reach, far)) if far else tuple(aside)
 
     def carried(self, name: str) -> None:
-        """Note that an asset was carried elsewhere, so that nobody takes it for a forgery."""
+        """Note that an asset was carried elsewhere: its new position is no forgery."""
         self._take(name, partial(self._carried, name))
 
     def _carried(self, name: str) -> None:
@@ -146,7 +146,7 @@ class ReportedPicture:
         self._scene.tick = tick
 
     def show(self, weather: Weather = "clear") -> tuple[str, ...]:
-        """Make the picture anew from what is known now.
+        """Make the picture anew from the reports so far.
 
         Return the senders of messages with which no picture could be made; those were left out.
         """
@@ -164,7 +164,7 @@ class ReportedPicture:
         return result
 
     def _keep(self) -> None:
-        """Remember what is known, of which a picture can be made."""
+        """Remember the present state, from which a picture can be made."""
         self._good = self._scene.copy(), dict(self._cameras), dict(self._recognised)
         self._taken.clear()
 
@@ -217,7 +217,7 @@ class ReportedPicture:
         return Checkpoint.ahead_of(self.terrain, self.picture())
 
     def _lost_stamp(self) -> int:
-        """Return when a report of which the link counts as lost now was sent, at the latest."""
+        """Return the latest tick of a report whose link counts as lost now."""
         return self._scene.tick - math.ceil(self.world.link_lost_s / self.world.dt_s)
 
     def _seen(self) -> Mapping[str, Point]:
@@ -228,7 +228,7 @@ class ReportedPicture:
 
 
 def _unheard(name: str, terrain: Terrain) -> AssetTelemetry:
-    """Return what is known of an asset that has never been heard: nothing but its name."""
+    """Return the telemetry of an asset that has never reported."""
     spec = terrain.world.assets[name]
     return AssetTelemetry(
         id=name,

@@ -1,4 +1,4 @@
-"""What a station knows of each robot on its bus, and what it has asked of it."""
+"""The station's record of each robot on its bus, and of the commands sent to it."""
 
 from collections import OrderedDict
 from collections.abc import Iterator
@@ -34,11 +34,11 @@ class Robot:
     latest: datetime | None = None
     """When the state that was taken in last was sent."""
     held: bool = False
-    """Whether it was told to hold since it got its last order."""
+    """True if the robot got a hold after its last order."""
     waiting: DeviceCommand | None = None
     """An order that goes out once its running one is cancelled."""
     asked: OrderedDict[str, _Asked] = field(default_factory=OrderedDict[str, _Asked])
-    """By action id on the wire."""
+    """Commands sent, by action id on the wire."""
 
     @property
     def name(self) -> str:
@@ -47,7 +47,7 @@ class Robot:
 
     @property
     def busy(self) -> bool:
-        """Whether it says that it has an order."""
+        """True if the robot reports an order."""
         if self.state is None:
             return False
         running = any(a.action_status not in ENDED for a in self.state.action_states)

@@ -14,10 +14,10 @@ from pa_console.fleets.vda5050.topics import Identity, Topic
 from pa_console.fleets.vda5050.wire import MOST_BYTES
 
 RECENT = 512
-"""So many records are at hand; what is older is read from the file, where it is by then."""
+"""The number of records kept in memory; older ones are read from the file."""
 
 PIECE_BYTES = 1 << 20
-"""A message has records of about so many bytes."""
+"""The size of the records in one message, about, bytes."""
 
 MOST_ASKED = 16
 Vouch = Callable[[Records], str]
@@ -34,11 +34,11 @@ class SharedSession:
         self.identity, self.session = Identity(MANUFACTURER, station), session
         self._path, self._vouch, self._numbers = path, vouch, Numbers()
         self._ends = [0]
-        """Where each record ends in the file, in bytes."""
+        """The end of each record in the file, bytes."""
         self._hashes = [""]
         self._recent: deque[bytes] = deque(maxlen=RECENT)
         self._told = 0
-        """So many records have been published."""
+        """The number of records published."""
         self._asked: deque[int] = deque(maxlen=MOST_ASKED)
 
     def add(self, line: str, digest: str) -> None:
@@ -49,13 +49,13 @@ class SharedSession:
         self._hashes.append(digest)
 
     def ask(self, message: RecordsAsked) -> None:
-        """Note that somebody lacks records; with the next step they get some of them."""
+        """Note a request for missing records; the next steps send them in pieces."""
         known = message.session == self.session and 1 <= message.first < len(self._ends)
         if known and message.first not in self._asked:
             self._asked.append(message.first)
 
     def step(self, site: str, now: datetime) -> Iterator[Sent]:
-        """Yield what is to be published now: what is new, and some of what was asked for."""
+        """Yield the messages to publish now: new records, and some of the requested ones."""
         while self._told < len(self._ends) - 1:
             last = self._piece(self._told + 1)
             yield from self._message(site, now, self._told + 1, last)

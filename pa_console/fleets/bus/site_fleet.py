@@ -48,12 +48,12 @@ class SiteFleet(MqttFleet):
 
     @property
     def paced(self) -> bool:
-        """Whether the site stands still until the station steps."""
+        """True if the site waits for the station's steps."""
         return self._site.paced
 
     @property
     def seed(self) -> int:
-        """Where the site's random draws begin."""
+        """The seed of the site's random draws."""
         return self._site.seed
 
     def now(self) -> datetime:
@@ -94,7 +94,7 @@ class SiteFleet(MqttFleet):
         super()._receive()
 
     def _move_site(self, tick: int) -> None:
-        """Let the site go on to `tick` and take in everything that it told on the way there."""
+        """Let the site go on to `tick` and take in all messages that it sent on the way."""
         header = self._header(additions.SITE, additions.ClockMessage.TOPIC)
         self._moved = False
         message = additions.ClockMessage(**header, tick=tick, after=self._numbers.fresh())

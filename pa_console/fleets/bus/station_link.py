@@ -21,7 +21,7 @@ from pa_console.fleets.vda5050.topics import Identity, Topic
 from pa_console.fleets.vda5050.wire import Header, UnreadableError
 
 MOST_WAITING = 20_000
-"""So many messages wait to be taken in; what comes beyond is dropped, and counted."""
+"""The number of messages that may wait to be taken in; further ones are dropped and counted."""
 
 GOODBYE_S = 2.0
 _topic_of = lru_cache(maxsize=8192)(Topic.of)
@@ -60,10 +60,10 @@ class StationLink:
         self._waiting: deque[Delivery] = deque()
         self._flooded: Counter[Identity] = Counter()
         self.dropped = 0
-        """How many messages were dropped, as too many had come."""
+        """The number of messages dropped because too many were waiting."""
         self.limit: RateLimit | None = RateLimit(monotonic)
-        """Which messages are read; None reads every one, as from a site that waits for its station.
-        """
+        """The limit on each sender; None reads every message, as of a site that waits for its
+        station."""
         self._news = threading.Event()
         apart = bool(telemetry) and (credentials is None or telemetry_as is not None)
         self._main = self._open(name, kinds if apart else (*kinds, *telemetry), credentials)
@@ -85,7 +85,7 @@ class StationLink:
 
     @property
     def problem(self) -> str:
-        """Why there is no connection, "" while there is one."""
+        """The reason why there is no connection, "" while there is one."""
         return next((channel.problem for channel in self._channels if channel.problem), "")
 
     def wait_connected(self, seconds: float) -> bool:
@@ -94,7 +94,7 @@ class StationLink:
         return all(channel.up.wait(max(until - monotonic(), 0.0)) for channel in self._channels)
 
     def wait_news(self, seconds: float) -> bool:
-        """Return whether something is to be taken, within `seconds`."""
+        """Return whether a message can be taken within `seconds`."""
         found = self._news.wait(seconds)
         self._news.clear()
         return found or bool(self._waiting)
@@ -113,7 +113,7 @@ class StationLink:
         return self._main.publish(messages)
 
     def close(self) -> None:
-        """End the connection, once what was sent is out."""
+        """End the connection after the pending messages are sent."""
         for channel in self._channels:
             channel.end()
         for channel in self._channels:
@@ -148,7 +148,7 @@ class _Channel:
     ) -> None:
         self._news = news
         self.problem = "not connected yet"
-        """Why there is no connection, "" while there is one."""
+        """The reason why there is no connection, "" while there is one."""
         self.up = threading.Event()
         self._loop, self._ending = asyncio.new_event_loop(), asyncio.Event()
         self._loop.set_exception_handler(say_nothing)
@@ -165,7 +165,7 @@ class _Channel:
         return True
 
     def end(self) -> None:
-        """Begin to end the connection, once what was sent is out."""
+        """Begin to end the connection after the pending messages are sent."""
         if self._thread.is_alive():
             with suppress(RuntimeError):
                 self._loop.call_soon_threadsafe(self._ending.set)

@@ -1,4 +1,4 @@
-"""What a station is told of its bus, a line each; of a flood of the same only how much it is."""
+"""Bus notices for the operator, one line each; repeated notices are counted."""
 
 from pa_console.schema.events.event import IncidentHappened, Level, Noticed
 
@@ -15,11 +15,11 @@ class Told:
         self._more: dict[tuple[str, str], int] = {}
 
     def add(self, event: IncidentHappened | Noticed) -> None:
-        """Tell of `event`."""
+        """Add `event` as it is."""
         self._lines.append(event)
 
     def say(self, level: Level, subject: str, text: str, now_s: float, kind: str = "") -> None:
-        """Tell of something at `now_s`, unless the same `kind` of it was told just now."""
+        """Add a notice at `now_s`, unless one of the same `kind` was added just now."""
         key = (subject, kind or text)
         if key not in self._last and len(self._last) >= MOST_SUBJECTS:
             key = ("", kind)
@@ -34,6 +34,6 @@ class Told:
         self._lines.append(Noticed(level=level, subject=subject[:64], text=f"{shown}{since}"))
 
     def take(self) -> tuple[IncidentHappened | Noticed, ...]:
-        """Return what was told since the last call."""
+        """Return the notices since the last call."""
         lines, self._lines = self._lines, []
         return tuple(lines)

@@ -12,11 +12,11 @@ from pa_console.schema.command import DeviceCommand
 
 
 class Keys(Protocol):
-    """The keys of a station, and whom it goes by; `StationAuthority` is one."""
+    """The keys and the trust of a station; `StationAuthority` is one."""
 
     @property
     def refusal(self) -> str:
-        """Why this station may move nothing at present, '' when it may."""
+        """The reason why this station may move nothing at present, '' when it may."""
         ...
 
     @property

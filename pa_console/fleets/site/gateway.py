@@ -1,4 +1,4 @@
-"""What speaks for one simulated asset, or one camera, on the bus: its own client and last will."""
+"""The bus clients of simulated assets and cameras, each with a last will of its own."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -29,9 +29,9 @@ from pa_console.schema.world import AssetKind, World
 
 @dataclass(frozen=True)
 class OnBus:
-    """What everybody of a site shares; `now` is the clock of the site (UTC).
+    """The parts that all clients of a site share; `now` is the clock of the site (UTC).
 
-    `credentials` returns the certificates of whoever is on the bus under a name.
+    `credentials` returns the certificates of a client name.
     """
 
     address: BrokerAddress
@@ -41,7 +41,7 @@ class OnBus:
 
 
 class Speaker:
-    """Whoever is on the bus under a name of its own."""
+    """A client on the bus under a name of its own."""
 
     HEARS: tuple[type[Header], ...] = ()
 
@@ -63,26 +63,26 @@ class Speaker:
         self.client.send(Sent(self._topic(message.TOPIC), message.write(), qos, retain))
 
     def header(self, topic: str, sent: datetime | None = None) -> dict[str, Any]:
-        """Return the header of the next message on `topic`, of now unless it says otherwise."""
+        """Return the header of the next message on `topic`, `sent` at that time or now."""
         return self._numbers.header(self.identity, topic, sent or self._now())
 
     def connection(self, state: ConnectionState) -> Connection:
-        """Return the message that says how the connection is."""
+        """Return the message that reports the connection's state."""
         return Connection(**self.header(Connection.TOPIC), connection_state=state)
 
     async def leave(self) -> None:
-        """Say that this one leaves in good order."""
+        """Report a departure in good order."""
         self.say(self.connection("OFFLINE"), qos=1, retain=True)
         await self.client.sent()
 
     def _arrived(self) -> None:
-        """Do what is due when there is a connection."""
+        """React to a connection."""
 
     def _take(self, message: Header) -> None:
         """Take in a message."""
 
     def _reject(self, topic: str, why: str) -> None:
-        """Do what is due when a message cannot be read."""
+        """React to a message that cannot be read."""
 
     def _topic(self, name: str) -> str:
         return str(Topic(self._site, self.identity, name))
@@ -137,7 +137,7 @@ class Gateway(Speaker):
         self._cut = False
 
     def report(self, said: AssetTelemetry, sent: datetime) -> None:
-        """Pass on what the asset says of itself, as of `sent`."""
+        """Publish the asset's own report, as of `sent`."""
         if self._said is not None and sent < self._said[1]:
             return
         self._said = (said, sent)
@@ -147,7 +147,7 @@ class Gateway(Speaker):
         self.tell()
 
     def cut(self) -> None:
-        """Say that the asset's link has long been silent."""
+        """Report the asset's link as long broken."""
         self._cut = True
         self.say(self.connection("CONNECTION_BROKEN"), qos=1, retain=True)
 

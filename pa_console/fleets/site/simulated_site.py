@@ -45,7 +45,7 @@ from pa_console.sim.state.sensing_state import Detection
 
 MOST_STEPS_AT_ONCE = 20
 OVERTAKEN_S = 1.0
-"""A step waits so long for messages that the station says it has sent before."""
+"""The longest wait of a step for messages that the station has sent before it, seconds."""
 
 UP_S = 10.0
 _INCIDENT: TypeAdapter[Incident] = TypeAdapter(Incident)
@@ -53,7 +53,7 @@ _INCIDENT: TypeAdapter[Incident] = TypeAdapter(Incident)
 
 @dataclass(frozen=True)
 class SiteOptions:
-    """How a site runs: `rate` of its seconds in one, or `paced` by the station's clock."""
+    """The pace of a site: `rate` of its seconds in one, or `paced` by the station's clock."""
 
     world_sha256: str
     scenario: str = ""
@@ -63,7 +63,7 @@ class SiteOptions:
     take: Callable[[str], object] = lambda _message: None
     """Is given every signed roster, revocation and takeover that comes over the bus."""
     credentials: Callable[[str], Credentials | None] = lambda _name: None
-    """Returns the certificates of whoever is on the bus under a name."""
+    """Returns the certificates of a client name."""
 
 
 class SimulatedSite:
@@ -179,7 +179,7 @@ class SimulatedSite:
             await asyncio.sleep(0.0005)
 
     def _step(self) -> None:
-        """Move the world on by one step and tell what reached the gateways meanwhile."""
+        """Move the world on by one step and publish the reports that reached the gateways."""
         replies = self.checkpoint.step()
         if self.checkpoint.arrived.wired is not None:
             self._look(self.checkpoint.arrived.wired)
@@ -200,7 +200,7 @@ class SimulatedSite:
             self._describe()
 
     def _look(self, wired: Mapping[str, tuple[Detection, ...]]) -> None:
-        """Let every camera tell what it sees."""
+        """Publish the detections of every camera."""
         cameras = self.checkpoint.picture().cameras
         for name, speaker in self._cameras.items():
             works = cameras[name].works
@@ -215,7 +215,7 @@ class SimulatedSite:
             )
 
     def _see(self, name: str, sent: datetime, found: tuple[Detection, ...]) -> None:
-        """Let an asset tell what it detects."""
+        """Publish the detections of an asset."""
         kind = self._world.assets[name].kind
         robot = self.robots[name]
         if not robot.client.connected or (not found and kind != "uav"):
@@ -269,7 +269,7 @@ class SimulatedSite:
         return ""
 
     def _tell_at_once(self, name: str, said: AssetTelemetry) -> None:
-        """Tell how an asset has long been, before the world has begun to move."""
+        """Publish an asset's state of long before the world has begun to move."""
         robot = self.robots[name]
         if said.comms == "lost":
             robot.cut()

@@ -1,8 +1,8 @@
-"""What the standard does not have: detections of sensors, and the words between a site and station.
+"""The additions to the standard: detections of sensors, and messages of a simulated site.
 
 Detections go to `<interface>/v3/<manufacturer>/<name>/detections`, from robots and from cameras. A
-site that simulates says so on `site`, as `pa-console`/`site`, and takes `incident` and `clock`. Who
-belongs to a site and who commands it is retained as `pa-console`/`trust`.
+simulated site describes itself on `site`, as `pa-console`/`site`, and takes `incident` and `clock`.
+The members of a site and the station in command are retained as `pa-console`/`trust`.
 """
 
 from typing import Annotated, ClassVar, Literal
@@ -18,7 +18,7 @@ from pa_console.schema.telemetry import Intent, Weather
 MANUFACTURER = "pa-console"
 SITE = Identity(MANUFACTURER, "site")
 TRUST = Identity(MANUFACTURER, "trust")
-"""Whoever publishes them, what counts in these messages is who has signed them."""
+"""The identity of signed messages: their signature counts, not their publisher."""
 
 Metres = Annotated[float, Field(ge=0.0, le=1e5)]
 
@@ -51,7 +51,7 @@ class SeenRobot(Wire):
 
 
 class Detections(Header):
-    """What one sensor sees now; `works` False is a camera that says it is out of order."""
+    """The detections of one sensor; `works` is False for a camera that is out of order."""
 
     TOPIC: ClassVar[str] = "detections"
     works: bool = True
@@ -60,10 +60,10 @@ class Detections(Header):
 
 
 class SiteDescription(Header):
-    """What a simulated site is: its world by the hash of its file, and whose clock it goes by.
+    """The description of a simulated site: the hash of its world file, and its clock.
 
     With `paced` by the station it stands still until a `clock` message moves it on. `epoch` is when
-    its clock began, and `rate` how many of its seconds pass in one.
+    its clock began, and `rate` the number of its seconds that pass in one.
     """
 
     TOPIC: ClassVar[str] = "site"
@@ -104,7 +104,7 @@ class IncidentMessage(Header):
 
 
 class IncidentDone(Header):
-    """What became of an incident; `problem` says why it could not happen, "" if it did."""
+    """The result of an incident; `problem` is why it could not happen, "" if it did."""
 
     TOPIC: ClassVar[str] = "incidentDone"
     number: Count
@@ -113,35 +113,35 @@ class IncidentDone(Header):
 
 
 class Told(Header):
-    """What a site's scenario made happen, or could not: an event as JSON for the session log."""
+    """An event of a site's scenario, or a skipped one, as JSON for the session log."""
 
     TOPIC: ClassVar[str] = "told"
     event: Text
 
 
 class SignedMessage(Header):
-    """A message that somebody of the site has signed, a JWT; retained, the newest of its kind."""
+    """A message signed by a member of the site, a JWT; retained, the newest of its kind."""
 
     message: Annotated[str, StringConstraints(max_length=65_536)]
 
 
 class SignedRoster(SignedMessage):
-    """Who and what belongs to the site, signed by its owner."""
+    """The members of the site, signed by its owner."""
 
     TOPIC: ClassVar[str] = "roster"
 
 
 class SignedRevocation(SignedMessage):
-    """Which keys count no more, signed by the owner of the site."""
+    """The revoked keys, signed by the owner of the site."""
 
     TOPIC: ClassVar[str] = "revocation"
 
 
 class SignedTakeover(SignedMessage):
-    """Which station is in command, signed by a commander."""
+    """The station in command, signed by a commander."""
 
     TOPIC: ClassVar[str] = "takeover"
 
 
 SIGNED: tuple[type[SignedMessage], ...] = (SignedRoster, SignedRevocation, SignedTakeover)
-"""In the order in which each can be checked by those before it."""
+"""The signed messages, each after those that it is checked by."""

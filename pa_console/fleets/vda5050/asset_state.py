@@ -44,7 +44,7 @@ def state_of(
     sent: datetime,
     zone_sets: tuple[KnownZoneSet, ...] = (),
 ) -> State:
-    """Return the state of `vehicle`, which has `said` so of itself at `sent` (UTC)."""
+    """Return the state of `vehicle` from its own report `said` at `sent` (UTC)."""
     nodes, edges = vehicle.way_ahead()
     errors = list(vehicle.errors)
     if said.status == "failed":
@@ -92,9 +92,9 @@ def state_of(
 def telemetry_of(
     state: State, name: str, kind: AssetKind, terrain: Terrain, stamp_s: float
 ) -> AssetTelemetry | None:
-    """Return what `state` says of the asset `name`, as of `stamp_s` on the station's clock.
+    """Return the telemetry in `state` of the asset `name`, as of `stamp_s` on the station's clock.
 
-    None when the robot does not know where it is, or is on a map that we do not have.
+    None when the robot does not know its place, or is on a map that we do not have.
     """
     place = state.mobile_robot_position
     if place is None or not place.localized:

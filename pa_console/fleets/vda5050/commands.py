@@ -28,7 +28,7 @@ START = "start"
 
 
 class Answer(NamedTuple):
-    """What a robot says of a command."""
+    """A robot's answer to a command."""
 
     status: ReplyStatus
     detail: str = ""
@@ -86,7 +86,7 @@ def order_of(
 
 
 def answer_of(command_id: str, verb: str, state: State) -> Answer | None:
-    """Return what `state` says of a command, None when it does not know of it.
+    """Return the answer to a command in `state`, None when it does not mention the command.
 
     A hold has ended when the pause has begun, no order is left, and this very state shows that the
     robot stands: an acknowledgement alone never ends one.

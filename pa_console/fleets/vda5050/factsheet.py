@@ -14,7 +14,7 @@ REPLACES = "order.replacement"
 
 
 class TypeSpecification(Wire):
-    """What kind of robot it is; `mobile_robot_class` is uav, ugv or robot where we know it."""
+    """The kind of a robot; `mobile_robot_class` is uav, ugv or robot where we know it."""
 
     series_name: Text
     series_description: Text | None = None
@@ -27,7 +27,7 @@ class TypeSpecification(Wire):
 
 
 class PhysicalParameters(Wire):
-    """How fast and how large it is: metres, metres a second, and a second squared."""
+    """The speed and size of a robot: metres, metres a second, and a second squared."""
 
     minimum_speed: NonNegative
     maximum_speed: NonNegative
@@ -40,7 +40,7 @@ class PhysicalParameters(Wire):
 
 
 class Timing(Wire):
-    """How often it takes an order and tells its state, seconds."""
+    """The shortest intervals between orders and between states, seconds."""
 
     minimum_order_interval: NonNegative
     minimum_state_interval: NonNegative
@@ -48,7 +48,7 @@ class Timing(Wire):
 
 
 class ProtocolLimits(Wire):
-    """What it can take; we keep to a few short messages and read nothing of the limits."""
+    """The limits of a robot; our messages are few and short, so the limits are not read."""
 
     maximum_string_lengths: dict[Id, int | bool] = {}
     maximum_array_lengths: dict[Id, int] = {}
@@ -82,7 +82,7 @@ class OfferedAction(Wire):
 
 
 class ProtocolFeatures(Wire):
-    """What of the protocol it can do."""
+    """The parts of the protocol that a robot offers."""
 
     optional_parameters: tuple[OptionalParameter, ...] = Field(max_length=MOST_ITEMS)
     mobile_robot_actions: tuple[OfferedAction, ...] = Field(max_length=MOST_ITEMS)
@@ -93,7 +93,7 @@ class Unread(Wire):
 
 
 class Factsheet(Header):
-    """What a robot is and can do."""
+    """The kind and the abilities of a robot."""
 
     TOPIC: ClassVar[str] = "factsheet"
     type_specification: TypeSpecification
@@ -104,12 +104,12 @@ class Factsheet(Header):
     load_specification: Unread = Unread()
 
     def offers(self, action_type: str) -> bool:
-        """Return whether the robot says that it can carry out such an action."""
+        """Return whether the robot offers such an action."""
         offered = self.protocol_features.mobile_robot_actions
         return any(action.action_type == action_type for action in offered)
 
     @property
     def replaces_orders(self) -> bool:
-        """Whether a new order takes the place of the running one without being cancelled first."""
+        """True if a new order replaces the running one without a cancellation."""
         optional = self.protocol_features.optional_parameters
         return any(parameter.parameter == REPLACES for parameter in optional)

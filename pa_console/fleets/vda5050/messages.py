@@ -32,7 +32,7 @@ ConnectionState = Literal["ONLINE", "OFFLINE", "HIBERNATING", "CONNECTION_BROKEN
 
 
 class Connection(Header):
-    """Whether a robot is on the bus; retained, and left as its last will."""
+    """The connection of a robot to the bus; retained, and left as its last will."""
 
     TOPIC: ClassVar[str] = "connection"
     connection_state: ConnectionState
@@ -74,7 +74,7 @@ class Position(Wire):
 
 
 class Node(Wire):
-    """A place that a robot is to pass, and what it is to do there."""
+    """A place on a robot's way, and the actions to carry out there."""
 
     node_id: Id
     sequence_id: Count
@@ -108,7 +108,7 @@ ActionStatus = Literal[
 
 
 class ActionState(Wire):
-    """How far a robot is with one action."""
+    """The progress of one action."""
 
     action_id: Id
     action_type: Id | None = None
@@ -154,7 +154,7 @@ class PlannedPath(Wire):
 
 
 class RobotPosition(Wire):
-    """Where a robot holds itself to be; not to be relied on unless `localized`."""
+    """A robot's estimate of its place; reliable only if `localized`."""
 
     x: Finite
     y: Finite
@@ -164,7 +164,7 @@ class RobotPosition(Wire):
 
 
 class Velocity(Wire):
-    """How fast a robot moves, metres a second, forward and to its left."""
+    """The velocity of a robot, metres a second, forward and to its left."""
 
     vx: Finite | None = None
     vy: Finite | None = None
@@ -178,7 +178,7 @@ class PowerSupply(Wire):
 
 
 class Reference(Wire):
-    """What an error or an information is about."""
+    """The subject of an error or of an information."""
 
     reference_key: Id
     reference_value: Text
@@ -188,7 +188,7 @@ ErrorLevel = Literal["WARNING", "URGENT", "CRITICAL", "FATAL"]
 
 
 class Error(Wire):
-    """What is wrong with a robot, or why it refused something (then a WARNING, with the id)."""
+    """A fault of a robot, or the reason of a refusal (then a WARNING, with the id)."""
 
     error_type: Id
     error_level: ErrorLevel
@@ -201,7 +201,7 @@ class Error(Wire):
 
 
 class Info(Wire):
-    """Something that a robot tells beside; nothing may depend on it."""
+    """Further information of a robot; nothing may depend on it."""
 
     info_type: Id
     info_level: Literal["INFO", "DEBUG"] = "INFO"
@@ -209,7 +209,7 @@ class Info(Wire):
 
 
 class SafetyState(Wire):
-    """Whether a robot was stopped by its own safety devices."""
+    """The state of a robot's own safety devices."""
 
     active_emergency_stop: Literal["MANUAL", "REMOTE", "NONE"] = "NONE"
     field_violation: bool = False
@@ -224,7 +224,7 @@ class KnownZoneSet(Wire):
 
 
 class State(Header):
-    """Everything that a robot tells of itself, when something changes and now and then."""
+    """The whole state of a robot, reported when something changes and periodically."""
 
     TOPIC: ClassVar[str] = "state"
     order_id: Id
@@ -251,7 +251,7 @@ class State(Header):
 
     @property
     def moves(self) -> bool:
-        """Whether the robot drives, or has a speed, by its own report."""
+        """True if the robot drives, or has a speed, by its own report."""
         velocity = self.velocity or Velocity()
         speed_mps = math.hypot(velocity.vx or 0.0, velocity.vy or 0.0)
         return self.driving or speed_mps > STANDS_MPS

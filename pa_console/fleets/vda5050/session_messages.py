@@ -14,7 +14,7 @@ from pydantic import StringConstraints
 from pa_console.fleets.vda5050.wire import MOST_BYTES, Count, Header, Id, UnreadableError
 
 MOST_UNPACKED = 4 << 20
-"""So many bytes of records are in one message, at most."""
+"""The largest size of the records in one message, bytes."""
 
 _Packed = Annotated[str, StringConstraints(max_length=MOST_BYTES)]
 _Signed = Annotated[str, StringConstraints(max_length=65_536)]
@@ -54,7 +54,7 @@ def pack(lines: bytes) -> str:
 
 
 class RecordsAsked(Header):
-    """Somebody who has joined lacks the records of a session from `first` on."""
+    """A joined console's request for the records of a session from `first` on."""
 
     TOPIC: ClassVar[str] = "recordsAsked"
     session: Id
@@ -72,7 +72,7 @@ class Countersignature(Header):
 
 
 class StopAsked(Header):
-    """Somebody who has joined asks the station to stop everybody; a stop needs no signature."""
+    """A joined console's request for a stop of all assets; a stop needs no signature."""
 
     TOPIC: ClassVar[str] = "stopAsked"
     session: Id

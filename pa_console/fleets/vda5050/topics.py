@@ -1,4 +1,4 @@
-"""Which topic a message goes to, and whose message came from one."""
+"""The topics of messages, and the senders in them."""
 
 from typing import Annotated, NamedTuple, Self
 
@@ -11,7 +11,7 @@ _TOKEN: TypeAdapter[str] = TypeAdapter(Annotated[str, Token])
 
 
 class Identity(NamedTuple):
-    """Who a mobile robot is."""
+    """The manufacturer and serial number of a mobile robot."""
 
     manufacturer: str
     serial_number: str

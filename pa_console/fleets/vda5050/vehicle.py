@@ -40,10 +40,10 @@ EXPIRY_S = 10.0
 """An order is good for so long after it was sent; the broker drops it then, and so does a robot."""
 
 MOST_KNOWN = 65_536
-"""So many ids of orders are remembered, so that none of them is carried out twice."""
+"""The number of action ids that are remembered, so that no order is carried out twice."""
 
 MOST_TOLD = 32
-"""The state names so many actions that have ended."""
+"""The number of ended actions in the state."""
 
 MOST_OPEN = 256
 ENDED = ("FINISHED", "FAILED")
@@ -106,7 +106,7 @@ class Vehicle:
         self._offers, self._now, self._verify = offers, now, verify
         self._began = in_milliseconds(now())
         self._known: OrderedDict[str, _Known | None] = OrderedDict()
-        """By id of every action ever seen: how far it is; None when it was refused or ended long
+        """The progress of every action, by its id; None after a refusal, or when it ended long
         ago."""
         self._told: list[str] = []
         self._refusals: list[_Refusal] = []
@@ -195,7 +195,7 @@ class Vehicle:
                 self._refuse("INVALID_INSTANT_ACTION", why, about)
 
     def reject(self, why: str) -> None:
-        """Say in the state that a message could not be read."""
+        """Report in the state that a message could not be read."""
         self._refuse("VALIDATION_FAILURE", why, ())
 
     def hear(self, reply: CommandReply) -> None:
@@ -216,17 +216,17 @@ class Vehicle:
 
     @property
     def action_states(self) -> tuple[ActionState, ...]:
-        """How far the actions of orders are, the latest last."""
+        """The progress of the actions of orders, the latest last."""
         return tuple(known.state for known in self._recent() if not known.instant)
 
     @property
     def instant_action_states(self) -> tuple[ActionState, ...]:
-        """How far instant actions are, the latest last."""
+        """The progress of instant actions, the latest last."""
         return tuple(known.state for known in self._recent() if known.instant)
 
     @property
     def errors(self) -> tuple[Error, ...]:
-        """Why something was refused lately."""
+        """The reasons of recent refusals."""
         now = self._now()
         self._refusals = [r for r in self._refusals if (now - r.at).total_seconds() < REFUSED_S]
         return tuple(refusal.error for refusal in self._refusals)
@@ -238,7 +238,7 @@ class Vehicle:
 
     @property
     def active(self) -> bool:
-        """Whether the order that was taken last has not ended."""
+        """True if the latest order has not ended."""
         return any(state.action_status not in ENDED for state in self.action_states)
 
     def way_ahead(self) -> tuple[tuple[NodeState, ...], tuple[EdgeState, ...]]:
@@ -302,7 +302,7 @@ class Vehicle:
             return None
 
     def _again(self, ids: Iterable[str]) -> Iterator[DeviceCommand]:
-        """Hand a command that comes again on to a device that may not have heard it, unchanged."""
+        """Pass a repeated command on, unchanged, to a device that may not have received it."""
         for action_id in ids:
             known = self._known[action_id]
             if not self._relays or known is None or known.command is None:
@@ -344,7 +344,7 @@ class Vehicle:
     def _refuse(
         self, kind: str, why: str, about: tuple[tuple[str, str], ...], *, keep: bool = False
     ) -> None:
-        """Say in the state why something is not done; it never is, however often it comes."""
+        """Report in the state why an action is refused; a refused id stays refused."""
         if not keep:
             for key, value in about:
                 if key == "actionId" and value:

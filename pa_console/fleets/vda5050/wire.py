@@ -1,4 +1,4 @@
-"""How a message is written on the bus and read from it: strict, small enough, of this version."""
+"""The wire format of messages: strict, limited in size, of this version."""
 
 from datetime import UTC, datetime
 from typing import Annotated, ClassVar, Self
@@ -17,7 +17,7 @@ from pydantic.alias_generators import to_camel
 
 VERSION = "3.0.0"
 MOST_BYTES = 256 * 1024
-"""No message that anybody has reason to send is longer."""
+"""The largest message, bytes; no message of the protocol needs more."""
 MOST_ITEMS = 1000
 
 
@@ -48,7 +48,7 @@ Token = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.:-]+$", max_leng
 """A part of a topic: a manufacturer or a serial number."""
 
 Id = Annotated[str, StringConstraints(pattern=r"^[ -~]*$", max_length=128)]
-"""An identifier that somebody else has chosen: printable ASCII, "" for none."""
+"""An identifier chosen by another program: printable ASCII, "" for none."""
 
 Count = Annotated[int, Field(ge=0, lt=2**63)]
 Finite = Annotated[float, Field(ge=-1e7, le=1e7)]
@@ -75,7 +75,7 @@ class Wire(BaseModel):
 
 
 class Header(Wire):
-    """What every message begins with; `header_id` counts the messages of one topic."""
+    """The header of every message; `header_id` counts the messages of one topic."""
 
     TOPIC: ClassVar[str]
 
