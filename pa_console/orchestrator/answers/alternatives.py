@@ -1,4 +1,4 @@
-"""What else would serve an order: other readings and other agents, each rehearsed now."""
+"""Other plans for an order: other readings and other agents, each rehearsed now."""
 
 from collections.abc import AsyncGenerator, Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.session.wording import order_in_words
 
 MOST_ALTERNATIVES = 2
-"""So many other plans are looked for beside the one that there is; more where more readings are."""
+"""The number of other plans beside the present one; more when there are more readings."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Alternative:
 
     @property
     def line(self) -> AnswerLine:
-        """What it is and what its rehearsal has shown, in one line."""
+        """The plan and the result of its rehearsal, in one line."""
         plan, rehearsal = self.found.plan, self.found.rehearsal
         orders = ", ".join(f"{a.agent} {order_in_words(a)}" for a in plan.actions) or "no command"
         faults = f"; nobody may approve it: {'; '.join(self.found.faults)}"
@@ -72,7 +72,7 @@ async def find_alternatives(basis: CheckBasis, trace: MissionTrace) -> AsyncGene
 
 
 def _only_holds(plan: Plan) -> bool:
-    """Whether a plan is to do nothing: the console's own way out where nothing can be done."""
+    """Return whether a plan only holds: the console's own way out when nothing can be done."""
     return all(action.verb == "hold" for action in plan.actions)
 
 

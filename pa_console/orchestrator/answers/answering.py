@@ -27,7 +27,7 @@ NO_OTHER = "no other sound plan is known for this order"
 
 @dataclass(frozen=True)
 class Answer:
-    """What is answered, and about which mission; '' for none."""
+    """An answer, and the mission that it is about; '' for none."""
 
     told: QuestionAnswered
     mission: str = ""
@@ -90,7 +90,7 @@ async def _about(
 
 
 def _not_sent(trace: MissionTrace, attempt: Attempt, question: Question) -> list[AnswerLine]:
-    """Return that nobody who is meant has a part in the plan, and who has."""
+    """Return that none of the named assets has a part in the plan, and which assets have."""
     agents = attempt.plan.agents if attempt.plan is not None else ()
     who = ", ".join(dict.fromkeys(agents)) or "nobody"
     meant = question.subjects[0] if len(question.subjects) == 1 else "none of them"

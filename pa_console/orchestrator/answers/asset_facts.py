@@ -1,6 +1,6 @@
-"""What a picture tells of an asset that might be sent: how near it is, and what stands against it.
+"""Facts in a picture about an asset that might be sent: its distance, and what speaks against it.
 
-It is the picture's own facts, by the same measure as the planner is told who is free.
+They use the same measure as the planner's list of free assets.
 """
 
 import math
@@ -29,7 +29,7 @@ def goal_of(action: Action, world: World) -> str:
 
 
 def is_able(name: str, action: Action, world: World) -> bool:
-    """Whether an asset is of a kind that has the command of `action`."""
+    """Return whether an asset's kind has the command of `action`."""
     return world.assets[name].kind in COMMANDS[action.verb].kinds
 
 
@@ -40,13 +40,13 @@ def who_is_able(action: Action) -> str:
 
 
 def may_leave(name: str, picture: Picture) -> bool:
-    """Whether an asset may be sent somewhere without uncovering a gate or leaving its task."""
+    """Return whether an asset may leave without uncovering a gate or giving up its task."""
     asset = picture.assets.get(name)
     return asset is not None and is_free(asset, sole_covers(picture).values())
 
 
 def against(name: str, picture: Picture) -> list[str]:
-    """Return what the picture tells against sending an asset away; nothing where it is free."""
+    """Return the facts in the picture against sending an asset away; none if it is free."""
     asset = picture.assets.get(name)
     if asset is None:
         return ["nothing is known of it"]

@@ -1,4 +1,4 @@
-"""Why a gate has no guard: who covers it, who did, since when not, and who left or failed."""
+"""The reasons why a gate has no guard: present and former cover, and assets that left or failed."""
 
 from collections.abc import Iterator
 
@@ -14,9 +14,9 @@ _GATE_NOTICES = ("covered by ", "no longer covered", "cover unknown")
 
 
 def gate_lines(state: SessionState, gate: str, dt_s: float) -> Iterator[AnswerLine]:
-    """Yield what the picture and the events tell of the cover of a gate.
+    """Yield the facts in the picture and in the events about the cover of a gate.
 
-    `dt_s` is what a tick of the simulation stands for, in seconds.
+    `dt_s` is the duration of a tick, in seconds.
     """
     picture = state.picture
     cover = picture.gates.get(gate) if picture is not None else None

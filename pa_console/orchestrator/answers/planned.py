@@ -17,7 +17,7 @@ def attempt_of(trace: MissionTrace) -> Attempt | None:
 
 
 def asked_of(trace: MissionTrace, attempt: Attempt) -> str:
-    """Return in canonical words what an attempt is for, '' where that is not told."""
+    """Return the reading that an attempt serves, in canonical words; '' if there is none."""
     request = trace.approval
     if request is not None and request.attempt == attempt.number and request.asked:
         return request.asked

@@ -1,4 +1,4 @@
-"""Tells the questions that are answered from the record from orders, as the words were typed."""
+"""Recognises questions that are answered from the record among the texts that were typed."""
 
 from dataclasses import replace
 
@@ -18,9 +18,9 @@ NO_QUESTION = (
 
 
 def question_in(text: str, scene: Scene, rulebook: Rulebook) -> Question | None:
-    """Return what `text` asks about what is on record; None for an order.
+    """Return the question about the record in `text`; None for an order.
 
-    It is read as an order is, slips of the hand put right, and kept as it was typed.
+    Slips of the hand are put right as in an order, and the typed text is kept.
     """
     if len(text) > MAX_MISSION_TEXT:
         return None

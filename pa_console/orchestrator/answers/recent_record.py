@@ -1,10 +1,10 @@
-"""What questions are answered from: the session so far, with its last missions."""
+"""The record that questions are answered from: the session so far, with its last missions."""
 
 from pa_console.schema.events import event as ev
 from pa_console.session.state.fold import SessionState
 
 MOST_REMEMBERED = 50
-"""So many missions are kept; a question is about the last one."""
+"""The number of missions kept; a question is about the last one."""
 
 
 class RecentRecord:

@@ -1,7 +1,7 @@
-"""Why an asset has its part in a plan: what the order, the rules and the picture of then tell.
+"""The reasons for an asset's part in a plan: order, rules and the picture of that time.
 
-The planner does not say why it has chosen somebody. So the facts are told that bear on it, and
-where a nearer asset was free, that nothing on record says why it was not taken.
+The planner gives no reason for its choice. So the facts that bear on it are shown, and if a nearer
+asset was free, that the record does not say why it was not taken.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,7 +25,7 @@ from pa_console.session.state.mission_trace import Attempt, MissionTrace
 from pa_console.session.wording import order_in_words
 
 MOST_ASSETS = 6
-"""So many assets of a plan are told of one by one; the rest are counted."""
+"""The number of assets of a plan that are described one by one; the rest are counted."""
 _MOST_NEARER = 3
 _CLOSE_M = 1.0
 """Two that are so little apart are equally near, in metres."""
@@ -45,7 +45,7 @@ def asset_lines(
 
 
 def not_in_plan(attempt: Attempt, names: Sequence[str]) -> bool:
-    """Whether none of `names` has a part in the plan."""
+    """Return whether none of `names` has a part in the plan."""
     return not {action.agent for action in actions_of(attempt)} & set(names)
 
 
@@ -73,7 +73,7 @@ def _reasons(trace: MissionTrace, attempt: Attempt, action: Action, world: World
 def _nearness(
     trace: MissionTrace, attempt: Attempt, action: Action, world: World, before: Picture
 ) -> Iterator[str]:
-    """Yield how near it was among those that could go, and what kept the nearer ones."""
+    """Yield the asset's rank by distance among the able ones, and what kept the nearer ones."""
     name, place = action.agent, goal_of(action, world)
     own_m = distance_m(name, action, world, before)
     if own_m is None:
@@ -108,6 +108,6 @@ def _nearness(
 
 
 def _stands_at(name: str, place: str, picture: Picture) -> bool:
-    """Whether an asset belongs where the action leads, and so is not sent there."""
+    """Return whether an asset is at the place that the action leads to."""
     asset = picture.assets[name]
     return place in (asset.post, asset.at)

@@ -1,7 +1,7 @@
-"""What stands against another asset: the plan is checked and rehearsed once more with it in place.
+"""The reasons against another asset: the plan is checked and rehearsed again with it in place.
 
-That is done over the present picture. Where the mission is over, what the picture told when it was
-planned comes first. Nothing is decided by it.
+That uses the present picture. If the mission is over, the facts of the picture at planning time
+come first. No decision follows from it.
 """
 
 from collections.abc import AsyncGenerator, Iterator, Sequence
@@ -25,7 +25,7 @@ from pa_console.session.state.mission_trace import Attempt, MissionTrace
 from pa_console.session.wording import order_in_words
 
 MOST_CHECKED = 4
-"""So many assets that may be meant are checked; of more, those that are nearest."""
+"""The number of named assets that are checked; of more, the nearest."""
 
 
 async def why_not_lines(
@@ -70,7 +70,7 @@ def _nearness(name: str, actions: Sequence[Action], world: World, basis: CheckBa
 async def _checked(
     basis: CheckBasis, trace: MissionTrace, attempt: Attempt, name: str
 ) -> AsyncGenerator[str]:
-    """Yield what stands against one asset, and what checks and rehearsal say of it in the plan."""
+    """Yield the facts against one asset, and the results of checks and rehearsal with it."""
     world, actions = basis.fleet.world, actions_of(attempt)
     part = part_for(name, actions, world)
     if part is None:
@@ -102,7 +102,7 @@ async def _checked(
 def _facts(  # noqa: PLR0917 - one asset in one plan, in one picture
     name: str, part: Action, attempt: Attempt, trace: MissionTrace, world: World, picture: Picture
 ) -> str:
-    """Return what a picture and the order tell against an asset in that part of the plan."""
+    """Return the facts in a picture and in the order against an asset in that part of the plan."""
     told = [*_not_asked_for(name, part, attempt, trace, world), *against(name, picture)]
     own_m = distance_m(name, part, world, picture)
     their_m = distance_m(part.agent, part, world, picture)

@@ -1,4 +1,4 @@
-"""Why a plan is as it is, or why there is none: what of a mission is on record, step by step."""
+"""The reasons for a plan, or for its absence: the record of a mission, step by step."""
 
 from collections.abc import Iterator
 
@@ -75,7 +75,7 @@ def _reading(trace: MissionTrace, attempt: Attempt) -> Iterator[AnswerLine]:
 
 
 def rule_lines(trace: MissionTrace) -> Iterator[AnswerLine]:
-    """Yield which rules the planner was told, and whether they were retrieved or pinned."""
+    """Yield the rules in the planner's prompt, each as retrieved or pinned."""
     pinned = [hit.rule_id for hit in trace.hits if hit.pinned]
     found = [hit.rule_id for hit in trace.hits if not hit.pinned]
     if found:
@@ -98,7 +98,7 @@ def _not_used(trace: MissionTrace, chosen: Attempt) -> Iterator[AnswerLine]:
 
 
 def checked_lines(attempt: Attempt) -> Iterator[AnswerLine]:
-    """Yield what checks, rehearsal and judge have said of a plan."""
+    """Yield the results of checks, rehearsal and judge for a plan."""
     if attempt.findings:
         broken = [f for f in attempt.findings if f.broken]
         checked = [f for f in attempt.findings if f.status == "complies"]

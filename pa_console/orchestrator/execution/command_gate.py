@@ -21,15 +21,15 @@ STILL = frozenset(("hold", "report"))
 STOPPED = "everything is stopped, and nobody has released the stop"
 UNDECIDED = "it is part of no approved plan and of no declared way to safety"
 Passage = ev.CommandSent | ev.CommandRefused
-"""What became of a command at the gate."""
+"""The result of a command at the gate: sent or refused."""
 
 
 class Authority(Protocol):
-    """The keys of a station and of whoever sits at it; `StationAuthority` is one."""
+    """The keys of a station and of the person at it; `StationAuthority` is one."""
 
     @property
     def refusal(self) -> str:
-        """Why this station may move nothing at present, '' when it may."""
+        """The reason why this station may move nothing at present, '' when it may."""
         ...
 
     def objection(self, rules: Rulebook) -> str:
@@ -37,13 +37,13 @@ class Authority(Protocol):
         ...
 
     def fresh(self, agents: Collection[str]) -> frozenset[str]:
-        """Return those of `agents` to whom no order was ever sent."""
+        """Return the agents that have never got an order."""
         ...
 
     def signed(
         self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook
     ) -> Decision:
-        """Return `decision` with the signature of whoever sits at this station."""
+        """Return `decision` with the signature of the person at this station."""
         ...
 
     def valid(
@@ -58,17 +58,17 @@ class Authority(Protocol):
 
 
 class CommandGate:
-    """Every command to a device goes through here, and each passes on somebody's decision alone.
+    """The last gate before the link: a command passes only on a decision.
 
-    That is an approved plan (each of its commands once), the way to safety that was declared with
-    it (once the plan is halted), or the operator's own stop. The stop is latched: until `release`
-    nothing but its holds and what moves nothing passes, whatever was approved before. The gate
-    decides by what it was shown, the request and the decision, and not by who calls it when.
-    No log, no action: a plan's command is on the disk before it is on the link, and while the
-    `journal` cannot be written none passes. A stop and a way to safety wait for no disk.
-    What the rules ask more than one person for passes once so many have signed that they approve
-    it. Without an `authority` nobody can sign, and whoever decides counts as one. A decision of one
-    of the `orders` that stand counts only for a mission that it started, while it is in force, and
+    Decisions are an approved plan (each of its commands once), the way to safety that was declared
+    with it (once the plan is halted), and the operator's own stop. The stop is latched: until
+    `release` only its holds and commands that move nothing pass, whatever was approved before. The
+    gate decides by the request and the decision it was given, not by the caller or the moment. No
+    log, no action: a plan's command is on the disk before it is on the link, and while the
+    `journal` cannot be written none passes. A stop and a way to safety wait for no disk. If the
+    rules ask for several people, a command passes once that many have signed its approval. Without
+    an `authority` there are no signatures, and a decision counts as one person's. A decision of one
+    of the standing `orders` counts only for a mission that it started, while it is in force, and
     for commands that the rules leave to standing orders.
     """
 
@@ -82,17 +82,17 @@ class CommandGate:
         self._fleet, self._journal, self._authority = fleet, journal, authority
         self._standing_orders = orders or StandingOrders()
         self.stopped = False
-        """Whether the stop is latched."""
+        """True while the stop is latched."""
         self._stops = 0
         self._orders: set[DeviceCommand] = set()
-        """What of the plan in force has not passed yet."""
+        """The commands of the plan in force that have not passed yet."""
         self._holds: set[DeviceCommand] = set()
-        """What of the stop has not passed yet."""
+        """The holds of the stop that have not passed yet."""
         self._plan: frozenset[DeviceCommand] = frozenset()
         self._safety: tuple[Action, ...] = ()
         self._halted = False
         self._standing: dict[str, DeviceCommand] = {}
-        """By agent: the command that it got last, while that may be repeated."""
+        """The latest command of each agent, while it may be repeated."""
 
     @property
     def refusal(self) -> str:
@@ -114,10 +114,10 @@ class CommandGate:
     def signed(
         self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook
     ) -> Decision:
-        """Return `decision` with the signature of whoever sits at this station, if it has keys.
+        """Return `decision` with the signature of the person at this station, if it has keys.
 
-        Of one that was signed elsewhere the signatures stay that are valid; who has signed so has
-        accepted what the request names.
+        A decision that was signed elsewhere keeps its valid signatures; its signer has accepted the
+        points that the request names.
         """
         if self._authority is None or decision.kind != "approve":
             return decision
@@ -209,7 +209,7 @@ class CommandGate:
         self._stops, self.stopped = stops, stopped
 
     def release(self) -> None:
-        """Let what is decided from now on pass again; raises ValueError when nothing is stopped."""
+        """Let later decisions pass again; raises ValueError when nothing is stopped."""
         if not self.stopped:
             raise ValueError("nothing is stopped")
         self.stopped = False
@@ -294,7 +294,7 @@ class CommandGate:
         return self._authority.refusal
 
     def _is_safety(self, command: DeviceCommand) -> bool:
-        """Whether `command` is what was declared for its agent, or lets it hold instead."""
+        """Return whether `command` is the declared one for its agent, or lets it hold instead."""
         for action in self._safety:
             if action.agent == command.agent:
                 declared = (action.verb, action.target)

@@ -9,11 +9,11 @@ ACKNOWLEDGE_S = 8.0
 RESEND_S = 1.0
 RESEND_GROWTH = 1.2
 MOST_GROWTH = 10
-"""So often the wait for the next resend grows; from then on it is the same, about ASK_AGAIN_S."""
+"""The number of times that the wait for the next resend grows; then it stays, about ASK_AGAIN_S."""
 
 ASK_AGAIN_S = 6.5
 TIMED_OUT = "timed out"
-"""How the detail of a reply begins that is no device's word but the end of our patience."""
+"""The beginning of a reply's detail that reports a time-out and comes from no device."""
 
 
 @dataclass
@@ -54,7 +54,7 @@ class Dispatch:
 
     @property
     def finished(self) -> bool:
-        """Whether every command has ended."""
+        """True when every command has ended."""
         return not self._open
 
     @property
@@ -94,7 +94,7 @@ class Dispatch:
                 yield self._give_up(entry, tick, f"not done within {self._limit_s:.0f} s")
 
     def resends(self, tick: int) -> list[tuple[DeviceCommand, int]]:
-        """Return what is to be sent again at `tick`, each with how often that makes it.
+        """Return the commands due again at `tick`, each with the number of times it was resent.
 
         A command without any answer is due after RESEND_S, then ever later; one whose device has
         fallen silent is due after ASK_AGAIN_S. Asking twice for one tick gives nothing twice.

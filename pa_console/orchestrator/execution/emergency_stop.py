@@ -11,7 +11,7 @@ from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.schema.events import event as ev
 
 SAFETY_LIMIT_S = 60.0
-"""A way to safety is told again for so long to whoever has not answered."""
+"""A way to safety is repeated for this long to assets that have not answered, seconds."""
 
 
 class EmergencyStop:

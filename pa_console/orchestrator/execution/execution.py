@@ -20,24 +20,24 @@ from pa_console.schema.telemetry import Picture
 
 MARGIN_S = 20.0
 EVIDENCE_S = 8.0
-"""How long fresh telemetry is waited for once every command has ended."""
+"""The longest wait for fresh telemetry after every command has ended, seconds."""
 
 SAFETY_S = 10.0
-"""How long the commands of a safe state are followed and sent again."""
+"""The time that the commands of a safe state are followed and resent, seconds."""
 
 TOLD_S = 2.0
-"""How long telemetry is waited for in which whoever was brought to a safe state is there."""
+"""The longest wait for telemetry that shows the assets in their safe state, seconds."""
 
 
 @dataclass(frozen=True)
 class Executed:
-    """What became of an approved plan; `before` is the picture that it began in."""
+    """The result of an approved plan; `before` is the picture that it began in."""
 
     before: Picture
     verification: Verification | None = None
     """None when the plan was halted."""
     halted: tuple[str, ...] = ()
-    """Why the plan was halted; empty when it ran to its end."""
+    """The reasons why the plan was halted; empty when it ran to its end."""
 
 
 class Execution:
@@ -194,7 +194,7 @@ class Execution:
         self._stopping = None
 
     def _follow(self, dispatch: Dispatch, step: Step) -> None:
-        """Take in one step's replies and send again what was not answered."""
+        """Take in one step's replies and resend unanswered commands."""
         tick, replies = step
         for reply in dispatch.advance(tick, replies):
             self._context.emit(ev.CommandReplied(reply=reply))
@@ -205,7 +205,7 @@ class Execution:
 
 
 def gave_up(dispatch: Dispatch) -> Iterator[str]:
-    """Yield what a device said that it cannot do; a device that says nothing is another matter."""
+    """Yield the refusals and failures of devices; a silent device is another matter."""
     for agent, reply in dispatch.final.items():
         if reply.status != "done" and not reply.detail.startswith(TIMED_OUT):
             yield f"{agent}: {reply.detail or reply.status}"

@@ -1,4 +1,4 @@
-"""What a running plan relies on, whether that still holds, and how to stop it safely (WF-01)."""
+"""The premises of a running plan, and the way to stop it safely when one breaks (WF-01)."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from pa_console.schema.telemetry import AssetTelemetry, Picture
 from pa_console.schema.world import World
 
 ENCOUNTERS: tuple[Verb, ...] = ("observe", "identify", "warn", "block")
-"""The commands that deal with whoever is at the gate."""
+"""The commands that deal with a contact at the gate."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Premises:
 
 
 def way_to_safety(plan: Plan, world: World, picture: Picture) -> tuple[Action, ...]:
-    """Return what each agent of `plan` is told if the plan is halted: back to its gate, or hold.
+    """Return the command of each agent of `plan` if the plan is halted: back to its gate, or hold.
 
     An agent that covers a gate in `picture`, and is sent away from it, goes back there.
     """

@@ -1,4 +1,4 @@
-"""Hands every simulation step and the replies that arrived in it to whoever follows a plan."""
+"""Passes every simulation step, and the replies that arrived in it, to the followers of a plan."""
 
 import asyncio
 from collections.abc import AsyncIterator, Generator, Sequence
@@ -17,7 +17,7 @@ class StepFeed:
 
     @property
     def wanted(self) -> bool:
-        """Whether a follower has taken in every step and waits for the next."""
+        """True while a follower has taken in every step and waits for the next."""
         return any(queue.empty() for queue in self._followers)
 
     def publish(self, tick: int, replies: Sequence[CommandReply]) -> None:

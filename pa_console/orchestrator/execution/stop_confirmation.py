@@ -50,7 +50,7 @@ class StopConfirmation:
 
     @property
     def confirmed(self) -> bool:
-        """Whether telemetry shows that every asset stands."""
+        """True when telemetry shows that every asset stands."""
         return all(not held.doubt for held in self._held.values())
 
     def answer(self, replies: Iterable[CommandReply]) -> Iterator[CommandReply]:

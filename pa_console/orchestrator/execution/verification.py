@@ -20,7 +20,7 @@ _EPSILON_S = 1e-6
 
 
 class _Seen(NamedTuple):
-    """What telemetry says of one thing, why, and when the oldest report it rests on was sent."""
+    """A conclusion from telemetry, its reason, and when its oldest report was sent."""
 
     outcome: Outcome
     reason: str
@@ -77,9 +77,9 @@ def verify_plan(
 
 
 def needs_more_evidence(plan: Plan, picture: Picture, since_s: float) -> bool:
-    """Whether waiting could tell more: reports sent at or after `since_s` are still to come.
+    """Return whether reports sent at or after `since_s` are still to come.
 
-    Of an asset that is known to have failed nothing more is expected.
+    None are expected from an asset that is known to have failed.
     """
     agents = {action.agent for action in plan.actions}
     for cover in picture.gates.values():

@@ -20,7 +20,7 @@ from pa_console.schema.world import World
 SHORT, _LONG = 3, 8
 """Words of so few letters are near to too much; words of so many may have two slips."""
 _SLIP, _FIRST_LETTER = math.log(0.004), math.log(0.05)
-"""How likely one slip is, and that it is in a word's first letter, against none."""
+"""The likelihood of one slip, and of one in a word's first letter, against none."""
 _NAMED = 0.13
 """The share of a mission's words that are of the world's names: two of fifteen."""
 _TURNING = frozenset(
@@ -65,20 +65,20 @@ class English:
             self._by_length[len(word)].append(word)
 
     def __contains__(self, word: str) -> bool:
-        """Whether `word`, in lower case, is one of them, in American or in British spelling."""
+        """Return whether `word`, in lower case, is known in American or in British spelling."""
         return word in self._likely or any(form in self._likely for form in _american(word))
 
     def is_common(self, word: str) -> bool:
-        """Whether `word`, in lower case, is English for certain: the rarest are of anywhere."""
+        """Return whether `word`, in lower case, is certainly English; the rarest words are not."""
         forms = (word, *_american(word))
         return any(self._likely.get(form, 0.0) > self._rare for form in forms)
 
     def is_operators(self, word: str) -> bool:
-        """Whether operators use `word`, in lower case."""
+        """Return whether operators use `word`, in lower case."""
         return word in self._operators
 
     def is_near(self, word: str, names: "NameWords") -> bool:
-        """Whether `word` is nearly one that operators use, or one of the world's `names`."""
+        """Return whether `word` is nearly one that operators use, or one of the world's `names`."""
         if self.likeliest(word, names, plain=False) is not None:
             return True
         listed = (*names.words, *self._operators)
@@ -110,7 +110,7 @@ class English:
 
 @cache
 def english() -> English:
-    """Return what is known of English; without its file, operators have no words of their own."""
+    """Return the English word list; without its file, operators have no words of their own."""
     path = data_folder() / "rules" / "vocabulary" / "operators.txt"
     text = path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
     lines = (line.strip().lower() for line in text.splitlines())

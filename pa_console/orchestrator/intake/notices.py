@@ -36,10 +36,10 @@ class _Fact:
 
 
 class Noticer:
-    """Remembers what the operator was told; equal pictures give equal notices."""
+    """Remembers the notices given so far; equal pictures give equal notices."""
 
     def __init__(self, picture: Picture) -> None:
-        """Everything in `picture` counts as told."""
+        """Treat everything in `picture` as reported."""
         self._told: dict[Key, Value | None] = {
             (fact.subject, fact.topic): fact.value for fact in _facts(picture)
         }
@@ -47,7 +47,7 @@ class Noticer:
         self._tracks: dict[str, float] = dict.fromkeys(picture.tracks, picture.time_s)
 
     def look(self, picture: Picture) -> list[Noticed]:
-        """Return what an operator would want to be told now."""
+        """Return the changes that an operator would want to know now."""
         now_s = picture.time_s
         news = [fact for fact in _facts(picture) if self._is_news(fact, now_s)]
         told = [fact for fact in news if fact.text]
@@ -110,7 +110,7 @@ def _gate(picture: Picture, gate: str, cover: GateCover) -> _Fact:
 
 
 def _asset(picture: Picture, asset: AssetTelemetry) -> Iterator[_Fact]:
-    """Yield whether the asset works, whether its battery lasts, whether it is heard and sound."""
+    """Yield an asset's condition: whether it works, its battery, its link, its soundness."""
     name, status = asset.id, asset.status
     if status == "degraded" and (asset.low_battery or asset.comms != "ok"):
         status = "ok"  # why it is degraded is told by itself
@@ -136,7 +136,7 @@ def _asset(picture: Picture, asset: AssetTelemetry) -> Iterator[_Fact]:
 
 
 def _track(picture: Picture, track: Track) -> Iterator[_Fact]:
-    """Yield that the track is there, what is known of it, and what it does."""
+    """Yield a track's presence, identity and behaviour."""
     name = track.id
     known = f"{track.identity} {track.kind} {track.status}, {track.gate}, {track.distance_m:.0f} m"
     yield _Fact(name, "presence", True, None, "alarm", known)

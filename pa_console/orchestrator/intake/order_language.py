@@ -22,9 +22,9 @@ _CALL_SIGN = re.compile(r"\w*[\d_]\w*")
 """Names of assets and frames, call signs and numbers: of no language."""
 _ALPHABET = frozenset("abcdefghijklmnopqrstuvwxyz")
 _MOST_STRANGE = 0.3
-"""From this share of strange words on, a text is not English."""
+"""The share of strange words from which a text is not English."""
 _SLIP = 0.35
-"""How much of a strange word one is that is nearly a word of orders."""
+"""The weight, as a strange word, of a word that is nearly a word of orders."""
 _OTHER_LANGUAGES = frozenset(
     word
     for words in (
@@ -55,12 +55,12 @@ _CODE = re.compile(
 
 
 class _Words(NamedTuple):
-    """How many words a text has, names apart, and which of them are strange to English."""
+    """The number of words of a text, names apart, and those that are strange to English."""
 
     number: int
     strange: tuple[str, ...]
     slips: tuple[str, ...]
-    """Those that are nearly a word of orders or of a name."""
+    """The strange words that are nearly a word of orders or a name."""
 
     @property
     def share(self) -> float:
@@ -69,7 +69,7 @@ class _Words(NamedTuple):
 
 
 def is_english(text: str, world: World, rulebook: Rulebook) -> bool:
-    """Whether `text`, as it was typed, is English by its words; so is a text that has none."""
+    """Return whether `text`, as typed, is English by its words; a text without words is."""
     return _words(text, world, rulebook).share < _MOST_STRANGE
 
 
@@ -129,5 +129,5 @@ def _is_code(text: str) -> bool:
 
 
 def _moves_nobody(text: str) -> bool:
-    """Whether a text that names nothing may be one of the orders that need no name: *freeze*."""
+    """Return whether a text without names may be one of the orders that need none: *freeze*."""
     return any(verb.means & {"hold", "report"} for verb in find_verbs(text))

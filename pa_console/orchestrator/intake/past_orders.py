@@ -1,4 +1,4 @@
-"""What was ordered in this session so far, as the orders that follow may speak of it."""
+"""The orders given in this session so far, which later orders may refer to."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -10,12 +10,12 @@ from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 
 MOST_REMEMBERED = 20
-"""So many missions are remembered; orders speak of the last ones."""
+"""The number of missions remembered; orders refer to the last ones."""
 
 
 @dataclass
 class PastOrders:
-    """The operator's missions that came to a plan, the latest last, and what is marked on screen.
+    """The operator's missions that came to a plan, the latest last, and the mark on the screen.
 
     The station keeps it; every mission that ends adds to it.
     """
@@ -44,7 +44,7 @@ class PastOrders:
 
 
 def ordered_by(plan: Plan, picture: Picture) -> tuple[Move, ...]:
-    """Return what a plan orders, with where everybody belongs in `picture`."""
+    """Return the orders of a plan, with each asset's post in `picture`."""
     return tuple(
         Move(action.agent, action.verb, action.target or "", _place(picture, action.agent))
         for action in plan.actions

@@ -19,13 +19,14 @@ from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.world import World
 
 _TYPED = re.compile(r"(?<![\w'])(?:[A-Z][a-z]{2,}|[a-z]{3,}|[A-Z]{3,})(?![\w'])")
-"""What may be misspelt: no name in digits or camel case, no contraction, nothing of two letters."""
+"""Words that may be misspelt: no name in digits or camel case, no contraction, nothing of two
+letters."""
 _FOREIGN = 0.25
 """When nothing is near to more than this share of the unknown words, they are not English."""
 
 
 def read_words(text: str, world: World, rulebook: Rulebook) -> str:
-    """Return the words of an operator with what is misspelt put right, if they are English."""
+    """Return an operator's words with misspellings put right, if they are English."""
     return respell(text, world, rulebook) if is_english(text, world, rulebook) else text
 
 
@@ -56,7 +57,7 @@ def prepare() -> None:
 
 
 def _meant(typed: re.Match[str], names: NameWords, dictionary: English) -> str | None:
-    """Return what was meant by the `typed` word in its own case, None when nothing is near."""
+    """Return the intended word for `typed`, in its own case; None when nothing is near."""
     word = typed[0]
     before = typed.string[: typed.start()].rstrip(" \"'(")
     capital = word[0].isupper() and not word.isupper()

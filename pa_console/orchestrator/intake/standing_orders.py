@@ -21,7 +21,7 @@ REST_S = 30.0
 """An occurrence is over when its condition has not held for so long."""
 HOUR_S = 3600.0
 MOST_ORDERS = 20
-"""So many standing orders are in force at most."""
+"""The largest number of standing orders in force."""
 
 
 @dataclass(frozen=True)
@@ -56,13 +56,13 @@ class _Occurrence:
 
 @dataclass
 class _InForce:
-    """An approved order, what it watches, and when it has started missions."""
+    """An approved order, its watched condition, and the times when it started missions."""
 
     condition: StandingCondition
     occurrences: dict[str, _Occurrence] = field(default_factory=dict[str, _Occurrence])
     starts_s: deque[float] = field(default_factory=deque[float])
     problem: str = ""
-    """Why its condition could not be looked up last; '' where it could."""
+    """The reason why its condition could not be evaluated last; '' when it could."""
 
     @property
     def order(self) -> StandingOrder:
@@ -71,7 +71,7 @@ class _InForce:
 
 @dataclass
 class _Own:
-    """A mission that a standing order started, and whom and where it has moved."""
+    """A mission started by a standing order, with the assets and places that it has moved."""
 
     order: str
     subject: str
@@ -156,7 +156,7 @@ class StandingOrders:
         return found
 
     def started(self, mission: str, due: Due) -> None:
-        """Note that `mission` is what was due."""
+        """Note `mission` as the one that was due."""
         self._own[mission] = _Own(due.order.id, due.subject)
 
     def starter(self, mission: str) -> str:
@@ -165,7 +165,7 @@ class StandingOrders:
         return own.order if own is not None else ""
 
     def moves(self, mission: str, names: Collection[str]) -> None:
-        """Note whom and where `mission` moves: what comes about there is its own effect."""
+        """Note the assets and places of `mission`: changes there are its own effect."""
         own = self._own.get(mission)
         if own is not None:
             self._own[mission] = replace(own, moved=own.moved | frozenset(filter(None, names)))

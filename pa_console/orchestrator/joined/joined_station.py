@@ -45,14 +45,14 @@ SUBJECT = "joined"
 
 @dataclass(frozen=True)
 class Signatory:
-    """Who sits at a console that has joined, and the key that this person signs with."""
+    """The person at a console that has joined, with the key for signing."""
 
     name: str
     key: Ed25519PrivateKey
 
 
 class JoinedStation:
-    """What a console shows of a session that it has joined; a second person may sign there."""
+    """A joined session as its console shows it; a second person may sign there."""
 
     rate = 1.0
 
@@ -68,7 +68,7 @@ class JoinedStation:
         self._signatory, self._state = signatory, SessionState()
         self._news, self._pointer = _ConnectionNews(log), ""
         self._answered = deque[ev.Event]()
-        """What was answered here: it is shown here, and is in no log."""
+        """The answers given here: they are shown here, and are in no log."""
         self._closing = False
         self._stop_asked: _StopAsked | None = None
         for event in before:
@@ -81,12 +81,12 @@ class JoinedStation:
 
     @property
     def retriever(self) -> Retriever:
-        """What finds among the session's rules."""
+        """The retriever over the session's rules."""
         return self._site.retriever
 
     @property
     def signer(self) -> str:
-        """The name of whoever sits here and may sign; '' for somebody who may only watch."""
+        """The name of the person here if that person may sign; '' for an observer."""
         try:
             self._log.trust.approver(self._signatory.name)
         except RefusedError:
@@ -95,7 +95,7 @@ class JoinedStation:
 
     @property
     def started(self) -> ev.SessionStarted | None:
-        """How the session began."""
+        """The first event of the session."""
         return self._state.started
 
     def take_before(self) -> list[ev.Event]:
@@ -104,9 +104,9 @@ class JoinedStation:
         return _without_old_pictures(before)
 
     async def run(self) -> AsyncGenerator[ev.Event]:
-        """Yield every event of the session, the connection's news, and what was answered here.
+        """Yield every event of the session, the connection's news, and the answers given here.
 
-        It ends with the session, or with `close`; whoever has opened the connection closes it.
+        It ends with the session, or with `close`; the caller that opened the connection closes it.
         """
         for event in self.take_before():
             yield event
@@ -242,7 +242,7 @@ class JoinedStation:
         """Take no notice."""
 
     def point(self, name: str) -> None:
-        """Note what is marked on the screen, "" for nothing: *this one* means it in a question."""
+        """Note the mark on the screen, "" for none: *this one* means it in a question."""
         self._pointer = name
 
     def command_question(self, epoch: int, own: str) -> str:
@@ -327,7 +327,7 @@ class _StopAsked:
 
 
 class _ConnectionNews:
-    """Says once what has changed in the connection, and in who commands."""
+    """Reports each change of the connection, and of the station in command, once."""
 
     def __init__(self, log: SharedLog) -> None:
         self._log, self._told = log, Told()
@@ -336,7 +336,7 @@ class _ConnectionNews:
         self._silent = self._lacks = False
 
     def take(self, *, heard: bool) -> Sequence[ev.IncidentHappened | ev.Noticed]:
-        """Return what is to be told now; `heard` is whether records have come just now."""
+        """Return the new notices; `heard` is whether records have come just now."""
         log, station, now_s = self._log, self._log.stream.station, monotonic()
         if (problem := log.link.problem) != self._problem:
             self._problem = problem

@@ -10,7 +10,7 @@ from pa_console.session.log.chain import LogRecord, link_problem, parse
 
 
 class NotBelievedError(ValueError):
-    """Records that do not belong to the session, or that nobody vouches for; says why."""
+    """Records of another session, or without a valid signature; the text is the reason."""
 
 
 class RecordStream:
@@ -27,7 +27,7 @@ class RecordStream:
         """The name of the station in the roster, and the id of its session; "" before the first."""
         self._last: LogRecord | None = None
         self.seen = 0
-        """The last record that the station has told of."""
+        """The number of the last record announced by the station."""
 
     @property
     def wanted(self) -> int:
@@ -41,7 +41,7 @@ class RecordStream:
 
     @property
     def missing(self) -> int:
-        """How many records were told of and are not here."""
+        """The number of announced records that are missing here."""
         return max(self.seen - self.wanted + 1, 0)
 
     def take(self, station: str, message: SessionRecords) -> list[Event]:

@@ -1,4 +1,4 @@
-"""Follows the session that a station shares on a bus, and asks for what is missing of its log."""
+"""Follows the session that a station shares on a bus, and requests missing records."""
 
 import time
 from collections.abc import Callable
@@ -21,7 +21,7 @@ HEARD = (SessionRecords, *SIGNED)
 LOOK_S = 0.1
 ASK_AGAIN_S = 1.0
 FOUND_S = 10.0
-"""Whoever joins waits so long for the first records of a session."""
+"""The longest wait for the first records of a session when joining, seconds."""
 
 
 class SharedLog:
@@ -74,7 +74,7 @@ class SharedLog:
         return []
 
     def _ask(self) -> None:
-        """Ask for what is missing, again when it does not come."""
+        """Request the missing records, again when they do not come."""
         wanted, now = self.stream.wanted, monotonic()
         if self.stream.missing and (wanted != self._asked or now - self._asked_at > ASK_AGAIN_S):
             self._asked, self._asked_at = wanted, now

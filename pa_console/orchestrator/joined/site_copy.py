@@ -29,7 +29,7 @@ from pa_console.schema.world import World
 from pa_console.session.state.fold import SessionState
 
 REHEARSED: frozenset[QuestionTopic] = frozenset({"other_asset", "alternatives"})
-"""What is asked about here is not on record: it is checked and rehearsed for the answer."""
+"""The notice that an answer here comes from new checks and rehearsals, not from the record."""
 OTHER_RULES = "the rules in force there are not those that this console has"
 NO_PICTURE = "no picture has come from there yet"
 

@@ -13,10 +13,10 @@ OwnStation = Callable[[], StationAuthority]
 
 
 class Succession:
-    """Takes command from the station whose session was joined, in the name of whoever sits here.
+    """Takes command from the station whose session was joined, in the name of the person here.
 
-    Everything that can fail is to be done before `take`: from then on vehicles take nothing of the
-    other station, and nothing of this one before its session begins.
+    Everything that can fail comes before `take`: from then on vehicles accept nothing from the
+    other station, and nothing from this one before its session begins.
     """
 
     def __init__(self, log: SharedLog, signatory: Signatory, own: OwnStation) -> None:
@@ -26,11 +26,11 @@ class Succession:
         self.taken: CommandTaken | None = None
         """Command as it was taken, None before."""
         self.last: tuple[Event, ...] = ()
-        """What came of the other session until command was taken, after its console had closed."""
+        """The events of the other session after its console had closed, until command was taken."""
 
     @property
     def possible(self) -> bool:
-        """Whether whoever sits here is a commander, and may so take command at all."""
+        """True if the person here is a commander, and may take command at all."""
         try:
             return self._log.trust.person(self._signatory.name).role == "commander"
         except RefusedError:

@@ -58,7 +58,7 @@ from pa_console.schema.moment import Moment
 from pa_console.schema.telemetry import Picture
 
 MOST_QUESTIONS = 2
-"""So often in a row an operator is asked what an order means."""
+"""The number of times in a row that an operator is asked for the meaning of an order."""
 MAX_VOIDED = 2
 MAX_HALTS = 3
 MAX_TRIES = 2
@@ -67,14 +67,14 @@ MAX_TRIES = 2
 INTERRUPTED = "the mission was interrupted before its outcome could be judged"
 
 WATCH_S = 12.0
-"""How long the situation is watched after a plan for what it led to."""
+"""The time that the situation is watched after a plan, seconds."""
 
 
 @dataclass(frozen=True)
 class StationSide:
-    """What a mission has of its station.
+    """The station's services for a mission.
 
-    That is time and replies, the operator, whoever asks for verdicts on outcomes, and the open
+    These are time and replies, the operator, the queue of verdicts on outcomes, and the open
     alarms.
     """
 
@@ -104,16 +104,16 @@ class MissionRun:
         self._readings = Readings()
         self._understood: Understood | None = None
         self._ordered: list[Move] = []
-        """What the mission has ordered, or would have if it had been approved."""
+        """The orders of the mission, or those it would have given if it had been approved."""
         self.moving = False
-        """Whether the mission waits for the world, not the world for the mission."""
+        """True while the mission waits for the world, not the world for the mission."""
         alarm = next((a for a in station.open_alarms() if a.id == mission.alarm), None)
         self._facts = ReportFacts(mission, alarm, warnings=services.rulebook.seal.warnings)
         self._results = Results(mission, self._progress, self._monitor, station.open_alarms)
 
     @property
     def subjects(self) -> frozenset[str]:
-        """What the mission deals with: its own subject and the tracks of its workflows."""
+        """The subjects of the mission: its own and the tracks of its workflows."""
         own = (self.mission.subject,) if self.mission.subject is not None else ()
         return frozenset((*own, *self._progress.tracks))
 
@@ -281,7 +281,7 @@ class MissionRun:
         return NotApproved("held", changed)
 
     def _still_approved(self, approved: Approved) -> Approved | NotApproved:
-        """Return what was approved, unless what it rests on has been taken back meanwhile."""
+        """Return the approved plan, unless its basis has been withdrawn meanwhile."""
         decided, services = approved.decided, self._services
         why = services.gate.inadmissible(decided.request, decided.decision, services.rulebook)
         return NotApproved("held", why) if why else approved
@@ -345,9 +345,9 @@ class MissionRun:
         return executed
 
     async def _see_it_out(self, shown: Candidate, phase: str, task: Mission) -> None:
-        """Let a plan join its workflow and watch what it leads to.
+        """Let a plan join its workflow and watch its consequences.
 
-        Of a plan whose outcome is not watched to its end there is no verdict, and that is told.
+        A plan that is not watched to its end gets no verdict, and an event says so.
         """
         try:
             self._tell(self._progress.join(shown.examination.plan, self._now()))
@@ -378,7 +378,7 @@ class MissionRun:
         return executed
 
     def _remember(self, shown: Candidate) -> tuple[Move, ...]:
-        """Note what a plan orders, with where everybody is before it, and return that."""
+        """Return and remember the orders of a plan, with each asset's post before it."""
         ordered = ordered_by(shown.examination.plan, self._services.fleet.picture())
         self._ordered += ordered
         return ordered

@@ -1,4 +1,4 @@
-"""What the executed plans of a mission come to: its status, and what it still lacks (Step 7)."""
+"""The result of a mission's executed plans: its status, and its open points (Step 7)."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ from pa_console.schema.telemetry import Picture
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a mission comes to, and why."""
+    """The result of a mission, and its reason."""
 
     status: MissionStatus
     reason: str
@@ -39,7 +39,7 @@ class Results:
 
     @property
     def follow_up(self) -> Mission | None:
-        """What the mission's alarm asks for now, in its present words; None when it is answered.
+        """Return the mission's alarm in its present words; None when it is answered.
 
         An alarm asks for one thing after the other: first a relief, then the way home (CAP-04).
         """
@@ -49,7 +49,7 @@ class Results:
         return self.mission.model_copy(update={"text": alarm.command})
 
     def awaits(self, phase: str, task: Mission) -> bool:
-        """Whether `phase` or `task` may still come to its end without another plan."""
+        """Return whether `phase` or `task` may still end without another plan."""
         if (phase and self.progress.phase == phase) or not self.progress.settled:
             return True
         following = self.follow_up
@@ -86,10 +86,10 @@ class Results:
 
 
 def begun(plan: Plan, task: Mission, picture: Picture) -> Mission | None:
-    """Return `task` where what it asks for could only be begun by its executed `plan` (WF-01).
+    """Return `task` if its executed `plan` could only begin what it asks for (WF-01).
 
-    Whoever is to be warned is identified first. If he turns out to be no threat, the workflow does
-    not go on, but that he is warned was asked for.
+    A contact that is to be warned is identified first. If it turns out to be no threat, the
+    workflow does not go on, although the warning was asked for.
     """
     reading = read_reason(plan.reason)
     asks = reading.asks if reading is not None else ()

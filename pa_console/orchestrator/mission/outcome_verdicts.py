@@ -50,12 +50,12 @@ class OutcomeVerdicts:
         self.all_told.set()
 
     def ask(self, context: MissionContext, attempt: int, case: OutcomeCase) -> None:
-        """Let the judge say, when there is time, whether the executed plan `attempt` did it."""
+        """Ask the judge, when there is time, whether the executed plan `attempt` succeeded."""
         self._waiting.append(_Asked(context, attempt, case))
         self.all_told.clear()
 
     def go_on(self) -> None:
-        """Ask from now on for what is outstanding: the mission does not need the model now."""
+        """Ask for outstanding verdicts from now on: the mission does not need the model now."""
         if self._waiting and not self._between_missions and not self._turn.locked():
             self._start(self._go_on())
 
@@ -74,12 +74,12 @@ class OutcomeVerdicts:
             return True
 
     def give_up(self, reason: str) -> None:
-        """Tell of every outstanding verdict why there is none."""
+        """Emit for every outstanding verdict why there is none."""
         while self._waiting:
             self._tell(unjudged(self._waiting[0].attempt, reason))
 
     def _tell(self, told: ev.OutcomeJudged) -> None:
-        """Tell of the oldest outstanding verdict, which is outstanding no more."""
+        """Emit the oldest outstanding verdict and remove it from the queue."""
         self._waiting.popleft().context.emit(told)
         if not self._waiting:
             self.all_told.set()
@@ -106,5 +106,5 @@ async def _judged(asked: _Asked) -> ev.OutcomeJudged:
 
 
 def unjudged(attempt: int, reason: str) -> ev.OutcomeJudged:
-    """Return what is told of the outcome of `attempt` when there is no verdict on it."""
+    """Return the event for the outcome of `attempt` when there is no verdict on it."""
     return ev.OutcomeJudged(attempt=attempt, verdict=None, error=reason)

@@ -32,14 +32,14 @@ class PlanFacts:
 
 @dataclass
 class ReportFacts:
-    """What happened in a mission, noted down while it happens; times are simulated seconds."""
+    """The facts of a mission, noted down as they happen; times are simulated seconds."""
 
     mission: Mission
     alarm: Alarm | None = None
     rules: tuple[str, ...] = ()
     """Ids of the rules that were retrieved for it (WF-10)."""
     warnings: tuple[str, ...] = ()
-    """What must be said of the rule set that it was worked on under."""
+    """The warnings about the rule set that the mission was worked on under."""
     plans: list[PlanFacts] = field(default_factory=list[PlanFacts])
     moves: list[tuple[WorkflowMoved, float]] = field(
         default_factory=list[tuple[WorkflowMoved, float]]
@@ -74,9 +74,9 @@ def after_action_report(
     picture: Picture,
     open_alarms: Sequence[Alarm] = (),
 ) -> str:
-    """Return what raised the mission, what was done, what telemetry shows and what is open.
+    """Return the cause of the mission, its actions, the evidence of telemetry and its open points.
 
-    The judge's verdict on the outcome is told by itself, for it comes later.
+    The judge's verdict on the outcome is a separate event, for it comes later.
     """
     mission = facts.mission
     lines = [f"{mission.id} {status}: {mission.said}"]

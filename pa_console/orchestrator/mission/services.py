@@ -1,4 +1,4 @@
-"""What every mission is worked on with, and what every step of one mission is given."""
+"""The services that every mission uses, and the context of the steps of one mission."""
 
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -34,7 +34,7 @@ from pa_console.schema.events.event import EventPayload, Noticed, ServerUse
 from pa_console.schema.mission import Metrics, Mission
 
 Emit = Callable[[EventPayload], None]
-"""Tells the station what happens; it is in the log before anybody else hears of it."""
+"""Takes an event; the station logs it before any other part receives it."""
 
 
 @dataclass(frozen=True)
@@ -54,17 +54,17 @@ class Services:
     variant: Variant
     journal: Journal
     gate: CommandGate
-    """What every command to a device goes through: `fleet.send` is for the gate alone."""
+    """The gate for every command to a device: only the gate calls `fleet.send`."""
     sightings: Sightings
-    """What was seen where in this session; the station keeps it."""
+    """The sightings of this session; the station keeps them."""
     standing: StandingOrders
     """The standing orders in force in this session; the station keeps them."""
     second_reader: Judge | ClauseReader | None = None
-    """What reads an order again of which planner or judge is unsure."""
+    """The reader that reads an order again when planner or judge is unsure."""
     servers: Servers = NO_SERVERS
     """Models on servers, which are asked before the own one."""
     past: PastOrders = field(default_factory=PastOrders)
-    """What was ordered in this session; the station keeps it."""
+    """The orders given in this session; the station keeps them."""
     top_k: int = 3
 
     @classmethod
@@ -80,11 +80,11 @@ class Services:
         authority: Authority | None = None,
         servers: Servers = NO_SERVERS,
     ) -> Self:
-        """Begin with nothing seen or decided, and with the core in force whatever the rules say.
+        """Begin without sightings or decisions, and with the core rules in force in any case.
 
         Planner and judge are two roles on `engine`, in the `dialect` of its model unless one is
         given. A `retriever` that has read the rules already saves the time to index them. With an
-        `authority`, people and the station sign what is approved and sent. Models on `servers` are
+        `authority`, people and the station sign approvals and commands. Models on `servers` are
         asked first, as long as they answer.
         """
         variant = variant or Variant()
@@ -121,23 +121,23 @@ class Services:
 
     @property
     def server_reader(self) -> ClauseReader | None:
-        """What reads unclear orders again on a server, while that answers."""
+        """The second reader on a server, while that answers."""
         server = self.servers.by_use.get("second reader")
         return ClauseReader(server) if server is not None and server.usable else None
 
     def _on_server(self, use: ServerUse) -> tuple[RoleModel, ...]:
-        """Return the model on a server that is to be `use`, if it answers, and then the own one."""
+        """Return the server's model for `use`, if it answers, followed by the own one."""
         own = RoleModel(self.planner, self.judge, self.dialect)
         server = self.servers.by_use.get(use)
         return (RoleModel.on(server), own) if server is not None and server.usable else (own,)
 
     @property
     def scene(self) -> Scene:
-        """What words can point at now."""
+        """The present referents of words."""
         return self.past.scene(self.fleet.world, self.fleet.picture())
 
     def read(self, text: str) -> str:
-        """Return the words of a mission with what is misspelt put right, if they are English."""
+        """Return the words of a mission with misspellings put right, if they are English."""
         return read_words(text, self.fleet.world, self.rulebook)
 
     def read_now(self, text: str) -> str:
@@ -147,7 +147,7 @@ class Services:
         return read if isinstance(found, Unclear) else found.text
 
     def resolve(self, text: str, answers: Answers) -> Resolved | Unclear:
-        """Return an order with names for what it points at now, or what has to be asked first."""
+        """Return an order with its references replaced by names, or the question to ask first."""
         return resolve(self.scene, text, answers)
 
     def read_standing(self, text: str) -> ReadStanding | Unclear | None:
@@ -210,19 +210,19 @@ class Stopwatch:
 
 @dataclass
 class MissionContext:
-    """What every step of one mission is given; `emit` tells what happens in the meantime."""
+    """The context of every step of one mission; `emit` takes its events."""
 
     services: Services
     mission: Mission
     emit: Emit
     monitor: Monitor
-    """What has followed the mission so far; steps only read it."""
+    """The monitor of the mission so far; steps only read it."""
     stopwatch: Stopwatch = field(default_factory=Stopwatch)
     attempts: int = 0
     """Plans so far: answers of the planner and plans of the operator, numbered from 1."""
 
     def turn_to_own(self, failed: RoleModel, error: str) -> None:
-        """Tell that the session's own model takes over from one on a server."""
+        """Emit that the session's own model takes over from one on a server."""
         text = f"{failed.where} {error}; {self.services.engine.model.name} on this machine answers"
         self.emit(Noticed(level="warning", subject="model server", text=text))
 

@@ -1,4 +1,4 @@
-"""Where a mission stands in the workflows that rules prescribe (WF-01): phase after phase."""
+"""The position of a mission in the workflows that rules prescribe (WF-01): phase after phase."""
 
 from collections.abc import Iterator
 
@@ -26,7 +26,7 @@ class WorkflowProgress:
 
     @property
     def entered(self) -> bool:
-        """Whether the mission is in a workflow, or went through one."""
+        """True if the mission is in a workflow, or went through one."""
         return bool(self._runs)
 
     @property
@@ -36,12 +36,12 @@ class WorkflowProgress:
 
     @property
     def over(self) -> bool:
-        """Whether no workflow has a phase left."""
+        """True if no workflow has a phase left."""
         return all(run.current is None for run in self._runs.values())
 
     @property
     def settled(self) -> bool:
-        """Whether every workflow that has no phase left has come to its end."""
+        """True if every workflow without a phase left has come to its end."""
         return all(run.current is not None or run.ended for run in self._runs.values())
 
     @property
@@ -56,7 +56,7 @@ class WorkflowProgress:
 
     @property
     def phase(self) -> str:
-        """Track and name of the phase that is to be planned next, empty when there is none."""
+        """Track and name of the phase to plan next, empty when there is none."""
         for track, run in self._runs.items():
             if run.current is not None:
                 return f"{track} {run.current.name}"

@@ -8,7 +8,7 @@ class Background:
     """Runs tasks beside a session."""
 
     def __init__(self, on_failure: Callable[[BaseException], None]) -> None:
-        """`on_failure` is told of the error of a task that broke."""
+        """Call `on_failure` with the error of a task that broke."""
         self._on_failure = on_failure
         self._tasks: set[asyncio.Task[None]] = set()
 

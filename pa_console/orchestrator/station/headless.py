@@ -137,7 +137,7 @@ class _Answers:
 async def _end(
     station: Station, duration_s: float, all_given: asyncio.Event, decided: Callable[[], bool]
 ) -> None:
-    """Close the session once no mission is left and its time is over, or `decided` says so."""
+    """Close the session after the last mission and its time, or when `decided` returns True."""
     if duration_s > 0.0:
         over = asyncio.create_task(_missions_over(station, all_given))
         try:

@@ -8,11 +8,11 @@ from pa_console.schema.events import event as ev
 
 
 class Log(Protocol):
-    """What takes the events; `LogWriter` does."""
+    """A sink of events; `LogWriter` is one."""
 
     @property
     def error(self) -> Exception | None:
-        """Why nothing can be written at present."""
+        """The reason why nothing can be written at present."""
         ...
 
     @property
@@ -22,7 +22,7 @@ class Log(Protocol):
 
     @property
     def owes(self) -> bool:
-        """Whether `commit` has something to do."""
+        """True if `commit` has something to do."""
         ...
 
     def news(self) -> str | None:
@@ -39,11 +39,11 @@ class Log(Protocol):
 
 
 class Journal:
-    """Logs what the station tells; `problem` says why nothing may be dispatched at present.
+    """Logs the events of the station; `problem` says why nothing may be dispatched at present.
 
-    All decisions and commands of one moment are signed together: when the event loop is free
-    again, and at the latest before the world moves on. So none takes effect before it is signed,
-    and no stop waits for a disk between two of its commands.
+    All decisions and commands of one moment are signed together: when the event loop is free again,
+    and at the latest before the world moves on. So none takes effect before it is signed, and no
+    stop waits for a disk between two of its commands.
     """
 
     def __init__(self) -> None:

@@ -1,9 +1,10 @@
-"""What a station that was relieved leaves: missions that wait, missions under way, a stop.
+"""The remains of a relieved station's session: waiting missions, running missions, a stop.
 
-Of a mission that has moved nobody yet its words are taken over: it waits again, is planned with
-what the vehicles report now, and takes an approval as any mission does. A mission that has sent a
-command is only told of: its plan was approved for another station. Alarms are raised anew by the
-picture, and with them the missions that answer them; standing orders were approved there alone.
+A mission that has not moved any asset is queued again with its original text, planned with the
+vehicles' present reports, and takes an approval as any mission does. A mission that has sent a
+command is only reported: its plan was approved for another station. Alarms are raised anew by the
+picture, and with them the missions that answer them; standing orders were approved at that station
+alone.
 """
 
 from collections.abc import Iterator
@@ -17,11 +18,11 @@ from pa_console.session.wording import order_in_words
 
 @dataclass(frozen=True)
 class LeftMissions:
-    """What the session of a relieved station leaves.
+    """The remains of a relieved station's session.
 
-    `again` are the missions that moved nobody, the one that was being planned first; `under_way`
+    `again` are the missions that moved no asset, the one that was being planned first; `under_way`
     those that did; `standing` the ids of the standing orders in force there; `stopped` is whether
-    everybody was stopped.
+    all assets were stopped.
     """
 
     again: tuple[Mission, ...] = ()

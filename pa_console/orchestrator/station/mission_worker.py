@@ -21,12 +21,12 @@ from pa_console.schema.telemetry import Picture
 
 MOST_COUNTERSIGNED = 16
 EmitFor = Callable[[ev.EventPayload, str | None], None]
-"""Tells what happens, and in which mission."""
+"""Takes an event, and the id of its mission."""
 
 
 @dataclass(frozen=True)
 class StationParts:
-    """What the parts of one station share."""
+    """The parts that one station shares."""
 
     services: Services
     feed: StepFeed
@@ -59,7 +59,7 @@ class MissionWorker:
 
     @property
     def busy(self) -> bool:
-        """Whether a mission is being worked on."""
+        """True while a mission is being worked on."""
         return self._run is not None
 
     @property
@@ -69,7 +69,7 @@ class MissionWorker:
 
     @property
     def thinking(self) -> bool:
-        """Whether the active mission, or what became of the last one, is being thought about.
+        """True while the active mission, or the outcome of the last one, is being thought about.
 
         No asset moves for it meanwhile.
         """
@@ -105,11 +105,11 @@ class MissionWorker:
 
     @property
     def awaits_decision(self) -> bool:
-        """Whether a plan waits for a decision."""
+        """True while a plan waits for a decision."""
         return self._answer is not None and not self._answer.done()
 
     def queue_changed(self) -> None:
-        """Tell the queue if it is not what was told last, and wake whoever waits for it."""
+        """Emit the queue if it has changed, and wake the worker."""
         for payload in self._intake.changes():
             self._emit(payload, None)
         if len(self._intake):

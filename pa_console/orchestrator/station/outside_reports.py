@@ -1,4 +1,4 @@
-"""What others report from outside the site's sensors: it is told, and nothing else comes of it."""
+"""Reports from outside the site's sensors: they are shown, and have no other effect."""
 
 import asyncio
 from collections.abc import Callable, Sequence
@@ -7,22 +7,22 @@ from typing import Protocol, get_args
 from pa_console.schema.events import event as ev
 
 LOOK_S = 0.5
-"""So often reports are asked for, in wall seconds."""
+"""The interval between two requests for reports, wall seconds."""
 _ADMITTED = get_args(ev.OutsideReport)
 
 
 class Outside(Protocol):
-    """Where reports come from."""
+    """A source of reports."""
 
     def news(self) -> Sequence[ev.OutsideReport]:
-        """Return what is to be told since this was last asked; at once, and never much."""
+        """Return the new reports since the last call; at once, and never many."""
         ...
 
 
 async def pass_on(outside: Outside, emit: Callable[[ev.OutsideReport], None]) -> None:
-    """Tell what is reported for as long as the session lasts; nothing but reports is let in.
+    """Emit the reports of a source for as long as the session lasts; only reports are let in.
 
-    A source that fails is told of and left out: the session goes on without it.
+    A source that fails is reported and left out: the session goes on without it.
     """
     while True:
         try:

@@ -28,7 +28,7 @@ from pa_console.session.state.fold import (
 
 OTHERWISE = "its world did not come out again as the log tells of it"
 LOOKED_AT = 30
-"""So many logs, the newest first, are looked at for the last session of a world."""
+"""The number of logs, the newest first, that are searched for the last session of a world."""
 
 
 class NotResumableError(ValueError):
@@ -44,7 +44,7 @@ class UnclosedSession:
 
     @property
     def started(self) -> ev.SessionStarted:
-        """How the session began, with the rules that were in force last."""
+        """The first event of the session, with the rules that were in force last."""
         assert self.state.started is not None
         return self.state.started
 
@@ -67,7 +67,7 @@ class UnclosedSession:
 
     @property
     def unfinished(self) -> bool:
-        """Whether anything was under way: a mission, an alarm, a stop."""
+        """True if a mission, an alarm or a stop was open."""
         state = self.state
         return bool(self.interrupted or self.waiting or state.alarms or state.stop)
 
@@ -121,7 +121,7 @@ def find_unclosed(folder: Path, world_sha256: str) -> UnclosedSession | None:
 
 
 def _events(log: Path) -> Iterator[ev.Event]:
-    """Yield what a log tells, but for a last line that was cut short; raises LogError."""
+    """Yield the events of a log without a last line that was cut short; raises LogError."""
     try:
         yield from read_log(log)
     except LogError as error:

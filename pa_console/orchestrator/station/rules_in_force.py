@@ -26,7 +26,7 @@ Stamp = tuple[tuple[int, int, int] | None, ...]
 
 
 class RulesWatch:
-    """Compares the file and its signature with what was loaded last."""
+    """Compares the file and its signature with the version loaded last."""
 
     def __init__(
         self,
@@ -59,9 +59,9 @@ class RulesWatch:
         return await asyncio.to_thread(self._load)
 
     def refusal(self, old: Rulebook, new: Rulebook) -> str:
-        """Return why `new` is less than what was used before, "" when it is taken.
+        """Return why `new` is less than the earlier rules, "" when it is taken.
 
-        Raises RefusedRulesError when that cannot be found out.
+        Raises RefusedRulesError when that cannot be determined.
         """
         if self._unsigned and new.seal.altered:
             return ""
@@ -102,13 +102,13 @@ def _stamp(path: Path) -> tuple[int, int, int] | None:
 
 
 LOOK_S = 1.0
-"""How often the file is looked at, in wall seconds."""
+"""The interval between two looks at the file, wall seconds."""
 
 MOST_NAMED = 4
 
 
 class RulesReload:
-    """Tells every change of the rules, and why one could not be made."""
+    """Emits every change of the rules, and why one could not be made."""
 
     def __init__(
         self,
@@ -118,17 +118,18 @@ class RulesReload:
         worker: MissionWorker,
         ahead: ReadAhead,
     ) -> None:
-        """Without `watch` the rules stay as they are."""
+        """Leave the rules as they are if there is no `watch`."""
         self._services, self._watch, self._emit = services, watch, emit
         self._worker, self._ahead = worker, ahead
         self._turn = asyncio.Lock()
         self._offered: Rulebook | None = None
         self.offered = ""
-        """Why the set that the file holds now waits for the operator to accept it, if it does."""
+        """The reason why the rules in the file wait for the operator to accept them, "" if they do
+        not."""
 
     @property
     def services(self) -> Services:
-        """What missions are worked on with from now on."""
+        """The services of later missions."""
         return self._services
 
     async def serve(self) -> None:
@@ -157,7 +158,7 @@ class RulesReload:
                 await self._take(rulebook, "")
 
     async def accept(self) -> None:
-        """Take the set that waits for it, as the operator says; raises ValueError without one."""
+        """Take the waiting rules on the operator's decision; raises ValueError without any."""
         async with self._turn:
             rulebook, why = self._offered, self.offered
             if rulebook is None:
@@ -208,7 +209,7 @@ class RulesReload:
 
 
 def _changes(before: RuleSet, after: RuleSet) -> Iterator[str]:
-    """Yield rule by rule what is different, e.g. `ROE-02 changed`."""
+    """Yield the differences rule by rule, e.g. `ROE-02 changed`."""
     for change in compare_rules(before, after):
         yield f"{change.id or 'the set itself'} {change.kind}"
 

@@ -16,13 +16,13 @@ WORLD_FILE = "world.yaml"
 
 
 def has_rules_of(started: SessionStarted, book: Rulebook) -> bool:
-    """Whether `book` has the very rules of a session, by its file or by their content."""
+    """Return whether `book` has the very rules of a session, by its file or by their content."""
     content = started.rules_seal.content_sha256 if started.rules_seal is not None else None
     return book.sha256 == started.rules_sha256 or book.seal.content_sha256 == content
 
 
 class SessionSites:
-    """Looks among given files, what is installed, and the worlds that lie beside a log.
+    """Searches given files, installed ones, and the worlds beside a log.
 
     An evaluation's folder holds `logs` and `worlds`: there the worlds of its logs are found.
     """

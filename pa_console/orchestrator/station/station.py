@@ -121,7 +121,7 @@ class Station:
 
     @property
     def retriever(self) -> Retriever:
-        """What finds rules among those that are in force now."""
+        """The retriever over the rules in force now."""
         return self._reload.services.retriever
 
     @property
@@ -140,7 +140,7 @@ class Station:
 
     @property
     def stopped(self) -> bool:
-        """Whether everything is stopped, and the stop not released yet."""
+        """True while the stop is latched."""
         return self._gate.stopped
 
     @property
@@ -150,18 +150,18 @@ class Station:
 
     @property
     def awaits_decision(self) -> bool:
-        """Whether a plan waits for `decide`."""
+        """True while a plan waits for `decide`."""
         return self._worker.awaits_decision
 
     def write_to(self, log: Log) -> None:
-        """Write every event of the session to `log`, before anybody else is told of it.
+        """Write every event of the session to `log` before any other part receives it.
 
-        While that is not possible, nothing is dispatched but what stops assets or makes them safe.
+        While that is not possible, nothing is dispatched but stops and ways to safety.
         """
         self._journal.open(log, self._emit)
 
     def listen_to(self, outside: Outside | None) -> None:
-        """Tell in the session what `outside` reports, None for nothing; before `run`."""
+        """Emit the reports of `outside` in the session, None for none; before `run`."""
         self._outside = outside
 
     def succeed(self, taken: ev.CommandTaken, left: LeftMissions) -> None:
@@ -214,7 +214,7 @@ class Station:
                 await self._services.engine.close()
 
     def _go_on(self, resumed: ResumedSession) -> None:
-        """Tell that the session goes on, and take up what waited; nothing is dispatched."""
+        """Emit that the session goes on, and take up waiting missions; nothing is dispatched."""
         self._emit(ev.SessionResumed(version=__version__, interrupted=resumed.interrupted))
         self._emit(ev.TelemetryReceived(picture=self._ticking.first))
         for name in resumed.interrupted:
@@ -252,7 +252,7 @@ class Station:
         return self._reload.offered
 
     async def accept_rules(self) -> None:
-        """Take rules that were refused, as the operator says; raises ValueError without any."""
+        """Take refused rules on the operator's decision; raises ValueError without any."""
         self._writable()
         await self._reload.accept()
 
@@ -272,7 +272,7 @@ class Station:
         await self._ahead.read_now(text)
 
     def question_in(self, text: str) -> Question | None:
-        """Return what `text` asks about what is on record, for `answer`; None for an order."""
+        """Return the question about the record in `text`, for `answer`; None for an order."""
         services = self._reload.services
         return question_in(text, services.scene, services.rulebook)
 
@@ -281,10 +281,10 @@ class Station:
         question: Question,
         found: Callable[[Alternative], object] = lambda _: None,
     ) -> ev.QuestionAnswered:
-        """Answer a question from what is on record in this session.
+        """Answer a question from the record of this session.
 
-        Other plans are checked and rehearsed for it; each is given to `found` as soon as it is.
-        Nothing is decided, and nobody moves by it.
+        Other plans are checked and rehearsed for it; each is given to `found` as soon as it is
+        ready. No decision follows, and no asset moves by it.
         """
         given = await answer(self._reload.services, question, self._record.state, found)
         if not self._closed:
@@ -369,12 +369,12 @@ class Station:
         self._reorder(lambda: self._worker.drop(self._intake.withdraw(mission_id), reason))
 
     def _stop_for(self, by: str) -> None:
-        """Stop everybody because somebody asks for it from elsewhere, unless all are stopped."""
+        """Stop all assets for a request from another station, unless they are stopped."""
         if not self.readonly and not self._gate.stopped:
             self.stop_all(by)
 
     def stop_all(self, by: str = "operator") -> None:
-        """Every asset is told to hold, the active mission is cancelled, the queue is emptied.
+        """Send every asset a hold, cancel the active mission, empty the queue.
 
         The stop is latched: until `release` no other command leaves the station, no mission is
         taken, and no alarm becomes one. The holds go out before anything else is done.
@@ -404,9 +404,9 @@ class Station:
         self._worker.queue_changed()
 
     def revoke(self, order_id: str, by: str = "operator") -> None:
-        """Take a standing order out of force, and what it has started out of the queue.
+        """Take a standing order out of force, and its waiting missions out of the queue.
 
-        A mission of its that has begun goes on. Raises ValueError when it is not in force.
+        A mission of it that has begun goes on. Raises ValueError when it is not in force.
         """
         self._writable()
         self._services.standing.revoke(order_id)

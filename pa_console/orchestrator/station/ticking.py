@@ -1,4 +1,4 @@
-"""Moves the world on when the clock says so, and takes in what is seen of it."""
+"""Moves the world on at the clock's pace, and takes in its telemetry."""
 
 import asyncio
 from collections.abc import Callable, Generator
@@ -19,10 +19,10 @@ FAULT_AGAIN_S = 10.0
 
 
 class Clock(Protocol):
-    """Says how many steps to take now."""
+    """Decides how many steps to take now."""
 
     waits: bool
-    """Whether the world stands still while the model is asked."""
+    """True if the world stands still while the model is asked."""
 
     @property
     def rate(self) -> float:
@@ -59,7 +59,7 @@ class RealTimeClock:
 
 
 class DevicesClock:
-    """The time of devices that nobody can hurry; `rate` stays what it is."""
+    """The real time of devices; `rate` stays as it is."""
 
     waits = False
 
@@ -95,7 +95,7 @@ class SteppedClock:
 
 
 class Ticking:
-    """Steps one fleet and tells everything that happens in it."""
+    """Steps one fleet and emits everything that happens in it."""
 
     def __init__(
         self,
@@ -116,9 +116,10 @@ class Ticking:
         self._services.sightings.look(self.first)
 
     async def run(self) -> None:
-        """Move the world on whenever the clock says so, and report telemetry at its own period.
+        """Move the world on at the clock's pace, and report telemetry at its own period.
 
-        A clock that lets the world wait for the mission does so while it is thought about only.
+        A clock that lets the world wait for the mission does so only while the mission is thought
+        about.
         """
         world = self._fleet.world
         every = max(1, round(world.telemetry_period_s / world.dt_s))
@@ -159,13 +160,13 @@ class Ticking:
             self._emit(ev.Noticed(level="alarm", subject="station", text=text), None)
 
     def happened(self, told: ev.IncidentHappened | ev.Noticed) -> None:
-        """Pass on what the fleet tells of; the incident that strikes the model does so here."""
+        """Emit an event of the fleet; an incident that strikes the model does so here."""
         self._emit(told, None)
         if isinstance(told, ev.IncidentHappened) and told.incident.kind == "worker":
             self._services.engine.kill_worker()
 
     def _wanted(self) -> bool:
-        """Return whether somebody waits for the world to move, and nobody thinks about it."""
+        """Return whether a follower waits for a step, and no mission is thought about."""
         return (self._feed.wanted or self._emergency_stop.waiting) and not self._worker.thinking
 
     def _look(self) -> None:
