@@ -52,7 +52,7 @@ from tests.fleets.broker import Broker, address_of, any_broker
 from tests.fleets.conftest import SHA, RunningSite, running
 from tests.scripted import ScriptedEngine, plan
 
-RATE = 4.0
+RATE = 2.0
 """Seconds at the site in one."""
 GRACE_S = 0.4
 """Real seconds from STOP until a reachable asset stands: 250 ms, and a busy machine."""
@@ -185,7 +185,7 @@ def flood(address: BrokerAddress, name: str, kind: str = "garbage") -> Generator
     That is 200 messages of 114 KB of garbage a second, or 10 a second with 900 phantom contacts.
     """
     words = [address.host, str(address.port), address.site, name, kind]
-    process = subprocess.Popen([sys.executable, "-c", POUR, *words])
+    process = subprocess.Popen([sys.executable, "-c", POUR, *words], stderr=subprocess.DEVNULL)
     yield
     process.kill()
     process.wait()
