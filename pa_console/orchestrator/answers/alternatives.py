@@ -43,7 +43,7 @@ class Alternative:
 
 
 async def find_alternatives(basis: CheckBasis, trace: MissionTrace) -> AsyncGenerator[Alternative]:
-    """Yield plans that are not the one that waits or came last: for other readings, other ways.
+    """Yield other plans than the one that waits: for other readings, with other agents.
 
     They are rehearsed in the present picture, and no model is asked.
     """

@@ -96,7 +96,7 @@ class CommandGate:
 
     @property
     def refusal(self) -> str:
-        """Why this station may move nothing at present, '' when it may, or where are no keys."""
+        """The reason why this station may move nothing at present, '' if it may."""
         return self._authority.refusal if self._authority is not None else ""
 
     def objection(self, rules: Rulebook) -> str:
@@ -257,7 +257,7 @@ class CommandGate:
         self._fleet.send(command)
 
     def _waits_for_log(self, command: DeviceCommand) -> bool:
-        """Whether `command` may go out only once the log has it: it moves an asset for a plan."""
+        """Return whether `command` moves an asset for a plan, and so waits for the log."""
         return command.verb not in STILL and not (self._halted and self._is_safety(command))
 
     def resend(self, command: DeviceCommand, times: int) -> ev.CommandResent | None:

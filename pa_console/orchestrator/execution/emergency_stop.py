@@ -25,7 +25,7 @@ class EmergencyStop:
 
     @property
     def waiting(self) -> bool:
-        """Whether a way to safety is not answered, or an asset not known to stand after a stop."""
+        """True while a way to safety is unanswered, or an asset is not seen to stand."""
         return bool(self._open) or (self._stop is not None and not self._stop.confirmed)
 
     def hold_all(self) -> list[ev.EventPayload]:

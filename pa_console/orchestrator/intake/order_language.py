@@ -55,7 +55,7 @@ _CODE = re.compile(
 
 
 class _Words(NamedTuple):
-    """The number of words of a text, names apart, and those that are strange to English."""
+    """The number of words of a text without names, and the words that are no English."""
 
     number: int
     strange: tuple[str, ...]

@@ -156,7 +156,7 @@ class StandingOrders:
         return found
 
     def started(self, mission: str, due: Due) -> None:
-        """Note `mission` as the one that was due."""
+        """Note `mission` as the one that is due."""
         self._own[mission] = _Own(due.order.id, due.subject)
 
     def starter(self, mission: str) -> str:

@@ -61,7 +61,7 @@ class Succession:
         return authority
 
     def take(self, publish: Callable[[], object]) -> CommandTaken:
-        """Take command now, let `publish` tell everybody, and return what the log is to begin with.
+        """Take command now, let `publish` announce it, and return the log's first event.
 
         Raises ValueError when command cannot be taken; nothing has changed then.
         """

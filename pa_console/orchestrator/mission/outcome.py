@@ -86,7 +86,7 @@ class Results:
 
 
 def begun(plan: Plan, task: Mission, picture: Picture) -> Mission | None:
-    """Return `task` if its executed `plan` could only begin what it asks for (WF-01).
+    """Return `task` if its executed `plan` could only begin it (WF-01).
 
     A contact that is to be warned is identified first. If it turns out to be no threat, the
     workflow does not go on, although the warning was asked for.

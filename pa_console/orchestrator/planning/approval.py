@@ -24,26 +24,26 @@ class CheckedPlan:
 
 @dataclass(frozen=True)
 class OrderAsRead:
-    """What the plan is for, and how far that can be trusted."""
+    """The reading that a plan serves, and the evidence for it."""
 
     asked: str = ""
     readings: tuple[str, ...] = ()
-    """What else was meant, maybe."""
+    """Other possible readings."""
     gaps: tuple[str, ...] = ()
     """Words of the order that the reading does not account for."""
     confidence: float | None = None
     read_apart: bool = False
-    """Whether another reader, second model or judge, reads the order otherwise."""
+    """True if another reader, second model or judge, reads the order differently."""
     narrowed: bool = False
-    """Whether the plan leaves out a part of what was asked."""
+    """True if the plan leaves out a part of the order."""
     question: str = ""
-    """What is asked back of an order that was not understood; '' where it was."""
+    """The question about an order that was not understood; '' if it was."""
 
 
 def approval_state(read: OrderAsRead, *, blocked: bool, objected: bool) -> ApprovalState:
-    """Return the worst of what is to be said of a plan: nothing else says so anywhere.
+    """Return the approval state of a plan; no other place decides it.
 
-    A plan is only `approve` where nothing speaks against its having been understood.
+    A plan is `approve` only if no evidence speaks against its reading.
     """
     if read.question:
         return "not_understood"
@@ -66,10 +66,10 @@ def request_approval(
     judging: bool = True,
     if_halted: Sequence[Action] = (),
 ) -> ApprovalRequested:
-    """Say what nobody may override, what must be acknowledged, and whether the judge objects.
+    """Return the request: hard blocks, points to acknowledge, and the judge's objection.
 
     With `judging`, a plan without a verdict is on hold. `if_halted` is approved with the plan. For
-    an order that was not understood nothing is proposed: no action, and no other reading.
+    an order that was not understood no plan and no other reading are proposed.
     """
     if read.question:
         return _ask_back(request_id, attempt, read.question)

@@ -16,25 +16,25 @@ from pa_console.schema.world import World
 from pa_console.session.confidence import Evidence, SecondAnswer, calibrated_confidence
 
 LIKELIER_OTHERWISE = 0.5
-"""Below this chance, something else was asked, in the model's own eyes, than what it wrote."""
+"""Below this confidence the model itself rates its reading as less likely than another one."""
 
 VOUCHED = 0.8
-"""A judge at least so sure bears out how a model read an order that tells no chance of its own."""
+"""A judge with at least this confidence confirms a reading without a confidence of its own."""
 
 UNTOLD = "not known: how sure the server's model is of what was asked"
 
 
 @dataclass(frozen=True)
 class ReadAgain:
-    """What the second reader says was asked, and the chance that it gave to that."""
+    """The second reader's reading, and its confidence in it."""
 
     asked: str
     confidence: float
     same: bool
-    """Whether that is what the plan is for, or comes to the same orders."""
+    """True if it is the plan's reading, or leads to the same orders."""
     measured: bool = True
-    """Whether it was measured how often this reader is right: only then can it take a doubt away,
-    and decide what is planned."""
+    """True if this reader's accuracy was measured: only then can it remove a doubt and decide the
+    plan."""
 
 
 @dataclass(frozen=True)
@@ -44,25 +44,25 @@ class Candidate:
     attempt: int
     examination: Examination
     gaps: tuple[str, ...] = ()
-    """In which points the plan is not what the planner itself says was asked."""
+    """The differences between the plan and the planner's own reading."""
     unmet: tuple[str, ...] = ()
-    """What of that no plan can do now, and why."""
+    """The parts of that reading that no plan can do now, with the reasons."""
     narrowed: bool = False
-    """Whether the plan leaves out a part of it that is not so already."""
+    """True if the plan leaves out a part of it that is not true already."""
     mentions: MentionCheck = NOTHING_SAID
-    """Whether that accounts for the words of the order."""
+    """The words of the order that the reading accounts for."""
     confidence: float | None = None
-    """The chance that its planner gave to what it says was asked."""
+    """The planner's confidence in its reading."""
     verdict: Verdict | None = None
     judge_error: str = ""
     judge_confidence: float | None = None
-    """The chance that the judge gave to what it says was asked."""
+    """The judge's confidence in its reading."""
     own: bool = False
-    """Whether the operator wrote it."""
+    """True if the operator wrote the plan."""
     by_server: bool = False
-    """Whether the model of a server wrote it."""
+    """True if the model of a server wrote the plan."""
     read_again: ReadAgain | None = None
-    """What the second reader says, where it was asked."""
+    """The second reader's result, if it was asked."""
 
     @property
     def badness(self) -> tuple[int, ...]:
@@ -72,20 +72,20 @@ class Candidate:
 
     @property
     def sound(self) -> bool:
-        """Whether nothing blocks it, and it is what its planner says was asked."""
+        """True if no rule blocks it and it matches its planner's reading."""
         return not any(self.badness[:2])
 
     @property
     def sure(self) -> float | None:
-        """How sure planner and judge were of what was asked; None: they did not tell."""
+        """The lower confidence of planner and judge; None if neither reported one."""
         told = (self.confidence, self.judge_confidence)
         return min((sure for sure in told if sure is not None), default=None)
 
     @property
     def agreed(self) -> float | None:
-        """How often an order that was read so is right, as the operator is told.
+        """The confidence shown to the operator: how often such a reading is right.
 
-        None where neither the second reader nor both others have read the order for themselves.
+        None unless the second reader, or both others, have read the order by themselves.
         """
         again, gaps = self.read_again, bool(self.mentions.gaps)
         if again is not None and (again.measured or not again.same):
@@ -97,9 +97,9 @@ class Candidate:
         return calibrated_confidence(read)
 
     def _second(self, again: ReadAgain) -> SecondAnswer:
-        """Return what the second reader says of the plan.
+        """Return the second reader's evidence on the plan.
 
-        Without a chance of the planner's, the plan is for what the second reader alone has read.
+        If the planner reported no confidence, the plan serves the second reader's own reading.
         """
         if not again.same:
             return "other"
@@ -107,10 +107,10 @@ class Candidate:
 
     @property
     def gaps_told(self) -> tuple[str, ...]:
-        """What speaks against the order having been understood.
+        """The evidence against the reading of the order.
 
-        A server's model that does not tell how sure it is has to be borne out by a judge who read
-        the order for itself and was sure.
+        If a server's model reports no confidence, a judge that read the order by itself, and was
+        sure, has to confirm it.
         """
         judged = self.judge_confidence
         unknown = self.by_server and self.confidence is None
@@ -119,13 +119,11 @@ class Candidate:
 
     @property
     def second_reading(self) -> str:
-        """What the judge says was asked, where it is the likelier reading; '' otherwise.
+        """Return the judge's reading if it is the likelier one; '' otherwise.
 
-        It objects to the plan, and the planner was unsure of its own reading and less sure than
-        the judge, or the plan does nothing: orders are given to be carried out, so of two readings
-        the one after which nothing is left to do is the likelier mistake. Of two chances the better
-        one says nothing where the judge's reading asks for less: what is left out costs none. A
-        refusal of what no order may have done stands.
+        It is likelier if the judge objects to the plan and the planner was unsure of its own
+        reading and less sure than the judge, or if the plan does nothing: orders are given to be
+        carried out, so of two readings the one that leaves nothing to do is the likelier mistake.
         """
         plan, verdict = self.examination.plan, self.verdict
         own = read_reason(plan.reason)
@@ -142,9 +140,9 @@ class Candidate:
         return asked if idle or (unsure and not less) else ""
 
     def does_as(self, other: "Candidate") -> bool:
-        """Whether the plan gives the orders of the `other`, for all of what it is for.
+        """Return whether the plan gives the orders of the `other`, for all of its reading.
 
-        Plans that leave everybody where they are bear each other out in nothing.
+        Plans that leave every asset in place do not confirm each other.
         """
         orders = frozenset(self.examination.plan.actions)
         if self.narrowed or self.gaps or all(action.verb == "hold" for action in orders):
@@ -153,7 +151,7 @@ class Candidate:
 
     @property
     def objected(self) -> bool:
-        """Whether the judge says that the plan is not right."""
+        """True if the judge finds the plan wrong."""
         return self.verdict is not None and self.verdict.verdict == "Failure"
 
 
@@ -162,19 +160,19 @@ def _refuses(reading: Reading | None) -> bool:
 
 
 class Fulfilment(NamedTuple):
-    """How far a plan is what was asked."""
+    """The agreement between a plan and a reading."""
 
     gaps: tuple[str, ...] = ()
     unmet: tuple[str, ...] = ()
-    """What of it no plan can do now, and why."""
+    """The parts of the reading that no plan can do now, with the reasons."""
     narrowed: bool = False
-    """Whether some of that is not so already."""
+    """True if some of those parts are not true already."""
 
 
 def fulfilment_of(
     found: Examination, reading: Reading | None, world: World, text: str
 ) -> Fulfilment:
-    """Compare a plan with what was asked, as far as `reading` of the order `text` tells that."""
+    """Compare a plan with a `reading` of the order `text`."""
     if reading is None or not reading.readable or found.rehearsal is None:
         return Fulfilment()
     moves = PlanMoves(world, found.rehearsal.before, found.plan)
@@ -185,5 +183,5 @@ def fulfilment_of(
 
 
 def better(first: Candidate | None, other: Candidate) -> Candidate:
-    """Return the one that there is less to say against, the `first` of two that are alike."""
+    """Return the candidate with less evidence against it; the `first` if they are alike."""
     return other if first is None or other.badness < first.badness else first

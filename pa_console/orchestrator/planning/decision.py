@@ -38,7 +38,7 @@ Decide = Callable[[], Awaitable[Decision]]
 
 
 _STILL: frozenset[Task] = frozenset(("report", "hold", "refused"))
-"""What is asked for without anybody moving."""
+"""Tasks that move no asset."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Readings:
     """The readings that are `offered` beside the one on show, the likeliest first."""
 
     own: str = ""
-    """What the plan on show is for; '' where nothing else is offered."""
+    """The reading of the plan on show; '' if no other reading is offered."""
     offered: tuple[str, ...] = ()
 
 
@@ -68,7 +68,7 @@ class Approved:
 
 @dataclass(frozen=True)
 class NotApproved:
-    """No plan is to be executed: what the mission comes to, and why."""
+    """The result of a mission whose plan is not executed, and the reason."""
 
     status: MissionStatus
     reason: str
@@ -125,11 +125,11 @@ async def ask_operator(
 async def answered(
     context: MissionContext, request: ev.ApprovalRequested, decide: Decide
 ) -> Decided:
-    """Tell of `request` and wait for an admissible decision on it, of as many as it takes.
+    """Emit `request` and wait for an admissible decision, by as many people as it takes.
 
-    What somebody has approved who is not enough alone stands until the request is answered. Who
-    signs elsewhere can only be one more: nothing is approved without the operator here. A plan that
-    this station could not send is blocked.
+    An approval that is not enough alone stands until the request is answered. Signatures from
+    elsewhere only add to it: every approval needs the operator here. A plan that this station could
+    not send is blocked.
     """
     gate, rules = context.services.gate, context.services.rulebook
     request = request.model_copy(update={"approvals": gate.needed(request, rules)})
@@ -180,9 +180,9 @@ def countersignature(signed: Countersigned) -> Decision:
 def _countersigns(
     request: ev.ApprovalRequested, decision: Decision, before: Mapping[str, str]
 ) -> bool:
-    """Whether a decision from elsewhere adds a signature where more than one person is asked for.
+    """Return whether a decision from elsewhere adds a signature where several are required.
 
-    `before` are the signatures that there are.
+    `before` are the signatures so far.
     """
     same = decision.request_id == request.request_id
     return same and bool(request.approvals) and not before.keys() >= decision.signatures.keys()
@@ -231,7 +231,7 @@ async def offer_standing(
 async def ask_back(
     context: MissionContext, asked: NotUnderstood, number: int, decide: Decide
 ) -> str | NotApproved:
-    """Ask the operator what was meant, for the time `number`, and return what is answered.
+    """Ask the operator for the meaning, for the time `number`, and return the answer.
 
     No plan was made, and none is approved by an answer.
     """
@@ -259,7 +259,7 @@ def rejection(shown: Candidate, decided: Decided) -> NotApproved:
 
 
 def _baseless(context: MissionContext, planned: Planned, said: str) -> bool:
-    """Whether a reading moves somebody, and names nothing that the words of the order name."""
+    """Return whether a reading moves an asset and names nothing from the order's words."""
     reading, world = read_asked(said), context.services.fleet.world
     if reading is None or all(ask.task in _STILL for ask in reading.asks):
         return False
@@ -270,14 +270,14 @@ def _baseless(context: MissionContext, planned: Planned, said: str) -> bool:
 
 
 def _question(shown: Candidate) -> str:
-    """Return what to ask back where a plan moves somebody and no word of the order bears it out."""
+    """Return the question to ask if a plan moves an asset and no word of the order supports it."""
     if not shown.mentions.baseless:
         return ""
     return "nothing in the order names what was read in it. What is to be done, by whom and where?"
 
 
 def _way_to_safety(shown: Candidate, world: World) -> tuple[Action, ...]:
-    """Return what is approved with a plan: what its agents do if it is halted."""
+    """Return the way to safety of a plan: its agents' actions if it is halted."""
     rehearsal = shown.examination.rehearsal
     if rehearsal is None:
         return ()
@@ -285,21 +285,21 @@ def _way_to_safety(shown: Candidate, world: World) -> tuple[Action, ...]:
 
 
 def said_by_planner(shown: Candidate) -> str:
-    """Return what the plan on show says was asked, '' without that."""
+    """Return the reading in the plan on show, '' without one."""
     return asked_words(shown.examination.plan.reason).rstrip("; ")
 
 
 def said_by_judge(shown: Candidate) -> str:
-    """Return what the verdict on it says was asked, '' without that."""
+    """Return the reading in the judge's verdict, '' without one."""
     said, planned, _ = shown.verdict.feedback.partition(PLANNED) if shown.verdict else ("", "", "")
     return said if planned else ""
 
 
 def read_apart(shown: Candidate, base: str) -> bool:
-    """Whether another reader says that something else was asked than the plan on show is for.
+    """Return whether another reader differs from the reading of the plan on show.
 
-    That is the second reader where it was asked, else the judge. Where nobody but the second
-    reader told a chance, the plan is for what it alone has read.
+    That is the second reader if it was asked, else the judge. If only the second reader reported a
+    confidence, the plan serves its reading.
     """
     if shown.read_again is not None:
         return not shown.read_again.same or shown.sure is None

@@ -1,8 +1,8 @@
-"""What the judge is asked of a plan and of its outcome, and how its verdict goes on.
+"""The judge's questions about a plan and about its outcome, and the course of its verdict.
 
-A small model reads an order far better than it compares two of them. So it says what was asked,
-without having seen the plan; the console says what is planned and whether that is the same; and the
-model ends with its verdict.
+A small model reads an order far better than it compares two of them. So it writes its own reading
+without the plan; the console adds the plan's orders and whether they match; and the model ends with
+its verdict.
 """
 
 import json
@@ -43,7 +43,7 @@ FITS = "it fits"
 
 
 class OrderComparison(NamedTuple):
-    """What the console writes after what was asked; `gaps` None where that cannot be read."""
+    """The console's comparison after the judge's reading; `gaps` is None if that cannot be read."""
 
     planned: str
     gaps: tuple[str, ...] | None
@@ -57,7 +57,7 @@ class OrderComparison(NamedTuple):
 
 
 def compare_with_order(asked: str, moves: PlanMoves) -> OrderComparison:
-    """Compare a plan with what was `asked`, in a judge's words ("asked: 1 drone home")."""
+    """Compare a plan with a reading in a judge's words ("asked: 1 drone home")."""
     reading = read_asked(asked)
     words = _planned(asked, moves)
     if reading is None or not reading.readable:
@@ -86,7 +86,7 @@ def compared_grammar(
 
 
 def _planned(asked: str, moves: PlanMoves) -> str:
-    """Return what is planned, by name where the order names assets."""
+    """Return the planned orders, by name if the order names assets."""
     actions, world = moves.plan.actions, moves.world
     by_name = any(name in asked for name in world.assets)
     words = planned(actions, world, by_name=by_name)

@@ -59,7 +59,7 @@ class MotionRecord:
             yield name, track.position
 
     def result(self) -> Motion:
-        """Return what was recorded; what stood still has no trajectory."""
+        """Return the recorded motion; an asset that stood still has no trajectory."""
         ways = {name: way.points() for name, way in self._ways.items()}
         return Motion(
             trajectories={name: points for name, points in ways.items() if len(points) > 1},

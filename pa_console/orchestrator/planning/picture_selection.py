@@ -28,7 +28,7 @@ Pick = tuple[str, str]
 
 
 def is_small(world: World) -> bool:
-    """Whether the picture of `world` is told whole, whatever the mission."""
+    """Return whether the picture of `world` is small enough for every prompt."""
     return len(world.assets) <= SMALL_ASSETS and len(world.gates) <= SMALL_GATES
 
 

@@ -1,7 +1,7 @@
-"""Who a plan sends where, who stays, and who else could have been sent: a plan beside its picture.
+"""A plan's moves: agents and destinations, assets that stay, and alternatives.
 
-What is told here follows from the picture that the plan was made from and from its commands; no
-simulation is needed.
+It follows from the picture that the plan was made from and from its commands; no simulation is
+needed.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,7 +27,7 @@ class PlanMoves:
 
     @cached_property
     def goals(self) -> Mapping[str, str]:
-        """Where every agent that is sent somewhere will be."""
+        """The destination of each agent that is sent to a place."""
         sent = ((action.agent, goes_to(action, self.world)) for action in self.plan.actions)
         return {agent: goal for agent, goal in sent if goal}
 
@@ -70,7 +70,7 @@ class PlanMoves:
         ]
 
     def takes_over(self, name: str) -> bool:
-        """Whether an asset moves to a gate that one of its guards leaves (WF-03)."""
+        """Return whether an asset moves to a gate that one of its guards leaves (WF-03)."""
         guards = self.guards(self.ends(name)) if name in self.moved else ()
         return any(guard in self.moved for guard in guards if guard != name)
 
@@ -84,7 +84,7 @@ class PlanMoves:
         return cover.by if cover is not None else ()
 
     def tracks(self, place: str) -> list[Track]:
-        """Return the tracks at a gate, also those that leave."""
+        """Return the tracks at a gate, including those that leave."""
         return [track for track in self.before.tracks.values() if track.gate == place]
 
     def commands(
@@ -99,6 +99,6 @@ class PlanMoves:
         ]
 
     def dealt_with(self, place: str) -> bool:
-        """Whether somebody looks at a place, or deals with whoever is there."""
+        """Return whether an asset looks at a place, or deals with a contact there."""
         drones = (a.target for a in self.plan.actions if self.kind(a.agent) == "uav")
         return bool(self.commands(place)) or place in drones

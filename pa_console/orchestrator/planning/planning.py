@@ -27,7 +27,8 @@ from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import Rehearsal
 
 MOST_SERVED = 6
-"""Plans of which the console gives the commands, at most, where the ones before are blocked."""
+"""The number of plans with the console's own commands that are tried, while the earlier ones are
+blocked."""
 
 
 @dataclass(frozen=True)
@@ -185,10 +186,10 @@ async def _with_commands_given(
     *,
     instead: Instead = "",
 ) -> Candidate:
-    """Examine plans for what was `asked` of which the console gives the commands.
+    """Examine plans for the reading `asked` with the console's own commands.
 
-    They serve less and less of it, until nothing blocks one. Returned is the best of them and the
-    `best` so far; a sound one in any case, where that is a plan for another `reading` too.
+    They serve less and less of it, until no rule blocks one. The result is the best of them and the
+    `best` so far; a sound one in any case, if that is a plan for another `reading` too.
     """
     retrieved = answered.retrieved
     for slots in await commands_for(context, retrieved, asked, MOST_SERVED):
@@ -227,7 +228,7 @@ def _case(answered: Answered, candidate: Candidate, rehearsal: Rehearsal) -> Pla
 
 
 def _read(answered: Answered, proposed: Plan) -> Reading | None:
-    """Return what was asked, as far as the console can read it."""
+    """Return the reading, as far as the console can parse it."""
     if answered.question.asked:
         return read_asked(answered.question.asked)
     return read_reason(proposed.reason)
@@ -279,7 +280,7 @@ async def _examined(
 def _mentions(
     context: MissionContext, task: Mission, found: Examination, unmet: Sequence[str]
 ) -> MentionCheck:
-    """Compare the words of the task with what the plan says was asked."""
+    """Compare the words of the task with the plan's reading."""
     fleet, plan_ = context.services.fleet, found.plan
     before = found.rehearsal.before if found.rehearsal is not None else fleet.picture()
     asked = asked_words(plan_.reason).rstrip("; ")

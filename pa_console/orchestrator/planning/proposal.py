@@ -35,7 +35,7 @@ from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Digest, Selection
 
 Instead = Literal["", "judged", "read_again"]
-"""Who read what a plan is for: the planner itself, the judge, or the second reader."""
+"""The reader of a plan's reading: the planner itself, the judge, or the second reader."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Question:
     picture_s: float
     prompt_s: float
     schema: Schema | None = None
-    """What a model on a server is held to in place of the grammar."""
+    """The JSON schema for a model on a server, in place of the grammar."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Attempt:
     plan: Plan
     confidence: float | None = None
     by_server: bool = False
-    """Whether the model of a server wrote it."""
+    """True if the model of a server wrote it."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class Answered:
 
     @property
     def error(self) -> str:
-        """Why there is no plan in it; '' where there is one."""
+        """The reason why there is no plan in it; '' if there is one."""
         return self.proposal.error if self.proposal.plan is None else ""
 
     @property
@@ -89,12 +89,12 @@ class Answered:
 
     @property
     def said(self) -> str:
-        """What was asked: as the operator says, or else the answer; '' without that."""
+        """The reading: the operator's, or else that in the answer; '' without one."""
         return self._words.rstrip("; ")
 
     @property
     def begun(self) -> str:
-        """The beginning of the answer in which it says what was asked; '' without that."""
+        """The beginning of the answer up to its reading; '' without one."""
         text = self.proposal.text
         words = next((words for words in (self._words, self.said) if words in text), "")
         return text[: text.find(words) + len(words)]
@@ -211,7 +211,7 @@ async def _served(
     question: Question,
     on_text: OnText,
 ) -> Proposal:
-    """Ask `model` what is asked, and make the plan for that."""
+    """Ask `model` for a reading, and make the plan for it."""
     asked = ReadingQuestion(question.prompt, question.reasons)
     read = await model.planner.reader.read(asked, on_text)
     if read.error:
@@ -254,9 +254,9 @@ async def ask_for_others(
 
 
 async def other_readings(context: MissionContext, answered: Answered, count: int) -> list[str]:
-    """Return what else the planner might have said was asked, the likeliest first.
+    """Return the planner's other likely readings, the likeliest first.
 
-    At most `count` ways are looked at. Nothing where it does not say what was asked.
+    At most `count` are tried. None if its answer has no reading.
     """
     question = answered.question
     if not question.reasons or not answered.said or count < 1:
@@ -277,10 +277,10 @@ async def commands_for(
     most: int,
     verbs: Sequence[Verb] = (),
 ) -> list[tuple[CommandSlot, ...]]:
-    """Return the commands of plans that serve what was `asked`, each with who may have it.
+    """Return the commands that serve the reading `asked`, each with the assets that may get it.
 
-    Where the planner may give some commands only, there are none but those in `verbs`. In a large
-    world it takes a while to find them, which the screen does not wait for.
+    If the planner may give some commands only, the rest is left out by `verbs`. In a large world
+    the search takes a while, in a thread of its own.
     """
     fleet, reading = context.services.fleet, read_asked(asked)
     if reading is None or (retrieved.verbs and not verbs):
@@ -327,7 +327,7 @@ async def ask_who(
 async def _given_commands(
     context: MissionContext, answered: Answered, asked: str, slots: Sequence[CommandSlot]
 ) -> Proposal:
-    """Return a plan for what was `asked` with the commands of `slots`."""
+    """Return a plan for the reading `asked` with the commands of `slots`."""
     model, question, task = answered.model, answered.question, answered.retrieved.task
     if model.dialect.served:
         made = served_plan(asked, slots, question.digest)

@@ -1,6 +1,6 @@
-"""Lets the models read what is known before a mission is given.
+"""Reading ahead: the models read the known parts of a prompt before a mission is given.
 
-Those are the fixed parts, the present picture, and of a mission that is being typed the rules that
+Those are the fixed parts, the present picture, and for a mission that is being typed the rules that
 concern its words so far, and these words. The second reader is started by the first words that are
 typed and reads them after the planner and the judge.
 """
@@ -35,7 +35,7 @@ class ReadAhead:
         self._turn = asyncio.Lock()
 
     def use(self, services: Services) -> None:
-        """Read with these from now on, and what was read with others again."""
+        """Use these services from now on, and read everything again."""
         self._services = services
         self._read.clear()
 
@@ -61,7 +61,7 @@ class ReadAhead:
         self._wanted.set()
 
     async def serve(self) -> None:
-        """Read the picture again whenever somebody types, for ever."""
+        """Read the picture again whenever the operator types, until cancelled."""
         while True:
             await self._wanted.wait()
             self._wanted.clear()

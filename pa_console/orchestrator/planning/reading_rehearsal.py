@@ -21,13 +21,13 @@ MOST_TRIED = 3
 
 
 MOST_ASSIGNED = 12
-"""Assignments of the same commands that are looked at for other ways to do what was asked."""
+"""The number of assignments of the same commands that are tried for alternatives."""
 
 
 async def rehearse_reading(basis: CheckBasis, task: Mission, asked: str) -> RehearsedReading | None:
-    """Return the best plan that serves what was `asked`, rehearsed in the present picture.
+    """Return the best plan for the reading `asked`, rehearsed in the present picture.
 
-    None where the console cannot tell what would serve it.
+    None if the console cannot find one.
     """
     fleet, reading = basis.fleet, read_asked(asked)
     if reading is None or not reading.readable:
@@ -49,10 +49,10 @@ async def rehearse_reading(basis: CheckBasis, task: Mission, asked: str) -> Rehe
 async def rehearse_other_ways(
     basis: CheckBasis, task: Mission, asked: str, but: Plan
 ) -> AsyncGenerator[RehearsedReading]:
-    """Yield sound plans that serve what was `asked` with other agents than the plan `but`.
+    """Yield sound plans for the reading `asked` with other agents than the plan `but`.
 
-    The commands are those that the console itself would give, and nobody could say no to a plan
-    that is yielded. Nothing where the console cannot tell what would serve it.
+    The commands are those that the console itself would give, and no rule blocks a yielded plan.
+    None if the console cannot find one.
     """
     fleet, reading = basis.fleet, read_asked(asked)
     if reading is None or not reading.readable:

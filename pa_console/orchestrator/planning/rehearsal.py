@@ -29,7 +29,7 @@ HORIZON_S = 240.0
 SETTLE_S = 2.0
 MOST_STEPS_PER_SLICE = 60
 ASSET_STEPS_PER_SLICE = 6000
-"""A slice has so many steps times assets at most: a few milliseconds."""
+"""The size of a slice, steps times assets: a few milliseconds."""
 
 
 def device_commands(plan: Plan, prefix: str) -> tuple[DeviceCommand, ...]:

@@ -33,7 +33,7 @@ from pa_console.schema.world import World
 
 
 class CheckBasis(Protocol):
-    """What plans are examined on: a fleet as it stands, the rules in force, what takes part."""
+    """The basis of an examination: a fleet's present state, the rules in force, the safeguards."""
 
     @property
     def fleet(self) -> Outlook:
@@ -47,16 +47,16 @@ class CheckBasis(Protocol):
 
     @property
     def variant(self) -> Variant:
-        """Which safeguards take part; all of them outside evaluations."""
+        """The active safeguards; all of them outside evaluations."""
         ...
 
 
 def assume_done(before: Picture, world: World, plan: Plan) -> Rehearsal:
-    """Return the picture after `plan` as if everybody were at once where he is sent.
+    """Return the picture after `plan` as if every agent were at its goal at once.
 
     For the ablation without rehearsal: nothing can happen on the way, so no gap, obstacle or
-    encounter is found, and no zone but one that somebody is sent into. The duration is the longest
-    straight way at full speed, in seconds.
+    encounter is found, and no zone but a goal's. The duration is the longest straight way at full
+    speed, in seconds.
     """
     goals = {a.agent: goal for a in plan.actions if (goal := goes_to(a, world))}
     assets = {
@@ -148,17 +148,17 @@ class Examination:
 
     @property
     def blocked(self) -> bool:
-        """Whether nobody may approve the plan."""
+        """True if the plan cannot be approved."""
         return any(finding.blocking for finding in self.findings)
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Every rule for which nobody may approve the plan, with what is wrong."""
+        """Every rule that blocks the plan, with its violation."""
         return tuple(f"{f.rule_id}: {f.message}" for f in self.findings if f.blocking)
 
     @property
     def broken(self) -> tuple[str, ...]:
-        """Every broken rule with what is wrong, warnings too."""
+        """Every broken rule with its violation, warnings included."""
         return tuple(f"{f.rule_id}: {f.message}" for f in self.findings if f.broken)
 
     @property

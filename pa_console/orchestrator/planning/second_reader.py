@@ -20,24 +20,23 @@ from pa_console.orders.reading import asked_words
 from pa_console.schema.events import event as ev
 
 DOUBT = 0.8
-"""Below this chance of planner or judge, an order is read again.
-
-Of 398 orders in people's words that neither model had met, the planner read 62 of the 206 below it
-as meant and the second reader 118; of the 192 above it, 177 and 175.
-"""
+"""Below this confidence of planner or judge, an order is read again. Of 398 orders in people's
+words that neither model had met, the planner read 62 of the 206 below it as meant and the second
+reader 118; of the 192 above it, 177 and 175."""
 
 PATIENCE_S = 15.0
-"""How long an operator waits for it, its loading included; then the plan is put forward without."""
+"""The longest wait for the second reader, its loading included, seconds; then the plan is proposed
+without it."""
 
 LEAST = 0.3
-"""Below this chance of its own, what the second reader says is only offered."""
+"""Below this confidence of its own, the second reader's reading is only offered."""
 
 
 def in_doubt(shown: Candidate) -> bool:
-    """Whether an order should be read again before its plan is put to the operator.
+    """Return whether an order should be read again before its plan is proposed.
 
-    So it is where a model was unsure, the judge objects, or words of the order are left over. A
-    plan that is blocked, and one that the operator wrote, is not put in doubt.
+    It should if a model was unsure, the judge objects, or words of the order are left over. A plan
+    that is blocked, and one that the operator wrote, is not put in doubt.
     """
     if shown.own or shown.examination.blocked or shown.sure is None:
         return False
@@ -45,7 +44,7 @@ def in_doubt(shown: Candidate) -> bool:
 
 
 async def read_again(context: MissionContext, case: PlanCase, shown: Candidate) -> Candidate:
-    """Return `shown` with what the second reader says of the order; as it is without an answer."""
+    """Return `shown` with the second reader's reading; unchanged without an answer."""
     services, world = context.services, context.services.fleet.world
     reader = services.server_reader or services.second_reader
     if reader is None or not services.variant.read_again or not in_doubt(shown):
@@ -80,9 +79,9 @@ async def read_again(context: MissionContext, case: PlanCase, shown: Candidate) 
 
 
 def likelier(shown: Candidate) -> bool:
-    """Whether what the second reader says is likelier than what the plan on show is for.
+    """Return whether the second reader's reading is likelier than that of the plan on show.
 
-    Where an order is in doubt, it is twice as often right as the planner.
+    If an order is in doubt, it is right twice as often as the planner.
     """
     read = shown.read_again
     return read is not None and read.measured and not read.same and read.confidence >= LEAST

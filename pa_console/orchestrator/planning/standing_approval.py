@@ -18,7 +18,7 @@ Approver = Callable[[ev.ApprovalRequested], Decision]
 ApprovalMode = Literal["auto", "never"]
 
 SURE_ENOUGH = 0.9
-"""How sure the console has to be of what was asked where a standing order approves a plan."""
+"""The lowest confidence in a reading at which a standing order approves a plan."""
 _STILL = frozenset(("hold", "report"))
 
 
@@ -101,10 +101,10 @@ def doubt(request: ev.ApprovalRequested, least: float) -> str:
 def unasked_decision(
     order: StandingOrder, request: ev.ApprovalRequested, allowed: Collection[Verb]
 ) -> Decision | None:
-    """Return the decision of a standing `order` on a plan that it started, None for nobody's.
+    """Return the decision of a standing `order` on its own plan, None if it decides nothing.
 
-    The rules name the commands that are `allowed`. A plan that more than one person must approve
-    is rejected; what it may not approve otherwise waits for the operator.
+    The rules name the commands that are `allowed`. A plan that more than one person must approve is
+    rejected; one that it may not approve otherwise waits for the operator.
     """
     if not order.unasked or not allowed:
         return None

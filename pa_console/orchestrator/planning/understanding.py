@@ -38,19 +38,19 @@ class NotUnderstood:
 
 @dataclass(frozen=True)
 class Understood:
-    """A mission that can be planned, with names for what it points at."""
+    """A mission that can be planned, with names in place of references."""
 
     mission: Mission
     references: tuple[ev.Reference, ...] = ()
     undoes: bool = False
-    """Whether it takes back what was ordered last."""
+    """True if it takes back the last order."""
     corrects: bool = False
-    """Whether it takes the place of what was ordered last."""
+    """True if it replaces the last order."""
 
 
 @dataclass(frozen=True)
 class StandingOffer:
-    """A standing order to be put to the operator, and what it would start `now`."""
+    """A standing order to propose, and the missions that it would start `now`."""
 
     condition: StandingCondition
     now: tuple[StandingStart, ...] = ()
@@ -63,11 +63,11 @@ class StandingOffer:
 
 @dataclass(frozen=True)
 class Retrieved:
-    """What the next plan is for, and the rules that the planner is told for it.
+    """The next plan's task, and the rules in the planner's prompt for it.
 
     `task` is the mission itself, or a phase of its workflow; with `verbs`, the planner is given no
-    other commands. `chosen` is what the operator says that the task asks; '' where the planner is
-    to read it.
+    other commands. `chosen` is the operator's reading of the task; '' if the planner has to read
+    it.
     """
 
     task: Mission
@@ -103,10 +103,10 @@ async def understand(
 
 
 async def _standing(context: MissionContext) -> Refused | NotUnderstood | StandingOffer | None:
-    """Return a standing order to be approved, or what is wrong with one; None for none.
+    """Return a standing order to approve, or the fault of one; None if there is none.
 
-    What it would order is looked at for one subject: an order that can never be read, or that the
-    rules on words refuse, is no standing order either.
+    Its order is tried for one subject: an order that can never be read, or that the rules on words
+    refuse, is no standing order either.
     """
     services, mission = context.services, context.mission
     found = services.read_standing(mission.text)

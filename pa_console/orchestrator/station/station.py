@@ -231,7 +231,7 @@ class Station:
         self._worker.queue_changed()
 
     def _take_over(self, station: str, left: LeftMissions) -> None:
-        """Tell what the relieved `station` leaves, and take up what it had sent nothing for."""
+        """Emit the relieved `station`'s open missions and queue the undispatched ones."""
         for text in left.notices(station):
             self._emit(ev.Noticed(level="warning", subject="command", text=text))
         if left.stopped:
@@ -248,7 +248,7 @@ class Station:
 
     @property
     def rules_offered(self) -> str:
-        """Why the rules in their file wait for the operator to accept them, "" when none do."""
+        """The reason why the rules in their file wait for acceptance, "" if they do not."""
         return self._reload.offered
 
     async def accept_rules(self) -> None:

@@ -81,7 +81,7 @@ class DevicesClock:
 
 
 class SteppedClock:
-    """As fast as possible while someone waits, else not at all: the world waits for the model."""
+    """Steps as fast as possible while a follower waits, and else not at all."""
 
     rate = 1.0
     waits = True
@@ -190,7 +190,7 @@ class Ticking:
         self._worker.see(picture)
 
     def _start_standing(self, picture: Picture, *, stopped: bool) -> None:
-        """Queue what standing orders start now, and tell what they do not start, and why."""
+        """Queue the missions that standing orders start now, and emit the withheld ones."""
         standing = self._services.standing
         busy = self._worker.handled | self._intake.subjects
         for found in standing.look(picture, busy, stopped=stopped):

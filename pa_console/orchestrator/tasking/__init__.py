@@ -1,1 +1,1 @@
-"""From the reading of an order to commands: who does what, and what a plan lacks."""
+"""Assignment: from the reading of an order to commands for assets, and a plan's gaps."""

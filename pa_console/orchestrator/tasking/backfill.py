@@ -1,4 +1,4 @@
-"""Who has to come besides those that an order sends: takeovers (WF-03) and a first look (WF-02)."""
+"""Additional assets for a plan: takeovers (WF-03) and a first look (WF-02)."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -13,7 +13,7 @@ from pa_console.schema.world import AssetKind
 
 
 class NotInPictureError(Exception):
-    """What serves an ask depends on more than the picture tells."""
+    """The plan for an ask depends on more than the picture shows."""
 
 
 class CommandUnit(NamedTuple):
@@ -21,12 +21,12 @@ class CommandUnit(NamedTuple):
 
     slots: tuple[CommandSlot, ...]
     ahead: bool = False
-    """Only to look where nobody is known to be: given up before anything else is."""
+    """The looks at places without a known contact: given up before any other part."""
 
 
 @dataclass(frozen=True)
 class StandingAssets(PlanMoves):
-    """Where everybody stands before a plan that serves an order which names those `named`."""
+    """The places of all assets before a plan for an order that names those in `named`."""
 
     named: frozenset[str] = frozenset()
 
@@ -35,12 +35,12 @@ class StandingAssets(PlanMoves):
         return [name for name in super().free(kind) if name not in self.named]
 
     def near(self, place: str, kind: AssetKind) -> tuple[str, ...]:
-        """Return who of a kind stands at a place, then who is free; nobody who is named."""
+        """Return the assets of a kind at a place, then the free ones; no named ones."""
         there = (name for name in self.there(place, kind) if name not in self.named)
         return tuple(dict.fromkeys((*there, *self.free(kind))))
 
     def fit(self, ask: Ask) -> list[str]:
-        """Return those whom `ask` names and who can do their part of it."""
+        """Return the assets that `ask` names and that can do their part of it."""
         return [n for n in ask.who.names if not unfit(n, ask, self.world, self.before)]
 
 
@@ -59,9 +59,9 @@ _MOST_RELIEFS = 3
 """Ways in which one gate is taken over that are looked at, the soonest first."""
 
 _DETOUR = 1.2
-"""How much longer than the straight way one is allowed for."""
+"""The allowed length of a way, as a multiple of the straight one."""
 Moves = Mapping[str, str]
-"""Who is sent where: agent -> frame."""
+"""Destinations by agent: agent -> frame."""
 Commands = tuple[tuple[str, str], ...]
 """Agents with their commands."""
 
@@ -100,7 +100,7 @@ def _came(
 def _helpers(
     stands: StandingAssets, goals: Moves, place: str, *, late: bool
 ) -> tuple[str, list[str]]:
-    """Return the command for whoever comes to `place`, and who could have it."""
+    """Return the command for the asset that comes to `place`, and the candidates for it."""
     spare = [n for n in stands.free() if n not in goals and not _is_last(stands, n, goals)]
     if _is_unseen(stands, goals, place):
         return f"observe {place}", [name for name in spare if stands.kind(name) == "uav"]
@@ -109,7 +109,7 @@ def _helpers(
 
 
 def _bare(stands: StandingAssets, goals: Moves, *, late: bool) -> Iterator[str]:
-    """Yield each gate that all its guards leave and to which nobody comes in time."""
+    """Yield each gate that all its guards leave and that no asset reaches in time."""
     for gate in stands.world.gates:
         guards = stands.guards(gate)
         if not guards or any(goals.get(name, gate) == gate for name in guards):
@@ -133,7 +133,7 @@ def _is_unseen(stands: StandingAssets, goals: Moves, place: str) -> bool:
 
 
 def bare_s(stands: StandingAssets, goals: Moves) -> float:
-    """Return how long the gates that all their guards leave wait for whoever comes, in seconds."""
+    """Return how long the gates that all their guards leave wait for a new guard, in seconds."""
     left = (
         [_way_s(stands, name, gate) for name, goal in goals.items() if goal == gate]
         for gate in stands.world.gates
@@ -154,14 +154,14 @@ def but_guards(stands: StandingAssets, names: Sequence[str], place: str) -> Iter
 
 
 def _is_last(stands: StandingAssets, name: str, goals: Moves) -> bool:
-    """Whether all other guards of the gate that `name` covers go away."""
+    """Return whether all other guards of the gate that `name` covers go away."""
     gate = stands.post(name)
     guards = stands.guards(gate)
     return name in guards and all(goals.get(g, gate) != gate for g in guards if g != name)
 
 
 def _is_in_time(stands: StandingAssets, name: str, gate: str) -> bool:
-    """Whether an asset can be at `gate` before its grace is over, not quite by the straight way."""
+    """Return whether an asset can reach `gate` within its grace time, with a detour."""
     return _DETOUR * _way_s(stands, name, gate) <= stands.world.coverage_grace_s
 
 

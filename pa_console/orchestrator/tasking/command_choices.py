@@ -1,14 +1,9 @@
-"""What plans that serve an order are made of: its commands, and who of the assets has each.
+"""The commands of plans that serve an order, and the candidates for each.
 
-Recon from the air, then identification, then a warning, then a block of what is hostile and was
-warned; noncombatants are only watched (ROE-08). The workflow goes on by itself later.
-
-It is the other side of `fulfilment.py`: there a plan is compared with what was asked, here the
-console says what a plan for it is made of.
-
-What serves one ask alone is told by `units`; here it is put together, so that nobody
-has two commands, every gate keeps its guard, and as much of the order is served as can be. Who of
-those that could go does go is left to the model.
+Recon from the air comes first, then identification, then a warning, then a block of a contact that
+is hostile and was warned; noncombatants are only watched (ROE-08). The workflow goes on by itself
+later. This is the other side of `fulfilment.py`: there a plan is compared with a reading, here
+commands are made from one.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -36,12 +31,12 @@ from pa_console.schema.world import World
 
 
 def identify_units(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
-    """Yield who finds out who is there; a drone looks first where nobody has (WF-02)."""
+    """Yield the commands that identify a contact; a drone looks first if none was seen (WF-02)."""
     yield _only_looked_at(stands, ask.place) or _identified(stands, ask)
 
 
 def encounter_units(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
-    """Yield what is due about whoever is there, or that a drone looks where nobody is known."""
+    """Yield the next command about a contact, or a drone's look if there is no known one."""
     tracks = stands.tracks(ask.place)
     if look := _only_looked_at(stands, ask.place):
         yield look
@@ -84,7 +79,7 @@ def _identified(stands: StandingAssets, ask: Ask) -> CommandUnit:
 
 
 def _only_looked_at(stands: StandingAssets, place: str) -> CommandUnit | None:
-    """Return the look that is all that is due where nobody is known to be, or noncombatants are."""
+    """Return the look that suffices without a known contact, or with noncombatants."""
     tracks = stands.tracks(place)
     if tracks and not any(track.noncombatants for track in tracks):
         return None
@@ -97,14 +92,14 @@ def _look(stands: StandingAssets, place: str) -> tuple[CommandSlot, ...]:
 
 
 def _robots(stands: StandingAssets, ask: Ask) -> tuple[str, ...]:
-    """Return who can be sent to deal with somebody: those whom `ask` names, or any robot."""
+    """Return the robots for an encounter: those that `ask` names, or any."""
     return tuple(stands.fit(ask)) or stands.near(ask.place, "robot")
 
 
 def units(stands: StandingAssets, ask: Ask) -> list[CommandUnit]:
-    """Return what serves `ask`, nothing where nobody is to do anything.
+    """Return the commands that serve `ask`, none if no asset has to act.
 
-    Raises UntoldError where the console cannot tell.
+    Raises UntoldError if the console cannot determine them.
     """
     found = list(_SERVES[ask.task](stands, ask))
     if not all(slot.agents for unit in found for slot in unit.slots):
@@ -113,9 +108,9 @@ def units(stands: StandingAssets, ask: Ask) -> list[CommandUnit]:
 
 
 def _sent(stands: StandingAssets, ask: Ask, command: str, place: str) -> Iterator[CommandUnit]:
-    """Yield `command` for those named, or for as many as are asked for and to be had.
+    """Yield `command` for the named assets, or for the requested number of available ones.
 
-    Of those named, a gate may need each one that covers it alone.
+    A gate may need each named asset that covers it alone.
     """
     team = ask.who
     if team.names:
@@ -182,7 +177,7 @@ def _guards(stands: StandingAssets, ask: Ask, place: str) -> list[str]:
 
 
 def _stand_there(stands: StandingAssets, ask: Ask, place: str) -> bool:
-    """Whether somebody who could guard a place stands there and is free."""
+    """Return whether a free asset that could guard a place stands there."""
     free = (name for name in stands.free(ask.who.kind) if is_of(stands, name, ask))
     return any(stands.post(name) == place for name in free)
 
@@ -249,7 +244,7 @@ _NOTHING = Plan(reason="nothing yet", actions=())
 _TRIED = 100
 """Ways to give the commands of a part of an order to assets that are looked at."""
 _WAYS = 12
-"""Of those that keep every gate covered, how many the model is given to choose from."""
+"""The number of assignments, with every gate covered, that the model may choose from."""
 _PARTS = 40
 """Parts of an order that are looked at, the largest first."""
 
@@ -318,10 +313,10 @@ def _ways(
     others_stay: bool,
     late: bool,
 ) -> Iterator[Way]:
-    """Yield plans in which everybody has one command at most and no gate is left.
+    """Yield plans in which each asset has one command at most and no gate is left.
 
-    Those `called` report if they have nothing else to do. With `late`, gates may wait for whoever
-    takes them over.
+    The assets in `called` report if they have nothing else to do. With `late`, gates may wait for
+    their new guard.
     """
     for given in islice(_given(slots), _TRIED):
         goals = _goals(stands, given)
@@ -334,7 +329,7 @@ def _ways(
 
 
 def _goals(stands: StandingAssets, actions: Sequence[Action]) -> dict[str, str]:
-    """Return where everybody is who has a command, once it is carried out."""
+    """Return the place of each commanded asset once its command is carried out."""
     ends = ((action.agent, goes_to(action, stands.world)) for action in actions)
     return {name: goal or stands.post(name) for name, goal in ends}
 
@@ -347,7 +342,7 @@ def _late_s(stands: StandingAssets, way: Way) -> float:
 def _given(
     slots: Sequence[CommandSlot], had: tuple[Action, ...] = ()
 ) -> Iterator[tuple[Action, ...]]:
-    """Yield the ways to give each of `slots` to somebody who has none yet."""
+    """Yield the ways to give each of `slots` to an asset without a command."""
     number = len(had)
     if number == len(slots):
         yield had

@@ -1,7 +1,7 @@
-"""Whether a plan does what an order was understood to ask for, and nothing else.
+"""The comparison of a plan with a reading: it does all of it, and nothing else.
 
-Reading the order is the model's part (`orders/reading.py`). What cannot be done counts for nothing,
-and neither does what the rules ask for besides: who takes over a gate, who looks first.
+Reading the order is the model's part (`orders/reading.py`). Parts that cannot be done do not count,
+nor do additions that the rules ask for: takeovers of gates, and a first look.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -23,7 +23,7 @@ from pa_console.schema.world import PLAIN_KINDS, AssetKind
 
 
 def reporters(ask: Ask, picture: Picture) -> tuple[str, ...]:
-    """Return the assets that are up and of which a report can be meant, in the picture's order."""
+    """Return the working assets that a report may be asked of, in the picture's order."""
     team = ask.who
     return tuple(
         name
@@ -34,7 +34,7 @@ def reporters(ask: Ask, picture: Picture) -> tuple[str, ...]:
 
 
 def of_everyone(ask: Ask) -> bool:
-    """Whether each of them is asked: of a place, of all of a kind, or of nobody in particular."""
+    """True if each of them is asked: of a place, of all of a kind, or of none in particular."""
     team = ask.who
     if ask.task != "report" or team.names:
         return False
@@ -69,7 +69,7 @@ def _there(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _is_left(moves: PlanMoves, name: str) -> bool:
-    """Whether an asset is the guard that stays at a gate when all others leave it (WF-03)."""
+    """Return whether an asset is the guard that stays when all others leave a gate (WF-03)."""
     guards = moves.guards(moves.post(name))
     others = [guard for guard in guards if guard != name]
     return name in guards and name not in moves.moved and all(o in moves.moved for o in others)
@@ -95,7 +95,7 @@ def _looked(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _identified(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Yield those who were named and do not go to the track, or that nobody finds out who it is."""
+    """Yield the named assets that do not go to the track, or that no asset identifies it."""
     names = _fit(case, ask)
     if names and case.moves.tracks(ask.place):
         if all(name in case.moves.alone for name in names) and not case.spare(ask):
@@ -107,10 +107,10 @@ def _identified(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _step_left_out(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Yield what is left out at a place: to identify who is there, and then to warn (WF-01).
+    """Yield the steps left out at a place: to identify a contact, and then to warn it (WF-01).
 
-    Whoever was not seen is looked at first, in the same plan (WF-02); noncombatants are only
-    watched (ROE-08).
+    An unseen contact is looked at first, in the same plan (WF-02); noncombatants are only watched
+    (ROE-08).
     """
     moves = case.moves
     tracks = [track for track in moves.tracks(ask.place) if track.status != "leaving"]
@@ -126,20 +126,20 @@ def _step_left_out(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _can(case: PlanForOrder, ask: Ask, tracks: Sequence[Track]) -> bool:
-    """Whether a robot can be had for `tracks`, and a drone where one has to look before."""
+    """Return whether a robot is available for `tracks`, and a drone if one has to look first."""
     seen = all(track.observed for track in tracks)
     kinds: tuple[AssetKind, ...] = ("robot",) if seen else ("robot", "uav")
     return all(case.moves.there(ask.place, kind) or case.spare(ask, kind) for kind in kinds)
 
 
 def is_to_be_warned(track: Track) -> bool:
-    """Whether a warning is due: it is known who that is, and nobody has warned him."""
+    """Return whether a warning is due: the contact is identified and not warned yet."""
     known = track.identity == "unauthorized" and not track.noncombatants
     return known and not track.warned
 
 
 def _blocked(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Yield that a lane is not closed, unless whoever is there has to be met first (WF-01)."""
+    """Yield that a lane is not closed, unless its contact has to be met first (WF-01)."""
     due = all(track.intent == "hostile" and track.warned for track in case.moves.tracks(ask.place))
     moves, fit = case.moves, _fit(case, ask)
     can = fit or case.spare(ask, "ugv") or moves.there(ask.place, "ugv")
@@ -168,7 +168,7 @@ def _swapped(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _stood_down(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Yield that not exactly one guard stays, or that nobody of several goes home."""
+    """Yield that more or fewer than one guard stays, or that none of several goes home."""
     there = {*case.moves.guards(ask.place), *case.moves.sent(ask.place)}
     left = [name for name in there if case.moves.ends(name) == ask.place]
     if ask.place in case.moves.world.gates and len(left) != 1:
@@ -178,7 +178,7 @@ def _stood_down(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _reported(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Yield whose report is missing, but for those of whom everybody is asked and who act."""
+    """Yield the missing reports, except of assets that act when all are asked."""
     actions = case.moves.plan.actions
     told = {action.agent for action in actions if action.verb == "report"}
     if ask.who.names:
@@ -231,7 +231,7 @@ _MEETS: frozenset[Task] = frozenset(("identify", "warn", "block", "respond"))
 
 
 def gaps(moves: PlanMoves, reading: Reading) -> tuple[str, ...]:
-    """Return in words what `reading` asks for and the plan lacks, then what nobody asked for."""
+    """Return in words the parts of `reading` that the plan lacks, then its unrequested parts."""
     due = [ask for ask in reading.asks if not obstacle_to(ask, moves.world, moves.before)]
     vain = {w.place for w in reading.asks if w not in due and w.task in _MEETS}
     case = PlanForOrder(moves, tuple(due), reading.others_stay, frozenset(vain))
@@ -267,9 +267,9 @@ def _unasked(case: PlanForOrder) -> Iterator[str]:
 
 
 def _watches(case: PlanForOrder, name: str) -> bool:
-    """Whether a drone goes to look at somebody whom nobody can deal with as was asked.
+    """Return whether a drone looks at a contact that cannot be dealt with as requested.
 
-    Where one stands already, no other one has to.
+    If one stands there already, no other one has to.
     """
     goal, flies = case.moves.ends(name), case.moves.kind(name) == "uav"
     seen = goal in case.watched and bool(case.moves.tracks(goal))

@@ -1,6 +1,6 @@
-"""What of an order cannot be carried out now, or need not, and who may move for it.
+"""The parts of an order that cannot be carried out now, or need not be, and the movable assets.
 
-What could be done and is not planned is the judge's to object to (`fulfilment.py`).
+A part that could be done and is not planned is for the judge to object to (`fulfilment.py`).
 """
 
 import re
@@ -69,7 +69,7 @@ def _nobody(ask: Ask, picture: Picture) -> str:
 
 
 def post_of(moves: PlanMoves, ask: Ask) -> str:
-    """Return the place that is to be taken over: as said, or that of the asset that leaves."""
+    """Return the place to take over: the named one, or that of the asset that leaves."""
     return ask.place or (moves.post(ask.leaving) if ask.leaving else "")
 
 
@@ -81,12 +81,13 @@ class PlanForOrder:
     due: tuple[Ask, ...]
     others_stay: bool
     watched: frozenset[str] = frozenset()
-    """Places of asks that nobody can carry out: to look there is a safe alternative (CAP-10)."""
+    """The places of asks that no asset can carry out: a look there is a safe alternative
+    (CAP-10)."""
 
     def spare(self, ask: Ask, kind: AssetKind | None = None) -> list[str]:
-        """Return who is free, of one kind if that is given, and does nothing but for `ask`.
+        """Return the free assets, of one kind if given, that act for no ask but `ask`.
 
-        Where `ask` says from where they are to come, nobody else.
+        If `ask` names an origin, only those from there.
         """
         moves, others = self.moves, [each for each in self.due if each != ask]
         return [
@@ -98,9 +99,9 @@ class PlanForOrder:
         ]
 
     def can_deal(self, ask: Ask) -> bool:
-        """Whether somebody could look at the place of `ask`, or deal with whoever is there.
+        """Return whether an asset could look at the place of `ask`, or deal with a contact there.
 
-        A drone can, from where it stands or as a spare one; a robot once a track was seen (WF-02).
+        A drone can, from its place or as a spare one; a robot once a track was seen (WF-02).
         """
         moves, tracks = self.moves, self.moves.tracks(ask.place)
         seen = bool(tracks) and all(track.observed for track in tracks)
@@ -111,12 +112,12 @@ class PlanForOrder:
 
 
 def is_of(moves: PlanMoves, name: str, ask: Ask) -> bool:
-    """Whether `name` comes from where those are to come from who are asked for."""
+    """Return whether `name` comes from the place that the order names as the origin."""
     return ask.who.origin in ("", moves.post(name))
 
 
 def may_move(moves: PlanMoves, name: str, ask: Ask) -> bool:
-    """Whether `name` may move for `ask`."""
+    """Return whether `name` may move for `ask`."""
     if name in (*ask.who.names, ask.leaving):
         return True
     goal, fits = moves.ends(name), ask.who.kind in (None, moves.kind(name))
@@ -139,32 +140,32 @@ def may_move(moves: PlanMoves, name: str, ask: Ask) -> bool:
 
 
 def _carries_out(moves: PlanMoves, name: str, ask: Ask) -> bool:
-    """Whether `name` moves for what is asked by `ask`, and not only to look first (WF-02)."""
+    """Return whether `name` carries out `ask` itself, and does not only look first (WF-02)."""
     kind = moves.kind(name)
     asked = name in ask.who.names or ask.who.kind in (None, kind)
     return may_move(moves, name, ask) and (name == ask.leaving or asked) and can_do(kind, ask.task)
 
 
 _LOOKS: frozenset[Task] = frozenset(("look", "identify", "warn", "respond"))
-"""What a drone begins with (WF-02)."""
+"""The verbs that begin with a drone's look (WF-02)."""
 _GOES: frozenset[Task] = frozenset((*_LOOKS, "go", "mass", "home", "block", "cover", "relieve"))
 
 
 _MEETS: frozenset[Task] = frozenset(("identify", "warn", "respond"))
-"""What needs somebody to be there."""
+"""The verbs that need a contact at the place."""
 _ONLY_FREE = re.compile(
     r"\b(?:free|spared?|available|idle|unassigned|surplus|extra|needed|can|could|possible|rest"
     r"|others?|remaining)\b"
 )
-"""What says, in lower case, that of all those only are meant who can be had."""
+"""Words, in lower case, that limit *all* to the available assets."""
 
 
 class Unmet(NamedTuple):
-    """What of an order a plan does not do, and why."""
+    """A part of an order that a plan does not do, and the reason."""
 
     told: str
     so: bool = False
-    """Whether it is as was asked already."""
+    """True if it is already as ordered."""
 
 
 def unmet_asks(moves: PlanMoves, reading: Reading, text: str) -> tuple[Unmet, ...]:
@@ -255,13 +256,13 @@ def _kept(moves: PlanMoves, ask: Ask) -> Iterator[str]:
 
 
 def _begun(moves: PlanMoves, ask: Ask) -> bool:
-    """Whether somebody acts for `ask`, or whoever it needs stands there already."""
+    """Return whether an asset acts for `ask`, or the one it needs stands there already."""
     acting = (a.agent for a in moves.plan.actions if a.verb not in ("hold", "report"))
     return bool(_standing(moves, ask)) or any(may_move(moves, name, ask) for name in acting)
 
 
 def _standing(moves: PlanMoves, ask: Ask) -> list[str]:
-    """Return who of those that `ask` needs stands where it wants somebody."""
+    """Return the assets that `ask` needs and that stand at its place."""
     place = moves.world.base if ask.task == "home" else post_of(moves, ask)
     kind = _needed(ask)
     kinds: tuple[AssetKind, ...] = (kind,) if kind else ("uav", "ugv", "robot")

@@ -1,6 +1,6 @@
-"""The plan that the console makes of what was asked, where a model says that and no more.
+"""The console's plan for a model's reading, if the model writes a reading and no plan.
 
-The commands are those of `command_choices.py`; of those who could have one, it goes to the first.
+The commands are those of `command_choices.py`; each goes to its first candidate.
 """
 
 from collections.abc import Sequence
@@ -11,13 +11,13 @@ from pa_console.schema.plan import MAX_REASON, Action, Plan
 from pa_console.schema.telemetry import Digest, Picture
 
 MOST_FACTS = 4
-"""Assets of whom a reason says how they stand."""
+"""The number of assets whose state a reason describes."""
 
 
 def served_plan(asked: str, slots: Sequence[CommandSlot], digest: Digest) -> Plan:
-    """Return the plan with the commands of `slots`, whose reason is what was `asked`.
+    """Return the plan with the commands of `slots`, with the reading `asked` as its reason.
 
-    The reason goes on with how those stand who have a command.
+    The reason goes on with the state of the commanded assets.
     """
     actions = tuple(Action(agent=slot.agents[0], command=slot.command) for slot in slots)
     named = list(dict.fromkeys(action.agent for action in actions))[:MOST_FACTS]
@@ -26,6 +26,6 @@ def served_plan(asked: str, slots: Sequence[CommandSlot], digest: Digest) -> Pla
 
 
 def still(picture: Picture) -> tuple[CommandSlot, ...]:
-    """Return that somebody holds: what is ordered where nothing that was asked can be."""
+    """Return a hold: the order if no part of the reading can be carried out."""
     up = (name for name, asset in picture.assets.items() if asset.available)
     return tuple(CommandSlot((name,), "hold") for name in list(up)[:1])
