@@ -471,9 +471,10 @@ def main() -> None:
             for start in starts
         ]
         for job in as_completed(jobs):
-            out.add(job.result())
+            batch = job.result()
+            out.add(batch)
+            print(*batch.drove_on, *batch.unnamed, sep="\n", end="\n" * bool(batch.drove_on))
             print(f"{out.histories} of {given.histories}: {out.summary()}", flush=True)
-    print(*out.drove_on[:20], *out.unnamed[:20], sep="\n")
 
 
 if __name__ == "__main__":
