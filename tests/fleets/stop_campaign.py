@@ -54,7 +54,7 @@ from tests.scripted import ScriptedEngine, plan
 
 RATE = 2.0
 """Seconds at the site in one."""
-GRACE_S = 0.4
+GRACE_S = 0.5
 """Real seconds from STOP until a reachable asset stands: 250 ms, and a busy machine."""
 WATCH_S, NAMED_S, LIE_S = 1.5, 1.5, 6.0
 """Real seconds of watching; seconds of the fleet until one in doubt, or a liar, is named."""
