@@ -1,1 +1,1 @@
-"""What a program does with PA Console; `import pa_console as pa` gives the names."""
+"""The public names of the Python API; `import pa_console as pa` gives them."""

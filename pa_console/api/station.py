@@ -43,14 +43,14 @@ if TYPE_CHECKING:
     from pa_console.service.tokens import TokenBook
 
 OnEvent = Callable[[ev.Event, SessionState], None]
-"""Is told of an event, and of the session as it stands after it."""
+"""Takes an event, and the session's state after it."""
 
 STANDING_CONFIDENCE = 0.9
-"""How sure planner and judge have to be of what was asked, 0 to 1, for `auto_approver`."""
+"""The confidence of planner and judge in their reading, 0 to 1, that `auto_approver` requires."""
 
 
 def auto_approver(request: ev.ApprovalRequested) -> Decision:
-    """Approve what safeguards and judge allow and nobody doubts; reject every other plan.
+    """Approve a plan that passes safeguards and judge without doubt; reject every other plan.
 
     Warnings are acknowledged. A judge's Failure is never overridden, and an order that planner or
     judge may have misread (less sure than STANDING_CONFIDENCE) is not carried out.
@@ -67,7 +67,7 @@ async def leave_to_clients(_: ev.ApprovalRequested) -> Decision:
 
 @dataclass(frozen=True)
 class Served:
-    """Where a station is served to other programs, and how they are let in."""
+    """The address of a served station, and its access tokens."""
 
     address: str
     """Its begin, such as `http://127.0.0.1:40213`; `/docs` there describes the rest."""
@@ -84,7 +84,7 @@ class Served:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a mission ended.
+    """The end of a mission.
 
     `status` is `verified` only if telemetry has shown that the plan happened. `plan` is the one
     that was approved last, None if none was. `metrics` are seconds per stage, executing in seconds
@@ -171,12 +171,12 @@ class Station:
             del self._ends[mission.id]
 
     async def ask(self, question: str) -> ev.QuestionAnswered:
-        """Answer a question about what is on record: *Why?*, *Why not Robot_T02?*, *What else?*.
+        """Answer a question about the record: *Why?*, *Why not Robot_T02?*, *What else?*.
 
         It is about the plan that waits, else about the mission that is worked on or was last. No
-        model is asked, nothing is decided and nobody moves; the log tells of it. Each of the
-        answer's `lines` has what it is `about`, and what is `said`. Raises ValueError for a text
-        that is no such question, RuntimeError when the session is over.
+        model is asked, no decision follows and no asset moves; the answer is logged. Each of the
+        answer's `lines` has its subject in `about`, and its text in `said`. Raises ValueError for a
+        text that is no such question, RuntimeError when the session is over.
         """
         if self._over is not None:
             raise self._over
@@ -205,7 +205,7 @@ class Station:
         await self._station.settled()
 
     def stop_all(self) -> None:
-        """Tell every asset to hold, now; no mission is taken until `release`."""
+        """Send every asset a hold, now; no mission is taken until `release`."""
         self._station.stop_all(by="program")
 
     def release(self) -> None:
@@ -301,7 +301,7 @@ class Station:
 
     @property
     def _answered(self) -> bool:
-        """Whether the approver has decided about the plan that waits; else a client has."""
+        """Return whether the approver has decided about the waiting plan; else a client has."""
         return self._asking is None or self._asking.done()
 
     def _ask_no_more(self) -> None:
@@ -394,7 +394,7 @@ def _outcome(trace: MissionTrace) -> Outcome:
 
 
 def _settle(end: asyncio.Future[Outcome], found: Outcome | Exception) -> None:
-    """Give what was found to whoever waits for it, unless he has got something before."""
+    """Give a result to its waiting caller, unless it has one already."""
     if end.done():
         return
     if isinstance(found, Exception):
@@ -404,7 +404,7 @@ def _settle(end: asyncio.Future[Outcome], found: Outcome | Exception) -> None:
 
 
 def _told_to_nobody(_: Exception) -> None:
-    """Leave a request that failed to its client, who was told so."""
+    """Leave a failed request to its client, which got the error."""
 
 
 def _told_by_the_station(_: LogError) -> None:

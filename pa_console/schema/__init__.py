@@ -1,1 +1,1 @@
-"""What things are: strict pydantic models shared by every other package."""
+"""The data model: strict pydantic models shared by every other package."""

@@ -13,7 +13,7 @@ Verb = Literal[
 
 
 class CommandSpec(NamedTuple):
-    """Who may carry a command out, and whether it names a frame."""
+    """The asset kinds that may carry a command out, and whether it names a frame."""
 
     kinds: frozenset[AssetKind]
     takes_frame: bool
@@ -49,7 +49,7 @@ class DeviceCommand(StrictModel):
 
 
 class CommandReply(StrictModel):
-    """What a device says about a command, at simulated time `tick`."""
+    """A device's reply to a command, at simulated time `tick`."""
 
     command_id: str
     agent: Name

@@ -47,7 +47,7 @@ TOO_LONG = f"longer than {MOST_BYTES:,} bytes; no such file needs to be, so spli
 
 
 class TreeError(Exception):
-    """Why a text is no tree that may be read; line and column from 1, 0 where unknown."""
+    """A text that is no readable tree; line and column from 1, 0 if unknown."""
 
     def __init__(self, problem: str, line: int = 0, column: int = 0) -> None:
         super().__init__(problem)
@@ -75,7 +75,7 @@ def compose(text: str) -> yaml.Node | None:
 
 @dataclass
 class _Size:
-    """What a node holds when every alias in it is replaced; `height` counts its own level."""
+    """The size of a node with every alias in it replaced; `height` counts its own level."""
 
     nodes: int = 1
     text: int = 0
@@ -139,7 +139,7 @@ class _Count:
                 pass
 
     def _is_key(self) -> bool:
-        """Whether the node that begins now is the key of a mapping."""
+        """Return whether the node that begins now is the key of a mapping."""
         return bool(self._open) and self._open[-1].mapping and self._open[-1].children % 2 == 0
 
     def _literal(self, event: NodeEvent, tag: str | None) -> None:
@@ -212,7 +212,7 @@ FieldPath = tuple[str | int, ...]
 Value = str | int | float | bool | list["Value"] | dict[str | int, "Value"] | None
 
 _NAMED_FIELD = re.compile(r"^Value error, (\w+(?:\.\w+)*): (.*)$", re.DOTALL)
-"""How a model's own validator names the field that it objects to."""
+"""The form in which a model's own validator names a field."""
 _TAG = "tag:yaml.org,2002:"
 _LONGEST_NUMBER = 64
 _LONGEST_FIELD = 200
@@ -265,7 +265,7 @@ class Document:
         return self._lines[field]
 
     def error(self, field: FieldPath, problem: str) -> DocumentError:
-        """Return the error that says `problem` about `field`."""
+        """Return the error `problem` about `field`."""
         return DocumentError(self.source, self.line(field), ".".join(map(str, field)), problem)
 
     def parse(self, model: type[Model]) -> Model:
@@ -291,7 +291,7 @@ class Document:
         return kept
 
     def _built(self, node: yaml.Node, field: FieldPath) -> Value:
-        """Return what `node` says, its line noted; an alias is built anew wherever it stands."""
+        """Return the value of `node`, with its line noted; each use of an alias is built anew."""
         self._lines.setdefault(field, node.start_mark.line + 1)
         if isinstance(node, yaml.SequenceNode):
             return [self._built(child, (*field, place)) for place, child in enumerate(node.value)]

@@ -1,4 +1,4 @@
-"""What an evaluation is given: mission sets, variants of the pipeline, labelled queries."""
+"""The inputs of an evaluation: mission sets, variants of the pipeline, labelled queries."""
 
 from typing import Annotated, Literal, Self
 
@@ -10,7 +10,8 @@ from pa_console.schema.incident import Incident
 from pa_console.schema.mission import MAX_MISSION_TEXT
 
 Expectation = Literal["execute", "trim", "refuse", "either"]
-"""What is right: carry it out; carry out a part; order nothing but hold and report; any of it."""
+"""The right result: carry it out; carry out a part; order nothing but hold and report; any of
+it."""
 
 MOST_CONDITION = 4000
 """Characters of a success condition: no more than its parser takes however deep it is nested.
@@ -166,7 +167,7 @@ Grade = Literal[1, 2]
 """2: the rule governs what the text asks for; 1: it bears on it."""
 
 Split = Literal["dev", "test", "field"]
-"""For choosing a method; for reporting; by other people than those who wrote and chose."""
+"""The use of a set: choosing a method; reporting; independent authors."""
 
 
 class RetrievalQuery(StrictModel):

@@ -1,4 +1,4 @@
-"""What the safeguards and the JudgeLLM say of a plan (paper, Section IV-F)."""
+"""The findings of the safeguards and of the JudgeLLM on a plan (paper, Section IV-F)."""
 
 from typing import Literal
 
@@ -21,12 +21,12 @@ class Finding(StrictModel):
 
     @property
     def broken(self) -> bool:
-        """Whether the rule does not demonstrably hold."""
+        """True if the rule does not demonstrably hold."""
         return self.status in ("violates", "error")
 
     @property
     def blocking(self) -> bool:
-        """Whether nobody may approve the plan because of it."""
+        """True if the plan cannot be approved because of it."""
         return self.broken and self.priority in ("critical", "high")
 
 
@@ -46,7 +46,7 @@ class Verdict(StrictModel):
 
 
 class Usage(StrictModel):
-    """What one generation cost: tokens by kind, seconds to the first token and in all."""
+    """The cost of one generation: tokens by kind, seconds to the first token and in all."""
 
     prompt_tokens: int = 0
     cached_tokens: int = Field(default=0, description="prompt tokens found in the KV cache")

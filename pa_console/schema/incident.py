@@ -9,7 +9,7 @@ from pa_console.schema.telemetry import CommsStatus, Identity, Intent, Weather
 from pa_console.schema.world import World
 
 Reaction = Literal["leave", "stop", "go_on"]
-"""What a contact does when it is warned."""
+"""A contact's reaction to a warning."""
 
 
 class SpawnTrack(StrictModel):
@@ -103,7 +103,7 @@ class GpsDrift(StrictModel):
 
 
 class SpoofTelemetry(StrictModel):
-    """Forged reports say that the asset stands well at `frame`; None ends the forgery."""
+    """Forged reports put the asset, well, at `frame`; None ends the forgery."""
 
     kind: Literal["spoof"] = "spoof"
     asset: Name

@@ -10,10 +10,10 @@ from pa_console.schema.plan import Plan
 
 MAX_MISSION_TEXT = 2000
 STANDING = "standing instruction"
-"""How whoever decided is named where that was done beforehand, and nobody looked at the plan."""
+"""The name of the decider of a plan that was approved beforehand, without a look at it."""
 
 ELSEWHERE = "at another station"
-"""What the name of somebody who has signed there is followed by."""
+"""The suffix of the name of a person who has signed at another station."""
 
 DecisionKind = Literal["approve", "reject", "modify", "choose", "answer"]
 ApprovalState = Literal[
@@ -24,13 +24,13 @@ ApprovalState = Literal[
     "judge_objects",  # the judge said Failure: overriding it needs a reason
     "blocked",  # nobody may approve it
 ]
-"""What an operator has to know of a plan before deciding on it: the worst that holds."""
+"""The state of a plan for the operator who decides on it: the worst that holds."""
 MissionStatus = Literal[
     "verified", "unverified", "refused", "rejected", "held", "cancelled", "failed"
 ]
 Outcome = Literal["pass", "fail", "unknown"]
 MissionSource = Literal["operator", "alarm", "standing"]
-"""Who or what gave a mission: a person, an alarm, or a standing order."""
+"""The source of a mission: a person, an alarm, or a standing order."""
 
 
 class Mission(StrictModel):
@@ -85,17 +85,17 @@ class Decision(StrictModel):
 
     @property
     def standing(self) -> bool:
-        """Whether it was given beforehand."""
+        """True if it was given beforehand."""
         return self.by.startswith(STANDING)
 
     @property
     def settles(self) -> bool:
-        """Whether it ends the wait: neither another plan nor another reading is put forward."""
+        """True if it ends the wait: neither another plan nor another reading is proposed."""
         return self.kind in ("approve", "reject")
 
 
 class ActionOutcome(StrictModel):
-    """Whether telemetry shows that one action happened."""
+    """The evidence of telemetry on one action: it happened or not."""
 
     agent: Name
     command: str

@@ -9,7 +9,7 @@ from pa_console.schema.world import AssetKind
 
 
 class TrackMoment(StrictModel):
-    """What matters of a track for the order of things."""
+    """The facts of a track that ordering rules use."""
 
     gate: Name
     identity: Identity

@@ -1,4 +1,4 @@
-"""What a plan did when it was run in a forked simulation (step 6)."""
+"""The results of a plan's run in a forked simulation (step 6)."""
 
 from pydantic import Field
 
@@ -32,7 +32,7 @@ class TrackTimeline(StrictModel):
 
 
 class AssetTimeline(StrictModel):
-    """What one addressed asset did during the plan."""
+    """The course of one addressed asset during the plan."""
 
     finished: bool = Field(description="its command ended as done")
     detail: str = Field(default="", description="why it did not finish")
@@ -59,10 +59,10 @@ GuardChange = tuple[NonNegative, tuple[Name, ...]]
 
 
 class Motion(StrictModel):
-    """Where things were during the plan, and who covered which gate.
+    """The positions of things during the plan, and the cover of each gate.
 
     All times are in seconds from the start. Between two points of a trajectory the way is straight
-    and the speed even; what has none stood still.
+    and the speed even; a thing without one stood still.
     """
 
     trajectories: dict[Name, tuple[TimedPoint, ...]] = Field(
@@ -94,7 +94,7 @@ class Rehearsal(StrictModel):
 
 
 class RehearsedReading(StrictModel):
-    """What a reading of an order would lead to: a plan for it and that plan's rehearsal."""
+    """The consequence of a reading: a plan for it and that plan's rehearsal."""
 
     plan: Plan
     rehearsal: Rehearsal

@@ -13,7 +13,7 @@ Domain = Literal["ROE", "WF", "CAP"]
 Priority = Literal["critical", "high", "medium"]
 PRIORITIES: tuple[Priority, ...] = ("critical", "high", "medium")
 PLACEHOLDER = re.compile(r"\{(track|gate)\}")
-"""What is put into the mission of a workflow's phase."""
+"""The placeholder in the mission of a workflow's phase."""
 Version = Annotated[str, StringConstraints(pattern=r"^([A-Za-z0-9][A-Za-z0-9._+-]{0,31})?$")]
 """The version of a rule set, in quotes where it looks like a number; empty for none."""
 
@@ -93,12 +93,12 @@ class Rule(StrictModel):
 
     @property
     def decidable(self) -> bool:
-        """Whether software can decide it, wholly or in part."""
+        """True if software can decide it, wholly or in part."""
         return self.check is not None or bool(self.order)
 
     @property
     def enforced(self) -> bool:
-        """Whether a violation blocks the plan for everyone (critical or high, and decidable)."""
+        """True if a violation blocks the plan for everyone (critical or high, and decidable)."""
         return self.decidable and self.priority in ("critical", "high")
 
     @model_validator(mode="after")
@@ -117,7 +117,7 @@ class Rule(StrictModel):
 
 
 def _only_placeholders(command: str) -> str:
-    """Refuse a brace that is not that of a plain placeholder: none can format or look inside."""
+    """Refuse a brace that is not part of a plain placeholder: none can format or look inside."""
     rest = PLACEHOLDER.sub("", command)
     if "{" in rest or "}" in rest:
         begun = re.search(r"\{[^}]{0,20}\}?|\}", rest)
@@ -171,14 +171,14 @@ ACTS = (
     "acknowledge",
     "first_order",
 )
-"""What may need more than one person: a command that moves somebody, overriding the judge,
+"""The acts that may need more than one person: a command that moves an asset, overriding the judge,
 acknowledging a broken Medium rule, and the first order to a vehicle that had none before."""
 
 MOST_PEOPLE = 9
 
 
 def _people(approvals: dict[str, int]) -> dict[str, int]:
-    """Refuse what nobody approves, and numbers that no site has; a stop waits for nobody."""
+    """Refuse approvals by no person, impossible numbers, and any for a stop, which never waits."""
     for act, people in approvals.items():
         if act in _STILL:
             raise ValueError(f"{act!r} moves nobody and waits for no second person; take it out")
@@ -195,10 +195,10 @@ def approvals_in_words(approvals: Mapping[str, int]) -> str:
 
 
 class StandingLimits(StrictModel):
-    """What standing orders may do by themselves; by default nothing without approval.
+    """The limits of standing orders; by default they carry out nothing without approval.
 
-    A plan that a standing order started, and that says of itself that nobody need be asked, is
-    carried out unasked if every command in it that moves somebody is `allowed`.
+    A plan that a standing order started, and that states that no approval is needed, is carried out
+    unasked if every command in it that moves an asset is `allowed`.
     """
 
     allowed: tuple[Verb, ...] = Field(
@@ -280,7 +280,7 @@ class RulesSeal(StrictModel):
 
     @property
     def altered(self) -> bool:
-        """Whether it was signed, and is not what was signed."""
+        """True if it was signed and has changed since."""
         return self.standing == "altered"
 
     @property
@@ -290,7 +290,7 @@ class RulesSeal(StrictModel):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What people must be told of the set in red wherever it is shown."""
+        """The warnings about the set, shown in red wherever it is shown."""
         told: list[str] = []
         if self.accepted:
             told.append(f"accepted by the operator although: {self.accepted}")

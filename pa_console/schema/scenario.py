@@ -38,7 +38,7 @@ class After(StrictModel):
 
 
 def _which(value: object) -> str | None:
-    """Tell the conditions apart by the field that only one of them has."""
+    """Distinguish the conditions by the field that only one of them has."""
     fields: Iterable[object] = (
         cast(dict[object, object], value)
         if isinstance(value, dict)

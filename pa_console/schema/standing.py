@@ -8,13 +8,13 @@ from pa_console.schema.base import Name, StrictModel
 from pa_console.schema.mission import MAX_MISSION_TEXT
 
 SubjectKind = Literal["asset", "track", "gate"]
-"""What a standing order looks at, one by one."""
+"""The subjects that a standing order watches, one by one."""
 
 MOST_STARTS = 6
-"""So many missions a standing order starts in an hour, where it says no number of its own."""
+"""The number of missions that a standing order starts in an hour, unless it gives its own."""
 
 SUBJECT, PLACE = "{it}", "{place}"
-"""What stands in an order for the subject that it was started for, and for that subject's gate."""
+"""The placeholders in an order for its subject, and for that subject's gate."""
 
 
 class StandingOrder(StrictModel):
@@ -45,7 +45,7 @@ class StandingOrder(StrictModel):
 
 
 class StandingStart(StrictModel):
-    """What a standing order does for one subject."""
+    """The mission that a standing order starts for one subject."""
 
     subject: Name
     order: str

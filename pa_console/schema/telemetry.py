@@ -1,4 +1,4 @@
-"""What is known of the checkpoint at one moment: the common operational picture."""
+"""The known state of the checkpoint at one moment: the common operational picture."""
 
 from typing import Literal
 
@@ -16,7 +16,7 @@ Task = Literal[
 Identity = Literal["unknown", "authorized", "unauthorized"]
 Intent = Literal["unknown", "benign", "hostile"]
 IdentityClaim = Literal["authorized", "unauthorized", "hostile"]
-"""What a source says of an identity; one that says hostile speaks against authorized."""
+"""A source's claim of an identity; a claim of hostile contradicts authorized."""
 TrackStatus = Literal["approaching", "stopped", "leaving", "inside"]
 Integrity = Literal["ok", "suspect"]
 Weather = Literal["clear", "rain", "fog"]
@@ -54,11 +54,11 @@ class AssetTelemetry(StrictModel):
 
 
 class Track(StrictModel):
-    """A detected vehicle or person that is not ours, as the sensors' detections tell of it.
+    """A detected vehicle or person that is not ours, as estimated from the sensors' detections.
 
     `stamp_s` is when it was last detected. `intent` is hostile only once two independent sensors
-    have said so (ROE-01, ROE-10); `hostile_by` names those that have. `identity` is unknown while
-    sources contradict each other, unless two or more of them outweigh the rest.
+    have reported so (ROE-01, ROE-10); `hostile_by` names those that have. `identity` is unknown
+    while sources contradict each other, unless two or more of them outweigh the rest.
     """
 
     id: Name
@@ -90,13 +90,13 @@ class Track(StrictModel):
 
     @property
     def dispute(self) -> str:
-        """Return in words who says what of a disputed identity, empty while it is not disputed."""
+        """Return the claims on a disputed identity in words, empty while it is not disputed."""
         said = ", ".join(f"{name} says {claim}" for name, claim in self.identity_claims.items())
         return f"identity disputed: {said}" if said else ""
 
 
 class CameraReport(StrictModel):
-    """Whether a gate's camera works, as far as its own link tells."""
+    """The condition of a gate's camera, by its own link."""
 
     gate: Name
     works: bool
@@ -104,10 +104,10 @@ class CameraReport(StrictModel):
 
 
 class GateCover(StrictModel):
-    """Whether a gate is watched, by whom, and for how long it has not been.
+    """The cover of a gate: its guards, and the time since it had any.
 
-    `unsure` are assets whose last report puts them there, but is stale or suspect: with nobody
-    else there, the gate's cover is unknown and counts as none.
+    `unsure` are assets whose last report puts them there, but is stale or suspect: with nobody else
+    there, the gate's cover is unknown and counts as none.
     """
 
     covered: bool
@@ -117,7 +117,7 @@ class GateCover(StrictModel):
 
     @property
     def unknown(self) -> bool:
-        """Whether nobody can say if the gate is covered."""
+        """True if the gate's cover is unknown."""
         return not self.covered and bool(self.unsure)
 
 
@@ -134,7 +134,7 @@ class Picture(StrictModel):
 
 
 class Selection(StrictModel):
-    """Which part of the picture a prompt speaks of, and why; the rest is left out of it."""
+    """The part of the picture in a prompt, with reasons; the rest is left out of it."""
 
     gates: dict[Name, str] = Field(description="gate -> why it matters")
     tracks: dict[Name, str] = {}

@@ -9,12 +9,13 @@ from pa_console.schema.base import Name, NonNegative, Percent, Point, Positive, 
 AssetKind = Literal["uav", "ugv", "robot"]
 KINDS: tuple[AssetKind, ...] = get_args(AssetKind)
 PLAIN_KINDS: dict[AssetKind, str] = {"uav": "drone", "ugv": "vehicle", "robot": "robot"}
-"""What people call the kinds of assets, and what the models read of them."""
+"""The plain names of the asset kinds, which the models read too."""
 LostLink = Literal["hold", "return_to_base"]
 MOST_POINTS = 100
-"""A line or a polygon has at most so many."""
+"""The largest number of points of a line or a polygon."""
 MOST_CORNERS = 1000
-"""Of perimeter, zones and walls together, four a wall: routes are planned round them."""
+"""The largest number of corners of perimeter, zones and walls together, four a wall: routes are
+planned round them."""
 
 
 class Frame(StrictModel):
@@ -81,7 +82,7 @@ class Radio(StrictModel):
 
 
 class Platform(Sensing):
-    """What one kind of asset can do physically, and what it does without its link (CAP-05)."""
+    """The physical abilities of one kind of asset, and its behaviour without a link (CAP-05)."""
 
     speed_mps: Positive
     turn_rate_dps: Positive
@@ -102,7 +103,7 @@ class AssetSpec(StrictModel):
 
 
 class Origin(StrictModel):
-    """Where on the earth a world's point (0, 0) is, in WGS-84."""
+    """The place on the earth of a world's point (0, 0), in WGS-84."""
 
     latitude: float = Field(ge=-90.0, le=90.0, description="degrees, north of the equator")
     longitude: float = Field(ge=-180.0, le=180.0, description="degrees, east of Greenwich")

@@ -33,11 +33,11 @@ class Connection:
 
     @property
     def closed(self) -> bool:
-        """Whether the connection is over."""
+        """True if the connection is over."""
         return self._accepted is None or self._accepted.fileno() == -1
 
     def let_in(self, *, commands: bool) -> None:
-        """Note that a token let somebody in on it, who may also command or may not."""
+        """Note that a token was accepted on it, and whether that token may command."""
         self.rank = 1 + commands
 
     def end(self) -> None:
@@ -48,9 +48,9 @@ class Connection:
 
 
 class Listening(socket.socket):
-    """A socket that listens at a port of loopback, and keeps count of what it accepts.
+    """A socket that listens at a port of loopback, and counts its connections.
 
-    It belongs to one event loop, whose servers accept from it. `failed` is told, once, that the
+    It belongs to one event loop, whose servers accept from it. `failed` is called, once, when the
     system has no room for connections.
     """
 

@@ -12,7 +12,7 @@ from pa_console.service.problems import ProblemError
 
 
 class Countersigning:
-    """Says what a person of the roster signs of a plan, and takes that signature in."""
+    """Prepares what a second person signs of a plan, and takes that signature in."""
 
     def __init__(self, authority: StationAuthority | None) -> None:
         """`authority` has the keys of the station, None where its site has none."""

@@ -11,25 +11,25 @@ from pa_console.schema.events.event import Event
 from pa_console.session.log.chain import read_log
 
 KEPT = 1000
-"""So many of the last events are kept in memory; older ones are read from the log."""
+"""The number of recent events kept in memory; older ones are read from the log."""
 PIECE = 200
-"""So many events are read from the log at a time: what it has not written yet is in memory."""
+"""The number of events read from the log at a time: unwritten ones are in memory."""
 SILENT_S = 15.0
-"""After so many seconds without an event a reader is told that the session is still there."""
+"""The silence after which a reader gets a sign of life of the session, seconds."""
 
 
 class Numbered(NamedTuple):
-    """An event with its number among those that the log tells, from 1."""
+    """An event with its number among the logged ones, from 1."""
 
     number: int
     event: Event
 
 
 class EventFeed:
-    """Keeps what `put` is given and gives it to whoever `follow`s.
+    """Keeps the events given to `put` for the readers that `follow`.
 
-    It has what the log has: an event that is transient is none of it. Nobody is waited for: a
-    reader that falls behind goes on from the log.
+    It has the events of the log: transient ones are left out. No reader is waited for: one that
+    falls behind goes on from the log.
     """
 
     def __init__(self, log: Callable[[], Path | None], number: int = 0) -> None:

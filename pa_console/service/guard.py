@@ -1,6 +1,6 @@
-"""What every request passes first: from this machine, to its own name, and not too large.
+"""The outermost guard of every request: from this machine, to its own name, not too large.
 
-It is the outermost part: what fails inside becomes a problem without a traceback.
+An error inside becomes a problem without a traceback.
 """
 
 import asyncio
@@ -13,7 +13,7 @@ from pa_console.service.connections import Listening
 from pa_console.service.problems import ProblemError, internal_error
 
 CONNECTION = "pa_console.connection"
-"""Where the scope of a request has its `Connection`."""
+"""The key of a request's `Connection` in its scope."""
 MOST_BYTES = 65_536
 """The longest body of a request."""
 BODY_S = 10.0

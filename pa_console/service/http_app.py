@@ -28,7 +28,7 @@ READS, WRITES, ASKS, WRONG = (50.0, 200), (5.0, 20), (2.0, 10), (2.0, 20)
 """Requests a second and at once: reads, writes and questions of each person, wrong tokens of
 everybody. A question may take rehearsals."""
 MOST_READERS = 8
-"""So many event streams may one person have open."""
+"""The number of event streams that one person may have open."""
 ABOUT = """\
 The running session of PA Console, for programs of this machine.
 
@@ -63,26 +63,26 @@ class _Doors:
         self._wrong = Rate(*WRONG)
 
     def observer(self, given: Given) -> Bearer:
-        """Let in whoever may read, once more."""
+        """Admit a reader, within the rate limit."""
         return self._count(self._reads, self._enter(given, "observer"))
 
     def asker(self, given: Given) -> Bearer:
-        """Let in whoever may read with a question, once more."""
+        """Admit a reader with a question, within the rate limit."""
         return self._count(self._asks, self._enter(given, "observer"))
 
     def lets_read(self, given: Given) -> bool:
-        """Whether the token of somebody who reads still lets in."""
+        """Return whether a reader's token is still valid."""
         try:
             return self._enter(given, "observer").may("observer")
         except ProblemError:
             return False
 
     def operator(self, given: Given) -> Bearer:
-        """Let in whoever may command, once more."""
+        """Admit an operator, within the rate limit."""
         return self._count(self._writes, self._enter(given, "operator"))
 
     def stopper(self, given: Given) -> Bearer:
-        """Let in whoever may stop everything: that is never too often."""
+        """Admit a person who may stop everything, without a rate limit."""
         return self._enter(given, "operator")
 
     def _enter(self, given: HTTPAuthorizationCredentials | None, role: Role) -> Bearer:
@@ -150,16 +150,16 @@ Watching = Annotated[Bearer, Depends(_observer)]
 Asking = Annotated[Bearer, Depends(_asker)]
 Commanding = Annotated[Bearer, Depends(_operator)]
 Stopping = Annotated[Bearer, Depends(_stopper)]
-"""Who sends a request, where that may only be somebody who may read, ask a question about what is
-read, command, or stop everything."""
+"""The sender of a request, checked for the right to read, to ask, to command, or to stop
+everything."""
 
 
 def make_app(
     session: ServedSession, tokens: TokenBook, failed: Callable[[Exception], None]
 ) -> FastAPI:
-    """Return the interface to `session` for whoever has one of `tokens`.
+    """Return the interface to `session` for the holders of `tokens`.
 
-    `failed` is told of a defect. The guard has to stand before it.
+    `failed` is called with a defect. The guard has to stand before it.
     """
     app = FastAPIOffline(
         title="PA Console",
@@ -183,7 +183,7 @@ def _add_reads(app: FastAPI, session: ServedSession) -> None:
 
     @app.get("/v1/whoami", tags=["session"])
     async def whoami(who: Watching) -> views.WhoView:
-        """Say whose token it is."""
+        """Return the owner of the token."""
         return views.WhoView(person=who.person, role=who.role)
 
     @app.get("/v1/state", tags=["session"])
@@ -204,7 +204,7 @@ def _add_reads(app: FastAPI, session: ServedSession) -> None:
 
     @app.get("/v1/missions/{id}", tags=["missions"], responses={404: {"model": ProblemDetails}})
     async def mission(_: Watching, name: Annotated[str, Path(alias="id")]) -> views.MissionDetail:
-        """Return a mission with every plan that was made for it, and what was found of each."""
+        """Return a mission with every plan that was made for it, and the findings on each."""
         return views.mission_detail(session.mission(name))
 
     @app.get("/v1/plans", tags=["plans"])
@@ -270,11 +270,11 @@ def _add_questions(app: FastAPI, session: ServedSession) -> None:
 
     @app.post("/v1/questions", tags=["session"])
     async def ask(_: Asking, body: views.QuestionBody) -> ev.QuestionAnswered:
-        """Answer a question such as *Why?* or *Why not Robot_T02?* from what is on record.
+        """Answer a question such as *Why?* or *Why not Robot_T02?* from the record.
 
         It is about the plan that waits, else about the mission that is worked on or was last. No
-        model is asked, nothing is decided, and any other text is refused: no mission is made of it.
-        The log tells of the answer.
+        model is asked, no decision follows, and any other text is refused: no mission is made of
+        it. The answer is logged.
         """
         return await session.answer(body.text)
 
@@ -387,7 +387,7 @@ def _number(session: ServedSession, last: str | None) -> int:
 
 @dataclass(frozen=True)
 class _Reader:
-    """Who reads a stream of events, which kinds, none for all, and whether that is still let in."""
+    """The reader of an event stream, its kinds of events, none for all, and its right to read."""
 
     person: str
     kinds: frozenset[str]

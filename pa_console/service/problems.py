@@ -1,4 +1,4 @@
-"""What a request cannot have, as problem details (RFC 9457): which field, and what to do."""
+"""Problem details of refused requests (RFC 9457): the field, and the remedy."""
 
 from typing import Annotated
 
@@ -9,7 +9,7 @@ MEDIA_TYPE = "application/problem+json"
 
 
 class ProblemDetails(BaseModel):
-    """Why a request was refused."""
+    """The reason why a request was refused."""
 
     type: Annotated[str, Field(description="a name of the kind of problem, urn:pa-console:...")]
     title: str
@@ -48,7 +48,7 @@ class ProblemError(Exception):
             self.headers["Retry-After"] = str(after_s)
 
     def response(self) -> JSONResponse:
-        """Return what the client is told."""
+        """Return the response for the client."""
         return JSONResponse(
             self.details.model_dump(),
             status_code=self.details.status,
@@ -58,7 +58,7 @@ class ProblemError(Exception):
 
 
 def internal_error() -> ProblemError:
-    """Return what is told of a defect of ours: nothing of its inside."""
+    """Return the response for an internal defect, without its details."""
     return ProblemError(
         500,
         "internal-error",

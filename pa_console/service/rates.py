@@ -1,4 +1,4 @@
-"""How often clients may ask: a bucket of requests each, which fills with time."""
+"""A rate limit for clients: a token bucket each."""
 
 from collections import OrderedDict
 from collections.abc import Callable

@@ -38,7 +38,7 @@ from pa_console.session.state.fold import SessionState
 from pa_console.session.state.mission_trace import MissionTrace
 
 ANSWERED_S = 10.0
-"""So long a decision waits to hear whether it was accepted."""
+"""The longest wait for the result of a decision, seconds."""
 SEE_PLANS = "read /v1/plans and decide about what waits there now"
 
 
@@ -52,7 +52,7 @@ class Commanded(Protocol):
 
     @property
     def stopped(self) -> bool:
-        """Whether everything is stopped."""
+        """True while everything is stopped."""
         ...
 
     @property
@@ -65,7 +65,7 @@ class Commanded(Protocol):
         ...
 
     def question_in(self, text: str) -> Question | None:
-        """Return what `text` asks about what is on record; None for anything else."""
+        """Return the question about the record in `text`; None for any other text."""
         ...
 
     async def answer(self, question: Question) -> ev.QuestionAnswered:
@@ -81,7 +81,7 @@ class Commanded(Protocol):
         ...
 
     def acknowledge(self, alarm_id: str, by: str) -> None:
-        """Note that somebody has seen an alarm; raises ValueError when it is not open."""
+        """Note that an alarm was seen; raises ValueError when it is not open."""
         ...
 
     def cancel(self) -> None:
@@ -123,7 +123,7 @@ class ServedSession:
         self.state = state
         self.feed = EventFeed(log, told)
         self._asked: dict[tuple[str, str], asyncio.Future[ev.DecisionMade]] = {}
-        """Who waits to hear of a decision, by its request and whose it is."""
+        """The clients waiting for a decision, by its request and person."""
         self._answering = asyncio.Lock()
 
     def take(self, event: ev.Event) -> None:
@@ -225,7 +225,7 @@ class ServedSession:
         return await self._heard_of(request, f"{body.person} {ELSEWHERE}")
 
     async def _heard_of(self, request: ev.ApprovalRequested, by: str) -> DecisionView:
-        """Wait until the session tells what became of the decision that was given just now."""
+        """Wait until the session emits the result of the decision that was given just now."""
         waits = asyncio.get_running_loop().create_future()
         asked = request.request_id, by
         self._asked[asked] = waits
@@ -268,7 +268,7 @@ class ServedSession:
             self.station.release(bearer.person)
 
     def _shown(self, body: DecisionBody) -> ev.ApprovalRequested:
-        """Return the request that waits, if it is the one that was shown."""
+        """Return the waiting request, if it is the one that was shown."""
         _, request = self._waits(body.request_id)
         if shown_sha256(request) != body.shown_sha256:
             raise ProblemError(

@@ -29,7 +29,7 @@ class Bearer:
     role: Role
 
     def may(self, role: Role) -> bool:
-        """Whether this person may do what `role` may."""
+        """Return whether this person has the rights of `role`."""
         return ROLES.index(self.role) >= ROLES.index(role)
 
 
@@ -59,9 +59,9 @@ class TokenBook:
         self._seen: tuple[int, int] | None = None
 
     def find(self, token: str) -> Bearer | None:
-        """Return whose `token` it is, None for nobody's.
+        """Return the bearer of `token`, None if it is unknown.
 
-        Raises RefusedError for somebody whom the roster does not let in, ValueError or OSError for
+        Raises RefusedError for a person whom the roster does not let in, ValueError or OSError for
         a file that cannot be used.
         """
         digest = _hash(token)

@@ -1,4 +1,4 @@
-"""What clients are told of a session, and what they may say: the bodies of the interface."""
+"""The bodies of the HTTP interface: views of a session, and requests of clients."""
 
 import hashlib
 import json
@@ -40,7 +40,7 @@ class MissionBody(Said):
 
 
 class QuestionBody(Said):
-    """A question about what is on record."""
+    """A question about the record."""
 
     text: Annotated[
         str,
@@ -60,9 +60,10 @@ class ActionBody(Said):
 
 
 class DecisionBody(Said):
-    """A decision on the plan that waits, named by its `request_id` and what was shown of it.
+    """A decision on the waiting plan, named by its `request_id` and its hash.
 
-    `shown_sha256` is that of the plan as `/v1/plans` gave it: what is approved is what was shown.
+    `shown_sha256` is that of the plan as `/v1/plans` gave it: the approval is for the plan that was
+    shown.
     """
 
     kind: DecisionKind
@@ -87,7 +88,7 @@ class DecisionBody(Said):
 
 
 class SignatureBody(Said):
-    """What a second person has signed of the plan that waits."""
+    """A second person's signature under the waiting plan."""
 
     person: Annotated[str, Field(min_length=1, max_length=64, description="whose signature it is")]
     signed: Annotated[
@@ -101,7 +102,7 @@ class SignatureBody(Said):
 
 
 class ToSignView(BaseModel):
-    """What a second person signs to approve the plan that waits."""
+    """The text that a second person signs to approve the plan that waits."""
 
     person: str
     station: Annotated[str, Field(description="whose session it is")]
@@ -122,7 +123,7 @@ class ToSignView(BaseModel):
 
 
 class DecisionView(BaseModel):
-    """What became of a decision."""
+    """The result of a decision."""
 
     accepted: bool
     detail: str
@@ -176,7 +177,7 @@ class MissionView(BaseModel):
 
 
 class AttemptView(BaseModel):
-    """One plan that was made for a mission, and what was found of it."""
+    """One plan that was made for a mission, and the findings on it."""
 
     number: int
     author: str
@@ -275,7 +276,7 @@ def mission_detail(trace: MissionTrace) -> MissionDetail:
 
 
 def attempt_view(attempt: Attempt) -> AttemptView:
-    """Return one plan with what was found of it."""
+    """Return one plan with the findings on it."""
     return AttemptView(
         number=attempt.number,
         author=attempt.author,

@@ -26,18 +26,18 @@ LEAD_TICKS = 2
 
 
 class Arrived(NamedTuple):
-    """What reached the station in one step: reports over the radio, detections over wires."""
+    """The messages that reached the station in one step: reports by radio, detections by wire."""
 
     reports: tuple[Report, ...] = ()
     wired: Mapping[str, tuple[Detection, ...]] | None = None
-    """By name of the cameras that have detected something; None between two scans."""
+    """Detections by name of the camera; None between two scans."""
 
 
 class Checkpoint:
     """A world in motion; `step()` advances it by `world.dt_s` and nothing else does."""
 
     admit: devices.Admit | None = None
-    """What the devices ask before they carry a command out; a fork and a forecast ask nobody."""
+    """The devices' check before they carry a command out; forks and forecasts have none."""
 
     def __init__(self, world: World, seed: int = 0, scenario: Scenario | None = None) -> None:
         """Start `world` with every asset on its watch, in `scenario` if one is given.
@@ -157,7 +157,7 @@ class Checkpoint:
         return self._picture
 
     def _show(self, draft: station_side.Draft) -> None:
-        """Let the picture say this from now on; it is put together when somebody reads it."""
+        """Set the picture from now on; it is put together when it is read."""
         self._draft: station_side.Draft | None = draft
         self._picture: Picture | None = None
 
@@ -178,7 +178,7 @@ class Checkpoint:
 
     @staticmethod
     def ahead_of(terrain: Terrain, picture: Picture) -> "Checkpoint":
-        """Return a simulation of what `picture` shows on `terrain`, whoever put it together."""
+        """Return a simulation of `picture` on `terrain`, for any source of the picture."""
         twin = Checkpoint.__new__(Checkpoint)
         twin.world, twin.seed, twin.scenario = terrain.world, 0, None
         twin._happened, twin._skipped, twin.arrived = [], [], Arrived()
@@ -199,7 +199,7 @@ class Checkpoint:
         return taken
 
     def _play(self) -> None:
-        """Make happen what the scenario says for this tick."""
+        """Apply the scenario's events of this tick."""
         if self.scenario is not None:
             done, skipped = scenario_script.play(self._terrain, self._scene, self.scenario)
             self._happened += done

@@ -20,7 +20,7 @@ from pa_console.sim.state.scene import AssetState, Scene
 from pa_console.sim.worlds.terrain import Terrain
 
 IDLE_REPORT_PERIODS = 20
-"""An idle asset, of which only the battery changes, reports once in so many telemetry periods."""
+"""The telemetry periods between two reports of an idle asset, whose battery alone changes."""
 _VERBS: dict[Task, Verb] = {
     "moving": "move_to",
     "identifying": "identify",
@@ -54,7 +54,7 @@ def scene_of(terrain: Terrain, picture: Picture) -> Scene:
 
 
 def report(terrain: Terrain, scene: Scene) -> station_side.Draft:
-    """Let the assets that have changed report, and return what the picture says."""
+    """Let the assets that have changed report, and return the picture."""
     world, station = terrain.world, scene.station
     turn = scene.tick // station_side.period_ticks(world) % IDLE_REPORT_PERIODS
     silent: list[str] = []

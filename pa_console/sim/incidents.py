@@ -98,7 +98,7 @@ def _restore(terrain: Terrain, asset: AssetState) -> None:
 
 
 def _carried(scene: Scene, name: str) -> None:
-    """Tell the station that an asset was carried elsewhere, so nobody takes it for a forgery."""
+    """Note at the station that an asset was carried elsewhere: its new position is no forgery."""
     heard = scene.station.heard.get(name)
     if heard is not None:
         trust = replace(heard.trust, carried_tick=scene.tick)

@@ -13,14 +13,14 @@ _TIME_NOISE_S = 1e-9
 
 
 def begin(scenario: Scenario | None, seed: int) -> ScriptState:
-    """Return the state of a scenario of which nothing has happened yet."""
+    """Return the initial state of a scenario."""
     processes = scenario.random if scenario is not None else ()
     first = (p.from_s + _gap(seed, index, 0, p.mean_s) for index, p in enumerate(processes))
     return ScriptState(seed=seed, drawn=(0,) * len(processes), next_s=tuple(first))
 
 
 def play(terrain: Terrain, scene: Scene, scenario: Scenario) -> tuple[list[Incident], list[str]]:
-    """Make happen what is due at this tick; return it, and a sentence for what was impossible.
+    """Apply the events due at this tick; return them, and a sentence for each impossible one.
 
     Scripted events go first, in file order, so one may follow an earlier one within the tick.
     """

@@ -1,11 +1,11 @@
-"""What all event payloads share."""
+"""The base of all event payloads."""
 
 from typing import ClassVar, Literal
 
 from pa_console.schema.base import StrictModel
 
 Role = Literal["planner", "judge", "outcome"]
-"""What the model is asked to be: planner, judge of a plan, judge of an outcome."""
+"""The roles of the model: planner, judge of a plan, judge of an outcome."""
 
 
 class Payload(StrictModel):

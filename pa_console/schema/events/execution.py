@@ -105,7 +105,7 @@ class AllStopped(Payload):
 
 
 class StopUnconfirmed(Payload):
-    """Which assets are not known to stand though everything was stopped, and why; none: all do."""
+    """The assets not known to stand after a stop, each with the reason; none: all stand."""
 
     kind: Literal["stop_unconfirmed"] = "stop_unconfirmed"
     assets: dict[Name, str]

@@ -49,7 +49,7 @@ class MissionPreempted(Payload):
 
 
 class WorkflowMoved(Payload):
-    """Where the mission stands in a workflow that a rule prescribes (WF-01).
+    """The mission's position in a workflow that a rule prescribes (WF-01).
 
     `phase` counts from 0; it is the number of phases when the workflow is over, with `outcome`.
     """

@@ -15,7 +15,7 @@ from pa_console.schema.standing import StandingOrder
 from pa_console.schema.telemetry import Digest
 
 MOST_READINGS = 3
-"""So many other readings of an order can be taken in at a glance."""
+"""The number of other readings that an operator can take in at a glance."""
 
 
 class RulesRetrieved(Payload):

@@ -14,7 +14,7 @@ QuestionTopic = Literal[
     "gate",  # why a gate has no guard
     "alternatives",  # what else would serve the order
 ]
-"""What a question is about."""
+"""The subject of a question."""
 
 
 class AnswerLine(StrictModel):
@@ -25,9 +25,10 @@ class AnswerLine(StrictModel):
 
 
 class QuestionAnswered(Payload):
-    """The operator asked about what is on record, and this was answered; no model was asked.
+    """A question about the record, with its answer; no model was asked.
 
-    The event's mission is the one that it is about. Nothing is decided, and nobody moves by it.
+    The event's mission is the subject of the question. No decision follows, and no asset moves by
+    it.
     """
 
     kind: Literal["question_answered"] = "question_answered"

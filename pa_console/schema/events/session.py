@@ -86,9 +86,9 @@ class CommandTaken(Payload):
 
 
 class AuthorityChanged(Payload):
-    """Whether this station may move anything has changed: `refusal` says why not, '' that it may.
+    """A change of this station's right to command: `refusal` is why not, '' if it may.
 
-    So it is when another station takes command, and when the key of this one is revoked.
+    It occurs when another station takes command, and when the key of this one is revoked.
     """
 
     binding: ClassVar[bool] = True
@@ -173,11 +173,11 @@ class LogTroubled(Payload):
 
 
 class LogSigned(Payload):
-    """The log's own record, which no session tells: a key vouches for all lines up to this one.
+    """The log's own record, emitted by no session: a key vouches for all lines up to this one.
 
-    `signature` is Ed25519 by `key` over the record without `hash` and `signature`, so also over
-    the hash of the record before. `found` records before it were unsigned when the log was opened
-    again; `closing` says that nothing more was to come.
+    `signature` is Ed25519 by `key` over the record without `hash` and `signature`, so also over the
+    hash of the record before. `found` records before it were unsigned when the log was opened
+    again; `closing` is True for the last one.
     """
 
     transient: ClassVar[bool] = True

@@ -13,7 +13,7 @@ from pa_console.schema.events.base import Payload
 from pa_console.schema.events.session import Noticed
 
 MOST_CONTACTS = 64
-"""So many contacts are kept at a time."""
+"""The number of contacts kept at a time."""
 
 MOST_UID, MOST_CALLSIGN = 128, 48
 """A longer uid is none; a longer call sign is cut. Characters."""
@@ -34,7 +34,7 @@ Count = Annotated[int, Field(ge=0)]
 
 
 class ReportedContact(StrictModel):
-    """What a client of the TAK server says of a thing; `at` is in metres, as all positions are."""
+    """The report of a TAK client on a thing; `at` is in metres, as all positions are."""
 
     uid: str = Field(min_length=1, max_length=MOST_UID)
     callsign: str = Field(default="", max_length=MOST_CALLSIGN)
@@ -47,7 +47,7 @@ class ReportedContact(StrictModel):
 
     @property
     def name(self) -> str:
-        """What it is called: its call sign, else its uid."""
+        """The name of the thing: its call sign, else its uid."""
         return self.callsign or self.uid
 
 
@@ -76,10 +76,10 @@ class ContactLost(Payload):
 
 
 class ContactsLeftOut(Payload):
-    """How much of what the server sent is not shown so far.
+    """The number of messages from the server that are not shown so far.
 
-    `outside` are contacts beyond the site, `too_many` those for which there was no place or no
-    time, and `unreadable` events that are none.
+    `outside` are contacts beyond the site, `too_many` those beyond the limits of number and time,
+    and `unreadable` malformed events.
     """
 
     kind: Literal["contacts_left_out"] = "contacts_left_out"
@@ -89,7 +89,7 @@ class ContactsLeftOut(Payload):
 
 
 UNVERIFIED = (TakChanged, ContactReported, ContactLost, ContactsLeftOut)
-"""What is told of a TAK server; nothing that answers, plans or decides reads it."""
+"""The events of a TAK server; no part that answers, plans or decides reads them."""
 
 OutsideReport = TakChanged | ContactReported | ContactLost | ContactsLeftOut | Noticed
 """All that may come into a session from a TAK server; none of it is a picture or an order."""

@@ -9,7 +9,7 @@ def count(number: int, thing: str) -> str:
 
 
 def few(names: Sequence[str], most: int = 3) -> str:
-    """Name at most `most` of `names`, and say how many more there are."""
+    """Name at most `most` of `names`, and count the rest."""
     more = len(names) - most
     return ", ".join(names) if more <= 0 else f"{', '.join(names[:most])} and {more} more"
 

@@ -9,7 +9,7 @@ from pa_console.sim.state.scene import AssetState, Scene
 
 
 def rouse(world: World, scene: Scene, asset: AssetState) -> None:
-    """Count `asset` among those that every step has to look after, until it is idle again."""
+    """Add `asset` to those that every step looks after, until it is idle again."""
     settle(world, scene, asset)
     scene.active.add(asset.id)
     asset.said = None

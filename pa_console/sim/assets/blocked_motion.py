@@ -77,10 +77,10 @@ def _replan(terrain: Terrain, scene: Scene, asset: AssetState) -> None:
 
 
 def _yields(terrain: Terrain, scene: Scene, asset: AssetState) -> bool:
-    """Return whether it is for this asset to retreat, and not for those that it meets.
+    """Return whether this asset has to retreat, and not the ones that it meets.
 
     Of two groups that meet, the one with the earliest asset of the team goes first, so a whole
-    queue retreats together. Where nobody comes the other way, the later asset retreats.
+    queue retreats together. If no asset comes the other way, the later asset retreats.
     """
     widest = 2 * max(platform.radius_m for platform in terrain.world.platforms.values())
     near = [

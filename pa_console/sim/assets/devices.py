@@ -1,4 +1,4 @@
-"""What a device does with a command, and what it does when it hears nothing any more (CAP-05)."""
+"""The behaviour of devices: carrying out commands, and acting alone without a link (CAP-05)."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator
@@ -55,7 +55,7 @@ _TASKS: dict[str, Task] = {
 
 
 Admit = Callable[[DeviceCommand], str]
-"""Says why a device may not carry a command out, '' when it may; asked once for a command id."""
+"""Returns why a device may not carry a command out, '' when it may; called once a command id."""
 
 
 def accept(
@@ -133,7 +133,7 @@ def work(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterable[CommandR
 def _tell_progress(
     scene: Scene, asset: AssetState, command: DeviceCommand
 ) -> Iterable[CommandReply]:
-    """Let an asset under way tell how far it has to go."""
+    """Send the progress of an asset under way."""
     asset.progress_tick = scene.tick
     held = ""
     if asset.held_by:

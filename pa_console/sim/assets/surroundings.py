@@ -11,18 +11,18 @@ from typing import NamedTuple
 from pa_console.sim.state.scene import AssetState
 
 _HOLDS_M = 2.0
-"""What has been looked up holds until somebody has gone so far."""
+"""A result holds until an asset has moved this far, metres."""
 _SPARE_M = 2 * _HOLDS_M + 0.01
 _FEW = 16
-"""So many are asked one by one sooner than they are sorted into cells."""
+"""Up to this number, assets are compared one by one instead of by cells."""
 
 _Cell = tuple[int, int]
 
 
 class Neighbours(NamedTuple):
-    """Whom a ground asset may have to give way to and whom it may touch; some are farther off.
+    """The neighbours that a ground asset may give way to or touch; some are farther off.
 
-    It holds until somebody has gone `until_m` metres since the traffic began.
+    It holds until an asset has moved `until_m` metres since the traffic began.
     """
 
     near: list[AssetState]
@@ -36,7 +36,7 @@ class Traffic:
     def __init__(
         self, assets: Iterable[AssetState], standing_m: float, moving_m: float, close_m: float
     ) -> None:
-        """Look among `assets` as far as one gives way to those that stand and to others.
+        """Search `assets` within the distances for standing and for moving neighbours.
 
         They are close within `close_m`.
         """
@@ -52,11 +52,11 @@ class Traffic:
         """The situation in which an asset found no way: in an equal one there is none either."""
 
     def went(self, metres: float) -> None:
-        """Note that in this step nobody has gone farther than `metres`."""
+        """Note that in this step no asset has moved more than `metres`."""
         self._gone_m += metres
 
     def go(self, names: Set[str]) -> None:
-        """Note that nobody moves in this step but, maybe, the assets of these names."""
+        """Note that in this step only assets of these names may move."""
         if not names <= self._moving:
             self._moving = set(names)
             self._neighbours.clear()

@@ -100,7 +100,7 @@ Points = npt.NDArray[np.float64]
 
 
 class _Ground:
-    """Where the ground assets are at this step; collected only once a contact moves."""
+    """The positions of the ground assets at this step; collected only once a contact moves."""
 
     def __init__(self, scene: Scene) -> None:
         self._assets = scene.assets.values()

@@ -51,7 +51,7 @@ def attend(
 
 
 def called(scene: Scene, contact: ContactState) -> str:
-    """Return the track id of a contact, or what it is if the station does not track it."""
+    """Return the track id of a contact, or its kind if the station does not track it."""
     return name_of(scene, contact.id) or f"a {contact.kind}"
 
 
@@ -60,7 +60,7 @@ def _looks(contact: ContactState) -> str:
 
 
 def _note(scene: Scene, asset: AssetState, contact: ContactState, verb: str) -> None:
-    """Keep what the asset has found out, to be told with its reports."""
+    """Keep the asset's finding, which goes out with its reports."""
     findings, key = scene.sensing.findings, (asset.id, contact.id)
     before = findings.get(key, Finding())
     if verb == "identify":
@@ -70,9 +70,9 @@ def _note(scene: Scene, asset: AssetState, contact: ContactState, verb: str) -> 
 
 
 def _choose(scene: Scene, asset: AssetState, verb: str, gate: str) -> ContactState | None:
-    """Return whom to attend to at `gate`: one that still needs it first, then the nearest.
+    """Return the contact to attend to at `gate`: first one that still needs it, then the nearest.
 
-    Whether one has been identified is as the station, which gave the order, knows it.
+    A contact counts as identified if it does at the station, which gave the order.
     """
     here = [c for c in scene.contacts.values() if c.gate == gate and c.status != "leaving"]
 

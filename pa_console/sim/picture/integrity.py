@@ -30,15 +30,15 @@ SPEED_MARGIN = 1.5
 NOISE_M = 1.0
 CREEP_M = 3.0
 SEEN_M = 2.5
-"""Another sensor tells where an asset is to within this."""
+"""The accuracy of another sensor's position of an asset, metres."""
 GAP_PERIODS = 2.5
 SOUND_S = 3.0
 UNSEEN_S = 3.0
-"""So long other sensors have to miss an asset before its reports are suspect."""
+"""The time that other sensors have to miss an asset before it is suspect, seconds."""
 
 
 def judge(world: World, heard: Heard, report: Report) -> Trust:
-    """Return what to make of an asset's positions now that `report` has come after `heard`."""
+    """Return the trust in an asset's positions after `report` has followed `heard`."""
     trust, last, now = heard.trust, heard.telemetry.like, report.telemetry.like
     if trust.carried_tick is not None:
         return Trust(stood=_standing(now))
@@ -116,7 +116,7 @@ def _in_view(terrain: Terrain, name: str, point: Point, weather: Weather) -> boo
 
 
 def _witness(world: World, scene: Scene, name: str, fresh: int) -> bool:
-    """Return whether `name` is a UAV whose own sightings reach the station from where it says."""
+    """Return whether `name` is a UAV whose own sightings arrive from its reported place."""
     asset, heard = scene.assets[name], scene.station.heard[name]
     return (
         asset.kind == "uav"
@@ -157,7 +157,7 @@ def _possible(world: World, now: AssetTelemetry, then: Point, since_s: float) ->
 
 
 def _creeps(world: World, now: AssetTelemetry, trust: Trust, since_s: float) -> bool:
-    """Return whether an asset that says it stands is not where it came to stand.
+    """Return whether an asset that reports to stand has left its place.
 
     After a gap in its reports it may have moved and come to stand again.
     """

@@ -29,10 +29,8 @@ LATE_S = 0.25
 """A report counts as late when it takes this much longer than the world's radio ever does."""
 WINDOW = 16
 TOLERATED = 4
-"""A link is degraded when more than so many of the last WINDOW reports were late or missing.
-
-A quarter: one that loses now and then a report carries commands well, sent again if need be.
-"""
+"""The number of the last WINDOW reports that may be late or missing on a sound link. A quarter: one
+that loses now and then a report carries commands well, sent again if need be."""
 _ALL = (1 << WINDOW) - 1
 
 
@@ -42,7 +40,7 @@ def period_ticks(world: World) -> int:
 
 
 class Draft(NamedTuple):
-    """What a picture says, before what each asset said of itself is put together."""
+    """The content of a picture, before each asset's own report is put together."""
 
     tick: int
     time_s: float
@@ -99,7 +97,7 @@ def receive(terrain: Terrain, scene: Scene, reports: Sequence[Report]) -> None:
 
 
 def build(terrain: Terrain, scene: Scene, names: Iterable[str]) -> Draft:
-    """Conclude anew about the assets in `names` and return what the picture says."""
+    """Conclude anew about the assets in `names` and return the picture."""
     station = scene.station
     stirred = {gate for gate in terrain.gates if gate not in station.covers}
     silences: dict[int, _Silence] = {}
@@ -138,7 +136,7 @@ def comms_of(heard: Heard, missing: int) -> CommsStatus:
 
 
 class _Silence(NamedTuple):
-    """What it means that nothing has been heard since: too old to rely on, reports missing."""
+    """The consequences of silence: a report too old to rely on, reports missing."""
 
     stale: bool
     lost: bool
@@ -146,7 +144,7 @@ class _Silence(NamedTuple):
 
 
 def _silence(world: World, scene: Scene, stamp: int) -> _Silence:
-    """Return what it means that the latest report was sent at tick `stamp`."""
+    """Return the consequences of a latest report from tick `stamp`."""
     age = scene.tick - stamp
     age_s = round(age * world.dt_s, 6)
     missing = 0 if scene.ideal else max(0, age - _patience(world)) // period_ticks(world)

@@ -1,4 +1,4 @@
-"""What the assets say of themselves, truly or forged, and the exact state (paper, Step 3)."""
+"""The assets' own reports, true or forged, and the exact state (paper, Step 3)."""
 
 import math
 
@@ -51,9 +51,9 @@ def where(terrain: Terrain, asset: AssetState) -> str | None:
 
 
 def report_of(terrain: Terrain, tick: int, asset: AssetState) -> Said:
-    """Return what `asset` says of itself at `tick`: all true but a position that has drifted.
+    """Return the report of `asset` at `tick`: true but for a position that has drifted.
 
-    Of an asset that stands idle only the battery and the time are new.
+    For an asset that stands idle only the battery and the time are new.
     """
     low, stamp_s = asset.battery < terrain.world.low_battery_pct, terrain.seconds(tick)
     said = asset.said

@@ -10,11 +10,11 @@ from pa_console.sim.state.sensing_state import ContactState, TrackFile
 from pa_console.sim.worlds.terrain import Terrain
 
 SEEN_PERIODS = 3
-"""A sensor sees a track now if it has detected it within so many telemetry periods."""
+"""A detection counts as present for this number of telemetry periods."""
 
 
 def known_track(terrain: Terrain, scene: Scene, file: TrackFile) -> Track:
-    """Return a track as its file tells; `position` is where it was when last detected."""
+    """Return a track as its file has it; `position` is that of the last detection."""
     world = terrain.world
     recent = scene.tick - round(SEEN_PERIODS * world.telemetry_period_s / world.dt_s)
     seen_by = tuple(sorted(one.sensor for one in file.seen if one.tick >= recent))

@@ -9,7 +9,7 @@ from pa_console.sim.state.link_state import Jam, RadioState
 from pa_console.sim.state.scene import AssetState, Scene
 
 DEGRADED = RadioState(latency_s=0.3, jitter_s=0.9, loss=0.3)
-"""What `comms: degraded` means; `lost` is an outage, `ok` the link as the world has it."""
+"""The values of `comms: degraded`; `lost` is an outage, `ok` the link as the world has it."""
 
 
 def works(scene: Scene, asset: AssetState) -> bool:

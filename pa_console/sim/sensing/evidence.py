@@ -26,7 +26,7 @@ NEEDED_WEIGHT = 2
 TWO_SENSORS = 2
 """Least number of independent sensors that confirm an intent (ROE-01, ROE-10)."""
 OUTWEIGHS = 2
-"""Least ratio of weights at which two or more sensors prevail over those that contradict them."""
+"""The least ratio of weights at which two or more sensors prevail over contradicting ones."""
 WITHDRAWN_S = 10.0
 """A sensor withdraws a suspicion by seeing no noncombatants so long after it last did, seconds."""
 FORGOTTEN_S = 60.0

@@ -12,14 +12,14 @@ from pa_console.sim.state.sensing_state import ContactState, Sighting, Statement
 from pa_console.sim.worlds.terrain import Terrain
 
 USUAL_MPS = 5.0
-"""What a contact of unknown speed drives at once it moves."""
+"""The assumed speed of a contact of unknown speed once it moves."""
 
 
 def restore(terrain: Terrain, scene: Scene, picture: Picture) -> None:
-    """Put into a forecast's `scene` what `picture` tells of tracks, cameras and weather.
+    """Set tracks, cameras and weather of a forecast's `scene` from `picture`.
 
-    A contact stands or moves as last seen; unknown identity will be found unauthorized; one that
-    is warned stops, one that has been seen to go on after its warning goes on.
+    A contact stands or moves as last seen; unknown identity will be found unauthorized; one that is
+    warned stops, one that has been seen to go on after its warning goes on.
     """
     state = scene.sensing
     state.weather = picture.weather

@@ -1,4 +1,4 @@
-"""What the checkpoint asks of sensing: contacts move, sensors scan, detections become tracks."""
+"""The sensing steps of the checkpoint: contacts move, sensors scan, detections become tracks."""
 
 from pa_console.schema.telemetry import CameraReport, Track, Weather
 from pa_console.sim.contacts import contacts
@@ -24,7 +24,7 @@ def advance(terrain: Terrain, scene: Scene, dt_s: float) -> None:
 
 
 def tracks_known(terrain: Terrain, scene: Scene) -> dict[str, Track]:
-    """Return the tracks of the picture, as the detections that arrived tell of them."""
+    """Return the tracks of the picture, from the detections that arrived."""
     if not scene.sensing.files:
         return {}
     tracker.review(terrain, scene)
@@ -32,7 +32,7 @@ def tracks_known(terrain: Terrain, scene: Scene) -> dict[str, Track]:
 
 
 def cameras_known(terrain: Terrain, scene: Scene) -> dict[str, CameraReport]:
-    """Return what the cameras' wires tell: whether each works, now."""
+    """Return the condition of each camera, which its wire reports at once."""
     now_s, broken = terrain.seconds(scene.tick), scene.sensing.broken
     return {
         name: CameraReport.of_valid(
@@ -43,7 +43,7 @@ def cameras_known(terrain: Terrain, scene: Scene) -> dict[str, CameraReport]:
 
 
 def weather(scene: Scene) -> Weather:
-    """Return the weather, which everybody sees."""
+    """Return the weather, which is known everywhere."""
     return scene.sensing.weather
 
 

@@ -56,7 +56,7 @@ def _clear(terrain: Terrain, scene: Scene, gate: str) -> None:
 
 
 def _imagine(terrain: Terrain, scene: Scene, gate: str, seconds: float) -> None:
-    """Let one sensor at `gate` see what is not there: a camera that works, else an asset."""
+    """Let one sensor at `gate` report a phantom: a working camera, else an asset."""
     state = scene.sensing
     lane = contacts.pick_lane(terrain, scene, gate)
     watching = [name for name, camera in terrain.world.cameras.items() if camera.gate == gate]

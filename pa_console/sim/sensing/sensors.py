@@ -14,9 +14,9 @@ from pa_console.sim.state.sensing_state import ContactState, Detection, Finding,
 from pa_console.sim.worlds.terrain import Terrain
 
 CLOSE_STANDOFFS = 2.5
-"""Within this many standoffs a sensor can tell what a contact is up to, and whom it carries."""
+"""The distance, in standoffs, within which a sensor recognises intent and passengers."""
 WATCH_S = 10.0
-"""So long a sensor has to watch a contact at close range before it has an opinion of its intent."""
+"""The time that a sensor watches a contact at close range before it forms an opinion, seconds."""
 REPORTING_S = 5.0
 """Time for which a robot keeps its proximity sensors on a contact after identifying it."""
 AT_FULL_RANGE = 0.5
@@ -26,7 +26,7 @@ WEATHER: dict[Weather, tuple[float, float]] = {
     "rain": (0.8, 0.85),
     "fog": (0.5, 0.7),
 }
-"""What is left of a sensor's range and of its detection probability."""
+"""The remaining share of a sensor's range and of its detection probability."""
 _PHANTOM_STANDOFFS = 4.0
 _PHANTOM_MPS = 2.0
 _BOX_MARGIN_M = 0.001
@@ -163,7 +163,7 @@ def _eyes(terrain: Terrain, scene: Scene, targets: Floats, range_part: float) ->
 
 
 def _detection(terrain: Terrain, scene: Scene, hit: _Hit) -> Detection:
-    """Measure a contact and say what the sensor makes of it; counts the time it has watched."""
+    """Measure a contact and form the sensor's opinion of it; counts the time of watching."""
     state, world, contact = scene.sensing, terrain.world, hit.contact
     key = (hit.sensor, contact.id)
     finding = state.findings.get(key, Finding())

@@ -22,7 +22,7 @@ from pa_console.sim.worlds.terrain import Terrain
 ACCELERATION_MPS2 = 1.0
 """One sigma of the acceleration that a contact may show at any time."""
 SPEED_SIGMA_MPS = 8.0
-"""One sigma of the speed on each axis of a contact of which nothing is known yet."""
+"""One sigma of the speed on each axis of a contact without an estimate."""
 LEAST_SIGMA_M = 0.05
 _SURPRISE = 18.4
 """Squared error in sigmas that two dimensions exceed once in ten thousand measurements."""
@@ -74,9 +74,9 @@ def _predict(file: TrackFile, seconds: float) -> None:
 
 
 CONFIRM_S = 1.0
-"""So long the estimate must say the same before the status changes."""
+"""The time that a conclusion has to hold before the status changes, seconds."""
 SETTLED_S = 3.0
-"""After a warning a contact gets this long before what it does counts as its answer."""
+"""The time after a warning before a contact's behaviour counts as its answer, seconds."""
 _MOVING_MPS, _MOVING_SIGMAS = 0.6, 3.0
 _STANDING_MPS, _STANDING_SIGMAS = 0.4, 1.5
 _KNOWN_SPEED_MPS = 2.0
@@ -137,7 +137,7 @@ def _doubt_m(file: TrackFile) -> float:
 
 
 def _says(terrain: Terrain, file: TrackFile, depth_m: float) -> TrackStatus:
-    """Return what the estimate alone says now; the present status if it says nothing clear."""
+    """Return the conclusion of the estimate alone; the present status if it is unclear."""
     margin = max(1.0, file.sigma_m)
     if depth_m > margin or (file.status == "inside" and depth_m > -margin):
         return "inside"

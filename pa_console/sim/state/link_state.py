@@ -1,4 +1,4 @@
-"""What radio and trust make of reports: messages on their way, and what the station has heard."""
+"""The state of radio and trust: messages on their way, and reports at the station."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from pa_console.sim.state.sensing_state import Detection
 
 @dataclass(frozen=True, slots=True)
 class RadioState:
-    """How one asset's link is now; with `up` False nothing passes either way."""
+    """The condition of one asset's link; with `up` False nothing passes either way."""
 
     latency_s: float
     jitter_s: float
@@ -53,9 +53,9 @@ class Drift:
 
 @dataclass(slots=True, repr=False, eq=False)
 class Said:
-    """What an asset says of itself: as in an earlier report, `like`, but for battery and time.
+    """An asset's own report: as an earlier one, `like`, but for battery and time.
 
-    The telemetry itself is put together once somebody reads it; `repr` shows that.
+    The telemetry itself is put together when it is read; `repr` shows that.
     """
 
     like: AssetTelemetry
@@ -65,7 +65,7 @@ class Said:
 
     @classmethod
     def of(cls, telemetry: AssetTelemetry) -> "Said":
-        """Return `telemetry` as said."""
+        """Return `telemetry` as a report."""
         return cls(telemetry, telemetry.battery_pct, telemetry.stamp_s, telemetry)
 
     def telemetry(self) -> AssetTelemetry:
@@ -118,12 +118,12 @@ class LinkState:
 
 @dataclass(frozen=True, slots=True)
 class Trust:
-    """What the station makes of the positions that one asset reports; see integrity.py.
+    """The station's trust in the positions that one asset reports; see integrity.py.
 
-    `stood` is where it came to stand, as sound reports had it. While it is `suspect`, `anchor` is
-    its last sound position, of tick `anchor_tick`, `lie` a place where other sensors miss it, and
+    `stood` is where it came to stand, by sound reports. While it is `suspect`, `anchor` is its last
+    sound position, of tick `anchor_tick`, `lie` a place where other sensors miss it, and
     `sound_from` the tick since which its reports have been sound again. `unseen` and `seen` count
-    in a row the periods in which other sensors missed it, or saw it, where it says it is. Reports
+    in a row the periods in which other sensors missed it, or saw it, at its reported place. Reports
     sent up to `carried_tick` are void: it was carried elsewhere then.
     """
 
@@ -139,7 +139,7 @@ class Trust:
 
 
 class Heard(NamedTuple):
-    """What the station has of one asset: its latest report, sent at tick `stamp`, and the link.
+    """The station's record of one asset: its latest report, sent at tick `stamp`, and the link.
 
     `marks` has one bit for each of the last expected reports, the latest lowest: 1 if it came in
     time.

@@ -96,12 +96,12 @@ class AssetState:
 
     @property
     def position(self) -> Point:
-        """Where it is, metres."""
+        """The position, metres."""
         return (self.x, self.y)
 
     @property
     def down(self) -> bool:
-        """Whether it cannot do anything: failed, or its battery is empty."""
+        """True if it cannot act: failed, or its battery is empty."""
         return self.failed or self.battery <= 0.0
 
     def stop(self, task: Task) -> None:

@@ -1,4 +1,4 @@
-"""What sensors make of what is there: contacts, detections, findings, tracks."""
+"""The state of sensing: contacts, detections, findings, tracks."""
 
 import copy
 from dataclasses import dataclass, field
@@ -41,7 +41,7 @@ class ContactState:
 
     @property
     def position(self) -> Point:
-        """Where it is, metres."""
+        """The position, metres."""
         return (self.x, self.y)
 
 
@@ -58,11 +58,11 @@ class Phantom:
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """What one sensor tells of one contact in one report.
+    """One sensor's observation of one contact in one report.
 
-    `position` is what it measured now, with a normal error of `sigma_m` on each axis, or None if
-    it only repeats what it has learned before. `contact` is the signature by which detections of
-    the same contact are told to belong together.
+    `position` is a measurement, with a normal error of `sigma_m` on each axis, or None if it only
+    repeats earlier knowledge. `contact` is the signature that associates detections of the same
+    contact.
     """
 
     contact: str
@@ -77,7 +77,7 @@ class Detection:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What a ground robot has learned of a contact by dealing with it (`identify`, `warn`).
+    """A ground robot's finding from dealing with a contact (`identify`, `warn`).
 
     It has identified the contact at tick `identified_tick`.
     """
@@ -160,7 +160,7 @@ class TrackFile:
 
     @property
     def position(self) -> Point:
-        """Where it was when last detected, as estimated, metres."""
+        """The estimated position at the last detection, metres."""
         return (self.x, self.y)
 
     @property

@@ -1,4 +1,4 @@
-"""Lays out the ground of a generated world and names what is on it."""
+"""Lays out the ground of a generated world and names its parts."""
 
 import math
 import random
@@ -128,7 +128,7 @@ _TRIES = 400
 
 @dataclass(frozen=True, slots=True)
 class GateSite:
-    """Where a gate is: its frame, the middle of its opening in the wall, outward, its lane."""
+    """The place of a gate: its frame, the middle of its opening in the wall, outward, its lane."""
 
     at: Point
     opening: Point
@@ -150,7 +150,7 @@ class Ground:
 
 
 def lay_out(rng: random.Random, gates: int, assets: int, posts: int) -> Ground:
-    """Return ground for so many gates, posts and assets; it grows until everything has room."""
+    """Return ground for the given numbers of gates, posts and assets; it grows to make room."""
     the_outline = outline(rng)
     room = math.sqrt(assets * _PLACE_M2 / math.pi) + 3.0
     radii = [max(9.0, room), *[9.0] * (posts - 1)]

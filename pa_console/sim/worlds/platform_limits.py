@@ -1,4 +1,4 @@
-"""What each kind of asset can do within one step, worked out once for a world."""
+"""The limits of each kind of asset within one step, computed once for a world."""
 
 import math
 from dataclasses import dataclass

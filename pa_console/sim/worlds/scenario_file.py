@@ -18,7 +18,7 @@ from pa_console.schema.scenario import After, AssetIs, Scenario, TrackIs
 from pa_console.schema.world import World
 
 FOLDER = "scenarios"
-"""Where the scenarios of a world lie: beside its world file."""
+"""The folder of a world's scenarios, beside its world file."""
 
 Problem = tuple[FieldPath, str]
 
@@ -79,7 +79,7 @@ def list_scenarios(world_path: Path) -> list[tuple[str, str]]:
 
 
 def scenario_problems(scenario: Scenario, world: World) -> Iterator[Problem]:
-    """Yield (field, what is wrong and what to do) for all that `world` lacks."""
+    """Yield (field, problem with its remedy) for each name that `world` lacks."""
     yield from _spawned_twice(scenario)
     yield from _never(scenario)
     spawned = {incident.name for _, incident in _incidents(scenario) if incident.kind == "spawn"}

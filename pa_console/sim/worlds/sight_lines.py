@@ -1,4 +1,4 @@
-"""What never changes about seeing in a world: walls in the way, the perimeter, lanes by place."""
+"""The constant geometry of sight in a world: walls in the way, the perimeter, lanes by place."""
 
 import numpy as np
 import numpy.typing as npt

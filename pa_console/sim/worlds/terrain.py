@@ -1,4 +1,4 @@
-"""What never changes while a world is simulated: routes, lanes, standing places, near walls."""
+"""The constant geometry of a world: routes, lanes, standing places, near walls."""
 
 import math
 from collections.abc import Iterable, Mapping

@@ -45,7 +45,7 @@ def load_world(path: Path) -> World:
 
 
 def geometry_problems(world: World) -> Iterator[Problem]:
-    """Yield (field, what is wrong and what to do) for everything that cannot be simulated."""
+    """Yield (field, problem with its remedy) for everything that cannot be simulated."""
     standing = True
     for source in (_sizes, _polygons, _walls):
         for problem in source(world):

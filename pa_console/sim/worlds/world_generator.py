@@ -51,7 +51,7 @@ _PLATFORMS: dict[AssetKind, Platform] = {
 
 
 def generate_world(gates: int, assets: int, seed: int) -> World:
-    """Return a valid world with so many gates and assets; equal arguments give equal worlds.
+    """Return a valid world of that many gates and assets; equal arguments give equal worlds.
 
     Every gate has an asset posted to it while the team is large enough. Raises ValueError for
     numbers out of range.
