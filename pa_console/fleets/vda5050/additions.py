@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, StringConstraints
 
 from pa_console.fleets.vda5050.topics import Identity
-from pa_console.fleets.vda5050.wire import MOST_ITEMS, Count, Finite, Header, Id, Text, Wire
+from pa_console.fleets.vda5050.wire import MOST_ITEMS, Count, Finite, Header, Id, Items, Text, Wire
 from pa_console.schema.base import Name
 from pa_console.schema.telemetry import Identity as ContactIdentity
 from pa_console.schema.telemetry import Intent, Weather
@@ -55,8 +55,8 @@ class Detections(Header):
 
     TOPIC: ClassVar[str] = "detections"
     works: bool = True
-    contacts: tuple[SeenContact, ...] = Field(default=(), max_length=MOST_ITEMS)
-    team: tuple[SeenRobot, ...] = Field(default=(), max_length=MOST_ITEMS)
+    contacts: Items[SeenContact] = Field(default=(), max_length=MOST_ITEMS)
+    team: Items[SeenRobot] = Field(default=(), max_length=MOST_ITEMS)
 
 
 class SiteDescription(Header):

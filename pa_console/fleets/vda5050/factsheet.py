@@ -4,7 +4,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from pa_console.fleets.vda5050.wire import MOST_ITEMS, Header, Id, Text, Wire
+from pa_console.fleets.vda5050.wire import MOST_ITEMS, Header, Id, Items, Text, Wire
 
 Scope = Literal["INSTANT", "NODE", "EDGE", "ZONE"]
 Metres = Annotated[float, Field(ge=-1e4, le=1e4)]
@@ -21,8 +21,8 @@ class TypeSpecification(Wire):
     mobile_robot_kinematics: Id
     mobile_robot_class: Id
     maximum_load_mass: NonNegative
-    localization_types: tuple[Id, ...] = Field(max_length=MOST_ITEMS)
-    navigation_types: tuple[Id, ...] = Field(max_length=MOST_ITEMS)
+    localization_types: Items[Id] = Field(max_length=MOST_ITEMS)
+    navigation_types: Items[Id] = Field(max_length=MOST_ITEMS)
     supported_zones: tuple[Id, ...] | None = Field(default=None, max_length=MOST_ITEMS)
 
 
@@ -75,8 +75,8 @@ class OfferedAction(Wire):
     """An action that it can carry out."""
 
     action_type: Id
-    action_scopes: tuple[Scope, ...] = Field(max_length=8)
-    action_parameters: tuple[ParameterSpecification, ...] = Field(default=(), max_length=32)
+    action_scopes: Items[Scope] = Field(max_length=8)
+    action_parameters: Items[ParameterSpecification] = Field(default=(), max_length=32)
     pause_allowed: bool
     cancel_allowed: bool
 
@@ -84,8 +84,8 @@ class OfferedAction(Wire):
 class ProtocolFeatures(Wire):
     """The parts of the protocol that a robot offers."""
 
-    optional_parameters: tuple[OptionalParameter, ...] = Field(max_length=MOST_ITEMS)
-    mobile_robot_actions: tuple[OfferedAction, ...] = Field(max_length=MOST_ITEMS)
+    optional_parameters: Items[OptionalParameter] = Field(max_length=MOST_ITEMS)
+    mobile_robot_actions: Items[OfferedAction] = Field(max_length=MOST_ITEMS)
 
 
 class Unread(Wire):

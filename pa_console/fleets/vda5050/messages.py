@@ -15,6 +15,7 @@ from pa_console.fleets.vda5050.wire import (
     Finite,
     Header,
     Id,
+    Items,
     Text,
     Wire,
 )
@@ -51,7 +52,7 @@ class Action(Wire):
     action_id: Id
     action_type: Id
     blocking_type: Literal["NONE", "SOFT", "SINGLE", "HARD"]
-    action_parameters: tuple[ActionParameter, ...] = Field(default=(), max_length=32)
+    action_parameters: Items[ActionParameter] = Field(default=(), max_length=32)
 
     def parameter(self, key: str) -> JsonValue:
         """Return a parameter's value, None when the action has none of that name."""
@@ -62,7 +63,7 @@ class InstantActions(Header):
     """Actions that a robot is to carry out as soon as they arrive."""
 
     TOPIC: ClassVar[str] = "instantActions"
-    actions: tuple[Action, ...] = Field(max_length=MOST_ITEMS)
+    actions: Items[Action] = Field(max_length=MOST_ITEMS)
 
 
 class Position(Wire):
@@ -80,7 +81,7 @@ class Node(Wire):
     sequence_id: Count
     released: bool
     node_position: Position | None = None
-    actions: tuple[Action, ...] = Field(default=(), max_length=MOST_ITEMS)
+    actions: Items[Action] = Field(default=(), max_length=MOST_ITEMS)
 
 
 class Edge(Wire):
@@ -89,7 +90,7 @@ class Edge(Wire):
     edge_id: Id
     sequence_id: Count
     released: bool
-    actions: tuple[Action, ...] = Field(default=(), max_length=MOST_ITEMS)
+    actions: Items[Action] = Field(default=(), max_length=MOST_ITEMS)
 
 
 class Order(Header):
@@ -98,8 +99,8 @@ class Order(Header):
     TOPIC: ClassVar[str] = "order"
     order_id: Id
     order_update_id: Count
-    nodes: tuple[Node, ...] = Field(max_length=MOST_ITEMS)
-    edges: tuple[Edge, ...] = Field(max_length=MOST_ITEMS)
+    nodes: Items[Node] = Field(max_length=MOST_ITEMS)
+    edges: Items[Edge] = Field(max_length=MOST_ITEMS)
 
 
 ActionStatus = Literal[
@@ -144,7 +145,7 @@ class Trajectory(Wire):
     """A way: of degree 1, straight from one point to the next."""
 
     degree: Annotated[int, Field(ge=1, le=100)] = 1
-    control_points: tuple[ControlPoint, ...] = Field(max_length=MOST_ITEMS)
+    control_points: Items[ControlPoint] = Field(max_length=MOST_ITEMS)
 
 
 class PlannedPath(Wire):
@@ -192,7 +193,7 @@ class Error(Wire):
 
     error_type: Id
     error_level: ErrorLevel
-    error_references: tuple[Reference, ...] = Field(default=(), max_length=MOST_ITEMS)
+    error_references: Items[Reference] = Field(default=(), max_length=MOST_ITEMS)
     error_description: Text | None = None
 
     def refers_to(self, value: str) -> bool:
@@ -231,23 +232,23 @@ class State(Header):
     order_update_id: Count
     last_node_id: Id
     last_node_sequence_id: Count
-    node_states: tuple[NodeState, ...] = Field(max_length=MOST_ITEMS)
-    edge_states: tuple[EdgeState, ...] = Field(max_length=MOST_ITEMS)
+    node_states: Items[NodeState] = Field(max_length=MOST_ITEMS)
+    edge_states: Items[EdgeState] = Field(max_length=MOST_ITEMS)
     driving: bool
-    action_states: tuple[ActionState, ...] = Field(max_length=MOST_ITEMS)
-    instant_action_states: tuple[ActionState, ...] = Field(max_length=MOST_ITEMS)
+    action_states: Items[ActionState] = Field(max_length=MOST_ITEMS)
+    instant_action_states: Items[ActionState] = Field(max_length=MOST_ITEMS)
     power_supply: PowerSupply
     operating_mode: Literal[
         "STARTUP", "AUTOMATIC", "SEMIAUTOMATIC", "INTERVENED", "MANUAL", "SERVICE", "TEACH_IN"
     ]
-    errors: tuple[Error, ...] = Field(max_length=MOST_ITEMS)
+    errors: Items[Error] = Field(max_length=MOST_ITEMS)
     safety_state: SafetyState
     paused: bool = False
     planned_path: PlannedPath | None = None
     mobile_robot_position: RobotPosition | None = None
     velocity: Velocity | None = None
     zone_sets: tuple[KnownZoneSet, ...] | None = Field(default=None, max_length=MOST_ITEMS)
-    information: tuple[Info, ...] = Field(default=(), max_length=MOST_ITEMS)
+    information: Items[Info] = Field(default=(), max_length=MOST_ITEMS)
 
     @property
     def moves(self) -> bool:
@@ -269,7 +270,7 @@ class Zone(Wire):
 
     zone_id: Id
     zone_type: Literal["BLOCKED"]
-    vertices: tuple[Vertex, ...] = Field(min_length=3, max_length=MOST_ITEMS)
+    vertices: Items[Vertex] = Field(min_length=3, max_length=MOST_ITEMS)
 
 
 class Zones(Wire):
@@ -277,7 +278,7 @@ class Zones(Wire):
 
     map_id: Id = MAP
     zone_set_id: Id
-    zones: tuple[Zone, ...] = Field(max_length=MOST_ITEMS)
+    zones: Items[Zone] = Field(max_length=MOST_ITEMS)
 
 
 class ZoneSet(Header):

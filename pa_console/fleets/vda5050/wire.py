@@ -1,13 +1,14 @@
 """The wire format of messages: strict, limited in size, of this version."""
 
 from datetime import UTC, datetime
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, ClassVar, Self, TypeVar
 
 from pydantic import (
     AfterValidator,
     AwareDatetime,
     BaseModel,
     ConfigDict,
+    FailFast,
     Field,
     PlainSerializer,
     StringConstraints,
@@ -49,6 +50,10 @@ Token = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.:-]+$", max_leng
 
 Id = Annotated[str, StringConstraints(pattern=r"^[ -~]*$", max_length=128)]
 """An identifier chosen by another program: printable ASCII, "" for none."""
+
+T = TypeVar("T")
+Items = Annotated[tuple[T, ...], FailFast()]
+"""A list in a message; the first wrong item ends its reading, so that none costs much to refuse."""
 
 Count = Annotated[int, Field(ge=0, lt=2**63)]
 Finite = Annotated[float, Field(ge=-1e7, le=1e7)]
