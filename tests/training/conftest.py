@@ -9,9 +9,10 @@ import pytest
 
 from pa_console.cli.main import run
 from pa_training.__main__ import NAME, app
+from pa_training.verbs.run import NEEDED
 from tests.cli.inside import Call, caller
 
-collect_ignore = [] if find_spec("torch") and find_spec("gguf") else ["lora"]
+collect_ignore = [] if all(map(find_spec, NEEDED)) else ["adapters"]
 
 
 @pytest.fixture
