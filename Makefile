@@ -78,7 +78,7 @@ site: $(VENV)/.installed-site
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .ruff_cache .hypothesis .import_linter_cache
-	find pa_console tests -name __pycache__ -type d -prune -exec rm -rf {} +
+	find pa_console tests models -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(BIN)/python:
 	@command -v "$(PYTHON)" >/dev/null || { \

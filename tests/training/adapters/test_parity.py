@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pa_console.llm.models.catalogue import LocalModel
+from pa_console.resources import data_folder
 from pa_training.adapters.adapter_file import BASE_SHA256, AdapterFile, Matrices, write_adapter
 from pa_training.adapters.config import TrainConfig
 from pa_training.adapters.network import adapted, load_base, matrices, paired_heads
@@ -83,3 +84,12 @@ def test_the_smallest_real_model_agrees_up_to_its_rounding(
     found = compare(smallest_model.path, config, adapter, file, TOKENS)
     assert found.correlation > 0.995
     assert found.largest < 0.1
+
+
+def test_a_shipped_adapter_is_read_as_llama_cpp_reads_it(smallest_model: LocalModel) -> None:
+    base, file = smallest_model.path, data_folder() / "models" / "planner.lora.gguf"
+    config = configured(base).model_copy(update={"rank": 16, "alpha": 32.0})
+    adapter = AdapterFile.open(file).matrices(paired_heads(base, load_base(base, config)))
+    found = compare(base, config, adapter, file, TOKENS)
+    assert found.correlation > 0.995
+    assert compare(base, config, None, file, TOKENS).correlation < 0.95
