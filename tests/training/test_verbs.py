@@ -4,6 +4,7 @@ import json
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
@@ -146,6 +147,12 @@ def test_what_cannot_be_trained_with_is_said(
     assert done.code == 2
     assert says in done.said
     assert not out.exists()
+
+
+def test_the_trainer_can_be_imported_where_its_extra_is_installed() -> None:
+    for name in train_run.NEEDED:
+        pytest.importorskip(name, reason="training, and its tests, need the extra `train`")
+    assert callable(import_module("pa_training.adapters.trainer").train)
 
 
 def test_without_the_extra_the_remedy_is_said(
