@@ -15,7 +15,6 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
-import pa_console
 from pa_console.child_processes import OWN_FOLDER, python_command
 from pa_console.llm.worker import landlock, seccomp
 from pa_console.schema.base import StrictModel
@@ -55,6 +54,7 @@ WEIGHTS_TIMES = 3
 """The caches of all roles of a 7B model with 4096 tokens each take twice its weights at most."""
 
 THREAD_BYTES = 16 << 20
+PACKAGE = str(Path(__file__).parents[2])
 BINDING = frozenset(("OMP_PLACES", "OMP_PROC_BIND", "GOMP_CPU_AFFINITY"))
 """Variables that ask for threads that are bound to cores."""
 STATUS, MAPS = Path("/proc/self/status"), Path("/proc/self/maps")
@@ -77,7 +77,7 @@ OF_THE_SYSTEM = (
     "/sys/devices/system",
     "/sys/fs/cgroup",
 )
-"""What Python, the C library, and whoever counts cores look at while they compute."""
+"""Files of the system that Python and the C library read while the model computes."""
 TRIAL_LIMIT_S = 30.0
 
 
@@ -94,9 +94,9 @@ def clean_environment(given: Mapping[str, str]) -> dict[str, str]:
 
 
 def read_only(files: Iterable[str]) -> Restriction:
-    """Give up, for good, to read what is neither Python's nor among `files`; look nowhere else.
+    """Give up, for good, every file but Python's own and `files`, and every other process.
 
-    It is called before there is a second thread: one that runs already is not held by it.
+    Call it before there is a second thread: a thread that runs already is not restricted.
     """
     return Restriction(
         what="no files but its own to read, no look into other processes",
@@ -106,7 +106,7 @@ def read_only(files: Iterable[str]) -> Restriction:
 
 def _python_files() -> Iterator[str]:
     """Yield the folders of this Python, of what it imports, and of libraries that it loads."""
-    yield from (sys.prefix, sys.base_prefix, *filter(None, sys.path), *pa_console.__path__)
+    yield from (sys.prefix, sys.base_prefix, *filter(None, sys.path), PACKAGE)
     if sys.pycache_prefix:
         yield sys.pycache_prefix
     yield from filter(None, os.environ.get("LD_LIBRARY_PATH", "").split(os.pathsep))

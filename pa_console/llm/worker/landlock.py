@@ -1,8 +1,8 @@
-"""Landlock: a process reads the files that it is given, and looks into no other process.
+"""Landlock: a process reads only the files that are named, and nothing of other processes.
 
-A thread that restricts itself so takes all threads with it that it starts from then on. The kernel
-then also refuses it to look into any process that is not restricted as well: their memory, their
-environment, their open files.
+The restriction holds for the thread that asks for it and for all threads that it starts later. The
+kernel then also refuses access to the memory, environment and open files of every process outside
+the restriction.
 """
 
 import ctypes
@@ -21,7 +21,7 @@ SET_NO_NEW_PRIVILEGES = 38
 
 
 class _Ruleset(ctypes.Structure):
-    """`struct landlock_ruleset_attr` of the first version: what is refused where no rule is."""
+    """`struct landlock_ruleset_attr` of the first version: rights that need a rule."""
 
     _fields_ = [("handled", ctypes.c_uint64)]
 
@@ -34,9 +34,9 @@ class _Rule(ctypes.Structure):
 
 
 def restrict(readable: Iterable[str | os.PathLike[str]]) -> str:
-    """Read nothing but `readable` files, and folders with all in them; return why not, or ''.
+    """Restrict reading to `readable` files and folders; return the reason if that fails, else ''.
 
-    It counts for this thread and those that it starts from then on. What is not there is left out.
+    It holds for this thread and those that it starts later. Missing files are left out.
     """
     if sys.platform != "linux":
         return "the limit on files that are read is one of Linux"

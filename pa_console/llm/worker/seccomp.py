@@ -36,11 +36,11 @@ NEW_THREAD = 0x00010000
 WRITE, EXECUTE, ANONYMOUS = 2, 4, 0x20
 """Protection of memory, and the flag of memory that is of no file."""
 NAMES_OF_THREADS = (15, 16)
-"""To set and get a thread's name, for `prctl`."""
+"""Options of `prctl` that set and get a thread's name."""
 OF_DESCRIPTORS = (0, 1, 2, 3, 1030)
-"""To duplicate a descriptor and to look at its flags, for `fcntl`: none has it signal somebody."""
+"""Commands of `fcntl` that duplicate a descriptor or read its flags; none makes it send signals."""
 OF_FILES = (0x5401, 0x5450, 0x5451)
-"""To see whether a file is a terminal, and to keep it from other programs or not, for `ioctl`."""
+"""Requests of `ioctl`: settings of a terminal, and whether a file is closed at `exec`."""
 
 
 class Call(NamedTuple):
@@ -147,8 +147,8 @@ CLONE, TGKILL, PRLIMIT = (
 )
 PRCTL, FCNTL, IOCTL = Call("prctl", 157, 167), Call("fcntl", 72, 25), Call("ioctl", 16, 29)
 PIN = Call("sched_setaffinity", 203, 122)
-"""Binds threads to cores. It takes threads of other processes, too, so it is for those alone whose
-environment asks for it."""
+"""Binds threads to cores, also those of other processes: allowed only if the environment asks for
+bound threads."""
 
 
 @dataclass(frozen=True)

@@ -170,7 +170,7 @@ def _answer(
 
 
 def _first(stream: IO[bytes]) -> Load:
-    """Return the first message, with which the parent says what is to be loaded."""
+    """Return the first message of the parent, which names the files to load."""
     line = stream.readline()
     if not line:
         sys.exit(0)
