@@ -99,7 +99,7 @@ class Listening(socket.socket):
             connection.quiet_since = loop.time()
 
     def _make_room(self) -> bool:
-        """End a connection of the lowest rank if there are too many; return False if none may end."""
+        """End one of the lowest rank if there are too many; return False if none may be ended."""
         self._open = {where: one for where, one in self._open.items() if not one.closed}
         if len(self._open) < MOST:
             return True
