@@ -69,7 +69,7 @@ lint: $(VENV)/.installed-dev
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/pyright
-	@! $(BIN)/python -c "import torch" 2>/dev/null || $(BIN)/pyright models/training/pa_training/gpu models/training/pa_training/lora tests/training/lora
+	@! $(BIN)/python -c "import torch, transformers, peft" 2>/dev/null || $(BIN)/pyright --project models/training/pyrightconfig.json
 	@$(BIN)/lint-imports --no-logo
 
 site: $(VENV)/.installed-site
@@ -78,7 +78,7 @@ site: $(VENV)/.installed-site
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .ruff_cache .hypothesis .import_linter_cache
-	find pa_console tests -name __pycache__ -type d -prune -exec rm -rf {} +
+	find pa_console tests models -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(BIN)/python:
 	@command -v "$(PYTHON)" >/dev/null || { \

@@ -1,8 +1,8 @@
-"""How child processes start that run this Python, so that no code of the working folder runs.
+"""Start of child processes that run this Python, without any code of the working folder.
 
-Python looks for modules in the folder it was started in first, and so does what reads a path with
-an empty part, such as `LD_LIBRARY_PATH=:/opt/lib`. Anybody may have put files there: a download, a
-clone, a shared disk.
+Python imports from the folder it was started in before all others, and an empty part of a path,
+such as in `LD_LIBRARY_PATH=:/opt/lib`, means that folder too. It may hold files of other people: a
+download, a clone, a shared disk.
 """
 
 import os
@@ -11,23 +11,23 @@ from collections.abc import Generator
 from contextlib import contextmanager
 
 OWN_FOLDER = os.sep
-"""Where children are started: only the administrator of the machine puts files there."""
+"""The folder in which children start: only the administrator of the machine puts files there."""
 
 SAFE_PATH, SEARCH_PATH = "PYTHONSAFEPATH", "PYTHONPATH"
 
 
 def python_command(*arguments: str) -> tuple[str, ...]:
-    """Return the command that runs this Python, which imports nothing of the working folder.
+    """Return the command that runs this Python without imports from the working folder.
 
-    The child is to be started in OWN_FOLDER, so paths in `arguments` have to be whole.
+    Start the child in OWN_FOLDER; paths in `arguments` must be absolute.
     """
     return sys.executable, "-P", *arguments
 
 
 def keep_search_path() -> None:
-    """Have PYTHONPATH, which is the user's own, mean the same folders to children.
+    """Make the user's PYTHONPATH absolute, so that it names the same folders for children.
 
-    An empty part of it is left out: to Python it is the folder it was started in.
+    An empty part is left out: for Python it means the folder it was started in.
     """
     if given := os.environ.get(SEARCH_PATH):
         parts = (os.path.abspath(part) for part in given.split(os.pathsep) if part)
@@ -36,9 +36,9 @@ def keep_search_path() -> None:
 
 @contextmanager
 def isolated_workers() -> Generator[None]:
-    """Have processes that a library starts in the context import nothing of the working folder.
+    """Start processes of a library, in this context, without imports from the working folder.
 
-    `multiprocessing`, and so Dask, pass an environment on and no options of this Python.
+    `multiprocessing` (and Dask with it) passes on the environment, but no option like `-P`.
     """
     before = os.environ.get(SAFE_PATH)
     os.environ[SAFE_PATH] = "1"

@@ -83,10 +83,10 @@ def read_private(path: Path, loose: int = 0o077) -> bytes:
 
 
 def exposed(folder: Path, rights: int) -> tuple[str, str] | None:
-    """Return how other users can use `folder`, and the remedy; None if they cannot.
+    """Return how other users can use `folder`, with the remedy; None if they cannot.
 
-    They can if they have one of `rights` to it (0o077: any, 0o022: to write), or if they can put
-    another folder in the place of it, of the one that a link leads to, or of one above these.
+    They can use it if they have one of the `rights` to it (0o077: any, 0o022: to write), or if they
+    can replace it: the folder itself, the target of a link, or a folder above these.
     """
     if not folder.is_dir():
         return None

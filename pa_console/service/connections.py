@@ -1,7 +1,7 @@
-"""The port that a service listens at: an end to idle connections, and to their number.
+"""The port of a service: idle connections are closed, and their number is limited.
 
-Every program on this machine can connect, also without a token. What a connection is let in for
-decides how long it is kept when there are too many: an operator finds a place at any time.
+Every program on this machine can connect, also without a token. If there are too many connections,
+those without a token are closed first and those of observers next; an operator always gets in.
 """
 
 import asyncio
@@ -14,22 +14,22 @@ from typing import Any
 
 ADDRESS = "127.0.0.1"
 MOST = 128
-"""Connections at once. One more takes the place of the oldest among those that matter least."""
+"""Connections at once. One more takes the place of the oldest of the lowest rank."""
 IDLE_S = 10.0
-"""A connection without a request, or with one that has not come wholly, ends after this time."""
+"""A connection without a complete request is closed after this time, in seconds."""
 BACKLOG = 100
-"""Connections that are accepted in one go."""
+"""Connections accepted in one turn of the event loop."""
 EXHAUSTED = frozenset((errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM))
 
 
 class Connection:
-    """One connection: how much it matters, and since when it asks for nothing."""
+    """One accepted connection, with its rank and the time since its last request."""
 
     def __init__(self, accepted: socket.socket | None, now: float) -> None:
         self._accepted = accepted
         self.requests, self.since, self.quiet_since = 0, now, now
         self.rank = 0
-        """0 for a stranger, 1 for whose token lets read, 2 for whose token lets command."""
+        """0 without a token, 1 with the token of an observer, 2 with one that may command."""
 
     @property
     def closed(self) -> bool:
@@ -41,7 +41,7 @@ class Connection:
         self.rank = 1 + commands
 
     def end(self) -> None:
-        """End the connection; whoever serves it notices and closes it."""
+        """Shut the connection down; its server then closes it."""
         if self._accepted is not None:
             with suppress(OSError):
                 self._accepted.shutdown(socket.SHUT_RDWR)
@@ -88,7 +88,7 @@ class Listening(socket.socket):
 
     @contextmanager
     def request(self, address: object) -> Generator[Connection]:
-        """Give the connection from `address`, which asks for something in the context."""
+        """Yield the connection from `address`; in the context it has a request and is not idle."""
         loop = asyncio.get_running_loop()
         connection = self._open.get(address) or Connection(None, loop.time())
         connection.requests += 1
@@ -99,7 +99,7 @@ class Listening(socket.socket):
             connection.quiet_since = loop.time()
 
     def _make_room(self) -> bool:
-        """End the connection that matters least if there are too many; return whether one may."""
+        """End one of the lowest rank if there are too many; return False if none may be ended."""
         self._open = {where: one for where, one in self._open.items() if not one.closed}
         if len(self._open) < MOST:
             return True
@@ -110,7 +110,7 @@ class Listening(socket.socket):
         return True
 
     def _look(self, connection: Connection) -> None:
-        """End a connection that asks for nothing, else look again when it may be due."""
+        """End a connection that is idle for too long, else check again when that may be."""
         loop = asyncio.get_running_loop()
         left = IDLE_S if connection.requests else connection.quiet_since + IDLE_S - loop.time()
         if left <= 0:
@@ -119,9 +119,9 @@ class Listening(socket.socket):
             loop.call_later(left, self._look, connection)
 
     def _turn_away(self, error: OSError) -> None:
-        """Close the connection that waits, by the descriptor that is kept for that.
+        """Accept a waiting connection with the spare descriptor, and close it.
 
-        As long as it waited, the event loop would look at it again at once, for ever.
+        The event loop would otherwise call `accept` again at once, without end.
         """
         if self._spare < 0:
             raise error

@@ -273,8 +273,8 @@ def _add_questions(app: FastAPI, session: ServedSession) -> None:
         """Answer a question such as *Why?* or *Why not Robot_T02?* from the record.
 
         It is about the plan that waits, else about the mission that is worked on or was last. No
-        model is asked, no decision follows, and any other text is refused: no mission is made of
-        it. The answer is logged.
+        model is asked, no decision follows, and any other text is refused:
+        no mission is made of it. The answer is logged.
         """
         return await session.answer(body.text)
 

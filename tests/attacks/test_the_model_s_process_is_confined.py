@@ -2,10 +2,12 @@
 
 import asyncio
 import errno
+import fcntl
 import os
 import subprocess
 import sys
-from collections.abc import AsyncGenerator
+import termios
+from collections.abc import AsyncGenerator, Callable
 from contextlib import aclosing
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +24,7 @@ from pa_console.llm.models.cache import hash_file
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.llm.worker import seccomp
 from pa_console.llm.worker.confinement import Restriction, clean_environment, try_out
+from tests.attacks.dangerous_calls import DANGEROUS
 from tests.training.lora.tiny import write_tiny
 
 LINUX = sys.platform == "linux" and os.uname().machine in seccomp.MACHINES
@@ -94,7 +97,7 @@ def test_only_what_is_named_is_left_of_the_environment() -> None:
 def test_all_that_is_promised_is_tried() -> None:
     tried = try_out()
     assert [item for item in tried if item.missing] == []
-    assert len(tried) == 3
+    assert len(tried) == 4
 
 
 def test_a_confinement_that_does_not_hold_is_named_by_doctor() -> None:
@@ -135,12 +138,48 @@ ATTEMPTS = {
     "its own limits raised": "resource.setrlimit(resource.RLIMIT_FSIZE, (1, 1))",
     "many open files": "[open('/dev/null', 'rb') for _ in range(80)]",
     "memory without bounds": "bytearray(5 << 30)",
+    "its parent's memory": "open(f'/proc/{os.getppid()}/mem', 'rb')",
+    "its parent's environment": "open(f'/proc/{os.getppid()}/environ', 'rb').read()",
+    "its parent's open files": "os.listdir(f'/proc/{os.getppid()}/fd')",
+    "its parent's priority": "os.setpriority(os.PRIO_PROCESS, os.getppid(), 19)",
+    "its parent's core": "os.sched_setaffinity(os.getppid(), os.sched_getaffinity(0))",
+    "its parent's place on a disk": "call_or_raise(251, 30, 1, os.getppid(), 0)",
+    "signals to its parent by a pipe": "fcntl.fcntl(0, fcntl.F_SETOWN, os.getppid())",
+    "a file that is not its own": "open(mine, 'rb')",
+    "a folder that is not its own": "os.listdir(os.path.dirname(mine))",
+    "memory that others share": "call_or_raise(29, 194, 0, 4096, 0o1600)",
+    "a queue of messages": "call_or_raise(68, 186, 0, 0o1600)",
+    "a semaphore that others see": "call_or_raise(64, 190, 0, 1, 0o1600)",
+    "a queue with a name": "call_or_raise(240, 180, text(b'pa'), 0o100 | 2, 0o600, 0)",
+    "its own priority": "os.nice(1)",
+    "another way to be scheduled": "os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))",
+    "a file system": "call(430, text(b'tmpfs'), 0)",
+    "a tree of mounts": "call(428, -100, text(b'/'), 1)",
+    "names of its own": "call_or_raise(272, 97, 0x10000000)",
+    "a file in memory": "os.memfd_create('x')",
+    "memory that can be run": "mmap.mmap(-1, 4096, prot=7)",
+    "memory that can be run later": "run_later(4096)",
+    "a file that can be changed and run": "mmap.mmap(own.fileno(), 4096, mmap.MAP_PRIVATE, 7)",
+    "memory whose pages can all be run": "call_or_raise(135, 92, 0x0400000)",
+    "other files watched": "call_or_raise(300, 262, 0, 0)",
+    "another time of day": "time.clock_settime(time.CLOCK_REALTIME, time.time())",
+    "another name of the machine": "socket.sethostname(socket.gethostname())",
+    "two processes compared": "call_or_raise(312, 272, os.getpid(), os.getppid(), 0, 0, 0)",
+    "another user": "os.setuid(os.getuid())",
+    "a process by descriptor": "os.pidfd_open(os.getppid())",
 }
 SCRIPT = """\
-import ctypes, os, platform, resource, socket, subprocess, sys
-from pa_console.llm.worker.confinement import confine
-assert not any(item.missing for item in confine(0, 1))
+import ctypes, fcntl, mmap, os, platform, resource, socket, subprocess, sys, time
+from pa_console.llm.worker.confinement import confine, read_only
+own = open(sys.executable, "rb")
+assert not any(item.missing for item in (read_only(()), *confine(0, 1)))
 libc = ctypes.CDLL(None, use_errno=True)
+text = ctypes.create_string_buffer
+def run_later(size):
+    page = mmap.mmap(-1, size)
+    address = ctypes.addressof(ctypes.c_char.from_buffer(page))
+    if libc.mprotect(ctypes.c_void_p(address), size, 5) < 0:
+        raise OSError(ctypes.get_errno(), "refused")
 def call_or_raise(x86, arm, *arguments):
     number = x86 if platform.machine() == "x86_64" else arm
     if libc.syscall(number, *arguments) < 0:
@@ -151,7 +190,7 @@ mine = sys.argv[1]
 for attempt in sys.argv[2:]:
     try:
         eval(attempt)
-        print("done")
+        print("done", flush=True)
     except (OSError, MemoryError, ValueError) as error:
         print("refused")
 """
@@ -174,8 +213,8 @@ def test_what_a_process_that_was_taken_over_would_do_is_refused(tmp_path: Path) 
 def test_what_the_model_needs_is_not_refused() -> None:
     script = (
         "import threading, numpy\n"
-        "from pa_console.llm.worker.confinement import confine\n"
-        "confine(0, 1)\n"
+        "from pa_console.llm.worker.confinement import confine, read_only\n"
+        "assert not any(item.missing for item in (read_only(()), *confine(0, 1)))\n"
         "said = []\n"
         "thread = threading.Thread(target=said.append, args=(1,)); thread.start(); thread.join()\n"
         "open('/proc/self/status').read(); open(__import__('os').devnull, 'rb').read()\n"
@@ -220,34 +259,76 @@ def asked(number: int, architecture: int, arguments: tuple[int, ...] = ()) -> by
 PID = 4711
 REFUSED, MISSING = seccomp.FAIL | errno.EACCES, seccomp.FAIL | errno.ENOSYS
 MACHINES = st.sampled_from(list(seccomp.MACHINES.values()))
+ARGUMENTS = st.tuples(*[st.integers(0, 2**64 - 1)] * 6)
+BY_ARGUMENT: dict[str, Callable[[list[int], int], bool]] = {
+    "OPEN": lambda low, _: not low[1] & seccomp.WRITING,
+    "OPENAT": lambda low, _: not low[2] & seccomp.WRITING,
+    "MMAP": lambda low, _: not low[2] & 4 or not (low[2] & 2 or low[3] & 0x20),
+    "MPROTECT": lambda low, _: not low[2] & 4,
+    "CLONE": lambda low, _: bool(low[0] & 0x10000),
+    "TGKILL": lambda low, pid: low[0] == pid,
+    "PRLIMIT": lambda low, _: low[0] == 0,
+    "PRCTL": lambda low, _: low[0] in (15, 16),
+    "FCNTL": lambda low, _: low[1] in (fcntl.F_DUPFD, fcntl.F_GETFD, fcntl.F_SETFD, fcntl.F_GETFL,
+                                       fcntl.F_DUPFD_CLOEXEC),
+    "IOCTL": lambda low, _: low[1] in (termios.TCGETS, termios.FIOCLEX, termios.FIONCLEX),
+}  # fmt: skip
+"""What the arguments of a call must be, by their low halves, for it to be allowed."""
 
 
-@settings(deadline=None)
-@given(MACHINES, st.integers(0, 0x1FF), st.tuples(*[st.integers(0, 2**64 - 1)] * 6))
+@settings(deadline=None, max_examples=500)
+@given(MACHINES, st.integers(0, 0x1FF), ARGUMENTS, st.booleans())
 def test_the_filter_decides_every_call_as_its_tables_say(
-    machine: seccomp.Machine, number: int, arguments: tuple[int, ...]
+    machine: seccomp.Machine, number: int, arguments: tuple[int, ...], pinned: bool
 ) -> None:
-    answer = run(seccomp.program(machine, PID), asked(number, machine.audit, arguments))
+    code = seccomp.program(machine, PID, pinned=pinned)
+    answer = run(code, asked(number, machine.audit, arguments))
     low = [value & 0xFFFFFFFF for value in arguments]
-    tables = {machine.number(call) for call in seccomp.REFUSED}
-    of = {
-        name: machine.number(getattr(seccomp, name))
-        for name in ("OPEN", "OPENAT", "CLONE", "TGKILL", "PRLIMIT")
-    }
-    if number in tables:
-        wanted = REFUSED
-    elif number in {machine.number(call) for call in seccomp.WITH_OLDER_WAY}:
-        wanted = MISSING
+    looked_at = {machine.number(getattr(seccomp, name)): name for name in BY_ARGUMENT}
+    allowed = {machine.number(call) for call in seccomp.ALLOWED}
+    if number in looked_at:
+        holds = BY_ARGUMENT[looked_at[number]](low, PID)
+        assert answer == (seccomp.ALLOW if holds else REFUSED)
+    elif number in allowed or (pinned and number == machine.number(seccomp.PIN)):
+        assert answer == seccomp.ALLOW
     else:
-        refused = (
-            (number == of["OPEN"] and low[1] & seccomp.WRITING)
-            or (number == of["OPENAT"] and low[2] & seccomp.WRITING)
-            or (number == of["CLONE"] and not low[0] & seccomp.NEW_THREAD)
-            or (number == of["TGKILL"] and low[0] != PID)
-            or (number == of["PRLIMIT"] and low[0] != 0)
-        )
-        wanted = REFUSED if refused else seccomp.ALLOW
-    assert answer == wanted
+        assert answer == MISSING
+
+
+@pytest.mark.parametrize("name", BY_ARGUMENT)
+@settings(deadline=None)
+@given(MACHINES, st.sampled_from([0, 1, 2, 3, 4, 5, 7, 8, 10, 15, 16, 0x20, 0x22, 0x5401, 0x5412,
+                                  0x5451, 0x10000, 0x10F00, 1030, PID]), ARGUMENTS)  # fmt: skip
+def test_the_filter_looks_at_the_arguments_that_matter(
+    name: str, machine: seccomp.Machine, likely: int, arguments: tuple[int, ...]
+) -> None:
+    number = machine.number(getattr(seccomp, name))
+    if number is None:
+        return
+    for place in range(4):
+        given_ = (*arguments[:place], likely, *arguments[place + 1 :])
+        low = [value & 0xFFFFFFFF for value in given_]
+        answer = run(seccomp.program(machine, PID), asked(number, machine.audit, given_))
+        assert answer == (seccomp.ALLOW if BY_ARGUMENT[name](low, PID) else REFUSED)
+
+
+@settings(deadline=None, max_examples=30)
+@given(MACHINES, ARGUMENTS)
+def test_no_dangerous_call_is_allowed_whatever_its_arguments(
+    machine: seccomp.Machine, arguments: tuple[int, ...]
+) -> None:
+    code = seccomp.program(machine, PID)
+    numbers = [
+        (name, x86_64 if machine.name == "x86_64" else aarch64)
+        for name, x86_64, aarch64 in DANGEROUS
+    ]
+    allowed = [
+        name
+        for name, number in numbers
+        if number is not None
+        and run(code, asked(number, machine.audit, arguments)) == seccomp.ALLOW
+    ]
+    assert allowed == []
 
 
 @settings(deadline=None)
@@ -260,6 +341,54 @@ def test_no_call_of_another_abi_gets_through(
         assert run(code, asked(number, architecture)) == REFUSED
     if machine.name == "x86_64":
         assert run(code, asked(number | seccomp.X32, machine.audit)) == REFUSED
+
+
+READER = """\
+import os
+from threading import Thread
+from pa_console.llm.engine.protocol import LoadFailed, encode
+from pa_console.llm.worker import worker
+def look(found):
+    for path in (f"/proc/{os.getppid()}/mem", os.environ["HOME"]):
+        try:
+            os.close(os.open(path, os.O_RDONLY))
+            found.append(path)
+        except PermissionError:
+            pass
+def serve(load, inbox, outbox):
+    found = []
+    thread = Thread(target=look, args=(found,))
+    thread.start()
+    thread.join()
+    look(found)
+    open(load.weights.path, "rb").close()
+    outbox.write(encode(LoadFailed(error=f"read: {found}")))
+worker.serve = serve
+worker.main()
+"""
+
+
+@linux_only
+async def test_the_worker_reads_the_weights_and_neither_its_parent_nor_its_user_s_files(
+    tiny: LocalModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pa_console.llm.engine.worker_process.COMMAND", ("-c", READER))
+    monkeypatch.setenv("HOME", str(tmp_path))
+    worker = await Worker.spawn(loading(tiny), never_ready, lambda _: None)
+    try:
+        assert await asyncio.wait_for(worker.ready, 300) is False
+        assert worker.error == "read: []"
+    finally:
+        await worker.kill()
+
+
+def never_ready(_n_ctx: int, _description: str) -> None:
+    raise AssertionError
+
+
+def loading(model: LocalModel) -> Load:
+    weights = PinnedFile(path=str(model.path), sha256=model.sha256)
+    return Load(weights=weights, chat="chatml", n_ctx=512, threads=1)
 
 
 FLOOD = """\
@@ -282,13 +411,7 @@ async def test_a_process_that_says_more_than_it_was_asked_for_is_ended(
 ) -> None:
     monkeypatch.setattr("pa_console.llm.engine.worker_process.COMMAND", ("-c", script))
     ended: list[str] = []
-
-    def never_ready(_n_ctx: int, _description: str) -> None:
-        raise AssertionError
-
-    weights = PinnedFile(path=str(tiny.path), sha256=tiny.sha256)
-    load = Load(weights=weights, chat="chatml", n_ctx=512, threads=1)
-    worker = await Worker.spawn(load, never_ready, ended.append)
+    worker = await Worker.spawn(loading(tiny), never_ready, ended.append)
     try:
         assert await asyncio.wait_for(worker.ready, 300) is False
         assert ended == [""]

@@ -1,17 +1,10 @@
-"""The verbs of training inside the test's own process.
-
-Tests of the trainer itself need the extra `train`; without it they are not collected.
-"""
-
-from importlib.util import find_spec
+"""The verbs of training inside the test's own process."""
 
 import pytest
 
 from pa_console.cli.main import run
 from pa_training.__main__ import NAME, app
 from tests.cli.inside import Call, caller
-
-collect_ignore = [] if find_spec("torch") and find_spec("gguf") else ["lora"]
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import hashlib
 from pathlib import Path
 
 from pa_console.llm.models.cache import hash_file
-from pa_training.lora.config import TrainConfig
+from pa_training.adapters.config import TrainConfig
 from pa_training.results.lineage import ADAPTER, RunSummary, write_summary
 from pa_training.samples.data_report import write_report
 from pa_training.samples.data_set import DataFolder, Made

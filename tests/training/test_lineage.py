@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_training.lora.config import TrainConfig
+from pa_training.adapters.config import TrainConfig
 from pa_training.results.lineage import earlier_runs, keep_earlier, kept_earlier
 from tests.training.finished_run import CURVE
 

@@ -1,14 +1,18 @@
 """`python -m pa_training`: data gone on with, training runs, mission sets, cards; wrong input."""
 
 import json
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
 from pa_console.evaluation.runs.jobs import load_with_worlds
-from pa_training.lora.config import TrainConfig, shipped_config
+from pa_training.adapters.config import TrainConfig, shipped_config
+from pa_training.adapters.run_folder import RunFolder
 from pa_training.results.lineage import ADAPTER, read_summary
 from pa_training.samples.sample import read_samples
 from pa_training.situations.worlds import shipped_world
@@ -69,14 +73,12 @@ class Result:
 
     finished: bool
     last: Step
+    adapter_sha256: str = "f" * 64
 
 
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Training without a model: a run stops after half of its steps, a resumed one ends."""
-    checkpoint = pytest.importorskip("pa_training.lora.checkpoint")
-    export = pytest.importorskip("pa_training.lora.export")
-    loop = pytest.importorskip("pa_training.lora.loop")
     base = tmp_path / "base.gguf"
     base.write_bytes(b"base")
 
@@ -84,20 +86,19 @@ def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         config: TrainConfig, out: Path, resume: bool, on_progress: Callable[[Step], None]
     ) -> Result:
         if not resume:
-            checkpoint.RunFolder(out).begin(config)
+            RunFolder(out).begin(config, {})
         last = Step(4 if resume else 2)
         on_progress(last)
+        (out / ADAPTER).write_bytes(b"adapter")
         return Result(resume, last)
-
-    def export_adapter(_: Path, target: Path) -> str:
-        target.write_bytes(b"adapter")
-        return "f" * 64
 
     def found(_: TrainConfig) -> tuple[Path, str]:
         return base, "template"
 
-    monkeypatch.setattr(loop, "train", train)
-    monkeypatch.setattr(export, "export_adapter", export_adapter)
+    trainer = ModuleType("pa_training.adapters.trainer")
+    trainer.__dict__["train"] = train
+    monkeypatch.setitem(sys.modules, trainer.__name__, trainer)
+    monkeypatch.setattr(train_run, "NEEDED", ("pytest",))
     monkeypatch.setattr(train_run, "find_base", found)
 
 
@@ -146,6 +147,12 @@ def test_what_cannot_be_trained_with_is_said(
     assert done.code == 2
     assert says in done.said
     assert not out.exists()
+
+
+def test_the_trainer_can_be_imported_where_its_extra_is_installed() -> None:
+    for name in train_run.NEEDED:
+        pytest.importorskip(name, reason="training, and its tests, need the extra `train`")
+    assert callable(import_module("pa_training.adapters.trainer").train)
 
 
 def test_without_the_extra_the_remedy_is_said(

@@ -190,7 +190,7 @@ def confinement_words(restrictions: tuple[Restriction, ...]) -> Check:
     found = "; ".join([*missing, *held])
     if not missing:
         return Check("model's process", "ok", f"{found}; tried")
-    remedy = "on Linux 4.17 or newer, on x86-64 or ARM64, all of it holds"
+    remedy = "on Linux 5.13 or newer with Landlock, on x86-64 or ARM64, all of it holds"
     return Check("model's process", "warning", found, remedy)
 
 

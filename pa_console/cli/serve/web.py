@@ -36,7 +36,7 @@ port in its name takes it."""
 LOOK_S = 5.0
 """How often it is looked whether the token of an open console still holds, in seconds."""
 CLOSE_S = 1.0
-"""How long a browser has to take note that its window is closed, in seconds."""
+"""Time for a browser to answer that its window is closed, in seconds."""
 LEAVE_S = 20.0
 """How long a console has to bring its assets to safety and to close its log."""
 WRONG = (0.5, 10)
@@ -137,7 +137,7 @@ class ServedConsole(Server):
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        """Answer what passes, and note on its connection for whom that is."""
+        """Answer an admitted request, and set the rank of its connection."""
         address = request.transport.get_extra_info("peername") if request.transport else None
         with self._listening.request(address) as connection:
             self._admit(request)

@@ -1,8 +1,9 @@
 """What the model's process may not do: it reads its files, computes, and speaks to its parent.
 
 A GGUF file is parsed, and a grammar compiled, by large C and C++ libraries. Whoever finds a hole in
-them finds no network, no other program, no file to write, no key in the environment, and no more
-memory than the model needs. The model is computed on the CPU: the devices of a GPU are files that
+them finds no network, no other program, no file to write, none to read but Python's and the
+model's, no other process, no key in the environment, and no more memory than the model needs. The
+model is computed on the CPU: the devices of a GPU are files that
 are opened to be written to, and stay closed too.
 `python -m pa_console.llm.worker.confinement` tries what it says.
 """
@@ -11,11 +12,11 @@ import os
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
 from pa_console.child_processes import OWN_FOLDER, python_command
-from pa_console.llm.worker import seccomp
+from pa_console.llm.worker import landlock, seccomp
 from pa_console.schema.base import StrictModel
 
 KEPT_VARIABLES = frozenset(
@@ -53,7 +54,30 @@ WEIGHTS_TIMES = 3
 """The caches of all roles of a 7B model with 4096 tokens each take twice its weights at most."""
 
 THREAD_BYTES = 16 << 20
-STATUS = Path("/proc/self/status")
+PACKAGE = str(Path(__file__).parents[2])
+BINDING = frozenset(("OMP_PLACES", "OMP_PROC_BIND", "GOMP_CPU_AFFINITY"))
+"""Variables that ask for threads that are bound to cores."""
+STATUS, MAPS = Path("/proc/self/status"), Path("/proc/self/maps")
+OF_THE_SYSTEM = (
+    "/lib",
+    "/lib64",
+    "/usr/lib",
+    "/usr/lib64",
+    "/usr/local/lib",
+    "/usr/share/zoneinfo",
+    "/etc/ld.so.cache",
+    "/etc/localtime",
+    "/dev/null",
+    "/dev/urandom",
+    "/proc/self",
+    "/proc/stat",
+    "/proc/cpuinfo",
+    "/proc/meminfo",
+    "/proc/sys",
+    "/sys/devices/system",
+    "/sys/fs/cgroup",
+)
+"""Files of the system that Python and the C library read while the model computes."""
 TRIAL_LIMIT_S = 30.0
 
 
@@ -69,6 +93,29 @@ def clean_environment(given: Mapping[str, str]) -> dict[str, str]:
     return {name: value for name, value in given.items() if name in KEPT_VARIABLES}
 
 
+def read_only(files: Iterable[str]) -> Restriction:
+    """Give up, for good, every file but Python's own and `files`, and every other process.
+
+    Call it before there is a second thread: a thread that runs already is not restricted.
+    """
+    return Restriction(
+        what="no files but its own to read, no look into other processes",
+        missing=landlock.restrict((*files, *_python_files(), *OF_THE_SYSTEM)),
+    )
+
+
+def _python_files() -> Iterator[str]:
+    """Yield the folders of this Python, of what it imports, and of libraries that it loads."""
+    yield from (sys.prefix, sys.base_prefix, *filter(None, sys.path), PACKAGE)
+    if sys.pycache_prefix:
+        yield sys.pycache_prefix
+    yield from filter(None, os.environ.get("LD_LIBRARY_PATH", "").split(os.pathsep))
+    if MAPS.exists():
+        lines = MAPS.read_text(encoding="utf-8", errors="replace").splitlines()
+        paths = {line.split(maxsplit=5)[-1] for line in lines if ".so" in line}
+        yield from {os.path.dirname(path) for path in paths if path.startswith("/")}
+
+
 def confine(weights_bytes: int, threads: int) -> tuple[Restriction, ...]:
     """Give up, for good, what a process does not need that loads weights of that size.
 
@@ -79,7 +126,8 @@ def confine(weights_bytes: int, threads: int) -> tuple[Restriction, ...]:
         Restriction(what="memory within bounds", missing=_limit_memory(weights_bytes, threads)),
         Restriction(what="few open files, none of them growing", missing=_limit_files()),
         Restriction(
-            what="no network, no other program, no change to files", missing=seccomp.restrict()
+            what="no network, no other program, no change to files",
+            missing=seccomp.restrict(pinned=not BINDING.isdisjoint(os.environ)),
         ),
     )
 
@@ -160,13 +208,15 @@ def try_out() -> tuple[Restriction, ...]:
 
 def _try() -> _Trial:
     """Confine this process, then try what it must not be able to do."""
-    restrictions = confine(0, 1)
+    restrictions = (read_only(()), *confine(0, 1))
     if any(item.missing for item in restrictions):
         return _Trial(restrictions=restrictions, done=())
     attempts: dict[str, Callable[[], object]] = {
         "a socket": socket.socket,
         "another program": lambda: subprocess.run("true", cwd=OWN_FOLDER, check=False),
         "a file to write": lambda: open(os.devnull, "wb").close(),
+        "its parent's memory": lambda: open(f"/proc/{os.getppid()}/mem", "rb").close(),
+        "a folder that is not its own": lambda: os.listdir(OWN_FOLDER),
         "memory without bounds": lambda: bytearray(2 * WORK_BYTES),
     }
     done: list[str] = []

@@ -1,9 +1,11 @@
 """A seccomp filter for a process that computes: no network, no other program, no change to files.
 
 The filter is a small program that the kernel runs at every system call (Linux, x86-64 and ARM64);
-once installed nothing can take it off. What is not named here stays allowed: it is a list of what
-is refused. libseccomp would write the same program, but is no Python package: it would have to be
-on the machine.
+once installed nothing can take it off. It is a list of what is allowed: a call that is not named
+here does not exist for the process, as if the kernel were an older one. The list has what Python
+and llama.cpp were seen to use, and what the versions of the C library use in its place.
+libseccomp would write the same program, but is no Python package: it would have to be on the
+machine.
 """
 
 import ctypes
@@ -30,7 +32,15 @@ X32 = 0x40000000
 
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC
 NEW_THREAD = 0x00010000
-"""What `clone` is told for a thread; without it, it makes a process."""
+"""What `clone` is given for a thread; without it, it makes a process."""
+WRITE, EXECUTE, ANONYMOUS = 2, 4, 0x20
+"""Protection of memory, and the flag of memory that is of no file."""
+NAMES_OF_THREADS = (15, 16)
+"""Options of `prctl` that set and get a thread's name."""
+OF_DESCRIPTORS = (0, 1, 2, 3, 1030)
+"""Commands of `fcntl` that duplicate a descriptor or read its flags; none makes it send signals."""
+OF_FILES = (0x5401, 0x5450, 0x5451)
+"""Requests of `ioctl`: settings of a terminal, and whether a file is closed at `exec`."""
 
 
 class Call(NamedTuple):
@@ -41,102 +51,104 @@ class Call(NamedTuple):
     aarch64: int | None
 
 
-NETWORK = (
-    Call("socket", 41, 198),
-    Call("socketpair", 53, 199),
-    Call("connect", 42, 203),
-    Call("bind", 49, 200),
-    Call("listen", 50, 201),
-    Call("accept", 43, 202),
-    Call("accept4", 288, 242),
-    Call("sendto", 44, 206),
-    Call("sendmsg", 46, 211),
-    Call("sendmmsg", 307, 269),
-    Call("io_uring_setup", 425, 425),
+THREADS = (
+    Call("futex", 202, 98),
+    Call("sched_yield", 24, 124),
+    Call("sched_getaffinity", 204, 123),
+    Call("getcpu", 309, 168),
+    Call("set_robust_list", 273, 99),
+    Call("rseq", 334, 293),
+    Call("membarrier", 324, 283),
+    Call("gettid", 186, 178),
+    Call("exit", 60, 93),
+    Call("exit_group", 231, 94),
 )
-PROCESSES = (
-    Call("execve", 59, 221),
-    Call("execveat", 322, 281),
-    Call("fork", 57, None),
-    Call("vfork", 58, None),
-    Call("ptrace", 101, 117),
-    Call("process_vm_readv", 310, 270),
-    Call("process_vm_writev", 311, 271),
-    Call("pidfd_open", 434, 434),
-    Call("pidfd_send_signal", 424, 424),
-    Call("pidfd_getfd", 438, 438),
-    Call("kill", 62, 129),
-    Call("tkill", 200, 130),
-    Call("rt_sigqueueinfo", 129, 138),
-    Call("rt_tgsigqueueinfo", 297, 240),
+MEMORY = (
+    Call("munmap", 11, 215),
+    Call("mremap", 25, 216),
+    Call("madvise", 28, 233),
+    Call("brk", 12, 214),
 )
 FILES = (
-    Call("creat", 85, None),
-    Call("truncate", 76, 45),
-    Call("ftruncate", 77, 46),
-    Call("fallocate", 285, 47),
-    Call("unlink", 87, None),
-    Call("unlinkat", 263, 35),
-    Call("rename", 82, None),
-    Call("renameat", 264, 38),
-    Call("renameat2", 316, 276),
-    Call("mkdir", 83, None),
-    Call("mkdirat", 258, 34),
-    Call("rmdir", 84, None),
-    Call("link", 86, None),
-    Call("linkat", 265, 37),
-    Call("symlink", 88, None),
-    Call("symlinkat", 266, 36),
-    Call("mknod", 133, None),
-    Call("mknodat", 259, 33),
-    Call("chmod", 90, None),
-    Call("fchmod", 91, 52),
-    Call("fchmodat", 268, 53),
-    Call("fchmodat2", 452, 452),
-    Call("chown", 92, None),
-    Call("lchown", 94, None),
-    Call("fchown", 93, 55),
-    Call("fchownat", 260, 54),
-    Call("utime", 132, None),
-    Call("utimes", 235, None),
-    Call("futimesat", 261, None),
-    Call("utimensat", 280, 88),
-    Call("setxattr", 188, 5),
-    Call("lsetxattr", 189, 6),
-    Call("fsetxattr", 190, 7),
-    Call("removexattr", 197, 14),
-    Call("lremovexattr", 198, 15),
-    Call("fremovexattr", 199, 16),
-    Call("open_by_handle_at", 304, 265),
+    Call("read", 0, 63),
+    Call("readv", 19, 65),
+    Call("pread64", 17, 67),
+    Call("preadv", 295, 69),
+    Call("write", 1, 64),
+    Call("writev", 20, 66),
+    Call("lseek", 8, 62),
+    Call("close", 3, 57),
+    Call("close_range", 436, 436),
+    Call("dup", 32, 23),
+    Call("dup2", 33, None),
+    Call("dup3", 292, 24),
+    Call("stat", 4, None),
+    Call("lstat", 6, None),
+    Call("fstat", 5, 80),
+    Call("newfstatat", 262, 79),
+    Call("statx", 332, 291),
+    Call("statfs", 137, 43),
+    Call("fstatfs", 138, 44),
+    Call("access", 21, None),
+    Call("faccessat", 269, 48),
+    Call("faccessat2", 439, 439),
+    Call("readlink", 89, None),
+    Call("readlinkat", 267, 78),
+    Call("getdents64", 217, 61),
+    Call("getcwd", 79, 17),
+    Call("fadvise64", 221, 223),
 )
-KERNEL = (
-    Call("mount", 165, 40),
-    Call("umount2", 166, 39),
-    Call("pivot_root", 155, 41),
-    Call("chroot", 161, 51),
-    Call("unshare", 272, 97),
-    Call("setns", 308, 268),
-    Call("bpf", 321, 280),
-    Call("perf_event_open", 298, 241),
-    Call("userfaultfd", 323, 282),
-    Call("add_key", 248, 217),
-    Call("request_key", 249, 218),
-    Call("keyctl", 250, 219),
-    Call("init_module", 175, 105),
-    Call("finit_module", 313, 273),
-    Call("kexec_load", 246, 104),
+WAITING = (
+    Call("poll", 7, None),
+    Call("ppoll", 271, 73),
+    Call("select", 23, None),
+    Call("pselect6", 270, 72),
+    Call("epoll_create1", 291, 20),
+    Call("epoll_ctl", 233, 21),
+    Call("epoll_wait", 232, None),
+    Call("epoll_pwait", 281, 22),
+    Call("nanosleep", 35, 101),
+    Call("clock_nanosleep", 230, 115),
+    Call("clock_gettime", 228, 113),
+    Call("clock_getres", 229, 114),
+    Call("gettimeofday", 96, 169),
+    Call("time", 201, None),
+    Call("times", 100, 153),
 )
-REFUSED = NETWORK + PROCESSES + FILES + KERNEL
+SIGNALS = (
+    Call("rt_sigaction", 13, 134),
+    Call("rt_sigprocmask", 14, 135),
+    Call("rt_sigreturn", 15, 139),
+    Call("rt_sigpending", 127, 136),
+    Call("sigaltstack", 131, 132),
+    Call("restart_syscall", 219, 128),
+)
+ITSELF = (
+    Call("getpid", 39, 172),
+    Call("getppid", 110, 173),
+    Call("getuid", 102, 174),
+    Call("geteuid", 107, 175),
+    Call("getgid", 104, 176),
+    Call("getegid", 108, 177),
+    Call("uname", 63, 160),
+    Call("sysinfo", 99, 179),
+    Call("getrusage", 98, 165),
+    Call("getpriority", 140, 141),
+    Call("getrandom", 318, 278),
+)
+ALLOWED = THREADS + MEMORY + FILES + WAITING + SIGNALS + ITSELF
 
 OPEN, OPENAT = Call("open", 2, None), Call("openat", 257, 56)
+MMAP, MPROTECT = Call("mmap", 9, 222), Call("mprotect", 10, 226)
 CLONE, TGKILL, PRLIMIT = (
     Call("clone", 56, 220),
     Call("tgkill", 234, 131),
     Call("prlimit64", 302, 261),
 )
-WITH_OLDER_WAY = (Call("openat2", 437, 437), Call("clone3", 435, 435))
-"""Their arguments are out of a filter's sight. As if the kernel had none, so libc takes the older
-call, whose arguments are looked at."""
+PRCTL, FCNTL, IOCTL = Call("prctl", 157, 167), Call("fcntl", 72, 25), Call("ioctl", 16, 29)
+PIN = Call("sched_setaffinity", 203, 122)
+"""Binds threads to cores, also those of other processes: allowed only if the environment asks for
+bound threads."""
 
 
 @dataclass(frozen=True)
@@ -175,10 +187,11 @@ class _Program(ctypes.Structure):
     _fields_ = [("length", ctypes.c_uint16), ("first", ctypes.POINTER(Instruction))]
 
 
-def restrict() -> str:
+def restrict(*, pinned: bool = False) -> str:
     """Install the filter for every thread of this process; return why not, '' when it is there.
 
-    No thread can gain privileges from then on either: the kernel asks for that first.
+    Threads that are `pinned` may be bound to cores. No thread can gain privileges from then on
+    either: the kernel asks for that first.
     """
     machine = MACHINES.get(os.uname().machine) if sys.platform == "linux" else None
     if machine is None or sys.maxsize < 1 << 32 or sys.byteorder != "little":
@@ -186,7 +199,7 @@ def restrict() -> str:
     library = ctypes.CDLL(None, use_errno=True)
     if library.prctl(SET_NO_NEW_PRIVILEGES, 1, 0, 0, 0) != 0:
         return f"the kernel keeps no privileges out: {os.strerror(ctypes.get_errno())}"
-    code = program(machine, os.getpid())
+    code = program(machine, os.getpid(), pinned=pinned)
     array = (Instruction * len(code))(*code)
     whole = _Program(len(code), array)
     for flags in (ALL_THREADS | KEEP_SPECULATION, ALL_THREADS):
@@ -195,9 +208,9 @@ def restrict() -> str:
     return f"the kernel takes no filter of system calls: {os.strerror(ctypes.get_errno())}"
 
 
-def program(machine: Machine, pid: int) -> list[Instruction]:
+def program(machine: Machine, pid: int, *, pinned: bool = False) -> list[Instruction]:
     """Return the filter for the process `pid` on `machine`."""
-    refuse, missing = _fail(errno.EACCES), _fail(errno.ENOSYS)
+    refuse, missing, allow = _fail(errno.EACCES), _fail(errno.ENOSYS), _return(ALLOW)
     code = [
         _load(ARCHITECTURE_AT),
         Instruction(EQUAL, 1, 0, machine.audit),
@@ -206,16 +219,26 @@ def program(machine: Machine, pid: int) -> list[Instruction]:
     ]
     if machine.name == "x86_64":
         code += [Instruction(AT_LEAST, 0, 1, X32), refuse]
-    for calls, answer in ((REFUSED, refuse), (WITH_OLDER_WAY, missing)):
-        for call in calls:
-            if (number := machine.number(call)) is not None:
-                code += [Instruction(EQUAL, 0, 1, number), answer]
-    code += _by_argument(machine, OPEN, 1, [Instruction(ANY_BIT, 0, 1, WRITING), refuse])
-    code += _by_argument(machine, OPENAT, 2, [Instruction(ANY_BIT, 0, 1, WRITING), refuse])
-    code += _by_argument(machine, CLONE, 0, [Instruction(ANY_BIT, 1, 0, NEW_THREAD), refuse])
-    code += _by_argument(machine, TGKILL, 0, [Instruction(EQUAL, 1, 0, pid), refuse])
-    code += _by_argument(machine, PRLIMIT, 0, [Instruction(EQUAL, 1, 0, 0), refuse])
-    return [*code, Instruction(RETURN, 0, 0, ALLOW)]
+    for call in (*ALLOWED, PIN) if pinned else ALLOWED:
+        if (number := machine.number(call)) is not None:
+            code += [Instruction(EQUAL, 0, 1, number), allow]
+    not_writing = [Instruction(ANY_BIT, 0, 1, WRITING), refuse, allow]
+    code += _by_argument(machine, OPEN, 1, not_writing)
+    code += _by_argument(machine, OPENAT, 2, not_writing)
+    code += _by_argument(machine, MMAP, 2, [
+        Instruction(ANY_BIT, 1, 0, EXECUTE), allow,
+        Instruction(ANY_BIT, 0, 1, WRITE), refuse,
+        _load(ARGUMENTS_AT + 8 * 3),
+        Instruction(ANY_BIT, 0, 1, ANONYMOUS), refuse, allow,
+    ])  # fmt: skip
+    code += _by_argument(machine, MPROTECT, 2, [Instruction(ANY_BIT, 0, 1, EXECUTE), refuse, allow])
+    code += _by_argument(machine, CLONE, 0, [Instruction(ANY_BIT, 1, 0, NEW_THREAD), refuse, allow])
+    code += _by_argument(machine, TGKILL, 0, _one_of((pid,)))
+    code += _by_argument(machine, PRLIMIT, 0, _one_of((0,)))
+    code += _by_argument(machine, PRCTL, 0, _one_of(NAMES_OF_THREADS))
+    code += _by_argument(machine, FCNTL, 1, _one_of(OF_DESCRIPTORS))
+    code += _by_argument(machine, IOCTL, 1, _one_of(OF_FILES))
+    return [*code, missing]
 
 
 def _by_argument(
@@ -225,8 +248,14 @@ def _by_argument(
     number = machine.number(call)
     if number is None:
         return []
-    body = [_load(ARGUMENTS_AT + 8 * argument), *test, Instruction(RETURN, 0, 0, ALLOW)]
+    body = [_load(ARGUMENTS_AT + 8 * argument), *test]
     return [Instruction(EQUAL, 0, len(body), number), *body]
+
+
+def _one_of(values: Sequence[int]) -> list[Instruction]:
+    """Return what allows these values alone."""
+    tests = [(Instruction(EQUAL, 0, 1, value), _return(ALLOW)) for value in values]
+    return [*(step for test in tests for step in test), _fail(errno.EACCES)]
 
 
 def _load(offset: int) -> Instruction:
@@ -234,4 +263,8 @@ def _load(offset: int) -> Instruction:
 
 
 def _fail(code: int) -> Instruction:
-    return Instruction(RETURN, 0, 0, FAIL | code)
+    return _return(FAIL | code)
+
+
+def _return(answer: int) -> Instruction:
+    return Instruction(RETURN, 0, 0, answer)

@@ -30,7 +30,7 @@ from pa_console.llm.engine.protocol import (
     encode,
 )
 from pa_console.llm.models.cache import CheckedFile
-from pa_console.llm.worker.confinement import confine
+from pa_console.llm.worker.confinement import confine, read_only
 from pa_console.schema.base import StrictModel
 from pa_console.schema.events.event import Role
 from pa_console.schema.finding import Usage
@@ -47,7 +47,7 @@ class Inbox:
     """Reads the parent's messages in a thread, so that a cancel is seen while the model works."""
 
     def __init__(self, stream: IO[bytes]) -> None:
-        self.requests: SimpleQueue[Load | Generate] = SimpleQueue()
+        self.requests: SimpleQueue[Generate] = SimpleQueue()
         self._stream = stream
         self._cancelled = 0
         self.current = 0
@@ -62,20 +62,17 @@ class Inbox:
             message = ToWorker.validate_json(line)
             if isinstance(message, Cancel):
                 self._cancelled = max(self._cancelled, message.id)
-            else:
+            elif isinstance(message, Generate):
                 self.requests.put(message)
         os._exit(0)
 
 
-def serve(inbox: Inbox, outbox: IO[bytes]) -> None:
-    """Load the model of the first message, then answer one request after the other."""
+def serve(load: Load, inbox: Inbox, outbox: IO[bytes]) -> None:
+    """Load a model, then answer one request after the other."""
 
     def send(message: StrictModel) -> None:
         outbox.write(encode(message))
 
-    load = inbox.requests.get()
-    if not isinstance(load, Load):
-        raise TypeError("the first message must be Load")
     files: dict[PinnedFile, CheckedFile] = {}
     try:
         with ThreadPoolExecutor(1) as hashing:
@@ -104,8 +101,6 @@ def serve(inbox: Inbox, outbox: IO[bytes]) -> None:
     send(Ready(n_ctx=runtime.n_ctx, description=runtime.description))
     while True:
         request = inbox.requests.get()
-        if not isinstance(request, Generate):
-            continue
         try:
             _check(files.values())
         except (OSError, ValueError) as error:
@@ -174,6 +169,17 @@ def _answer(
     return finish, usage
 
 
+def _first(stream: IO[bytes]) -> Load:
+    """Return the first message of the parent, which names the files to load."""
+    line = stream.readline()
+    if not line:
+        sys.exit(0)
+    load = ToWorker.validate_json(line)
+    if not isinstance(load, Load):
+        raise TypeError("the first message must be Load")
+    return load
+
+
 def main() -> None:
     """Keep the pipes to the parent for messages only, and serve."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -181,8 +187,11 @@ def main() -> None:
     nothing = os.open(os.devnull, os.O_RDWR)
     for descriptor in (0, 1, 2):
         os.dup2(nothing, descriptor)
+    stream = os.fdopen(incoming, "rb")
+    load = _first(stream)
+    read_only(pin.path for pin in (load.weights, *load.adapters.values()))
     try:
-        serve(Inbox(os.fdopen(incoming, "rb")), os.fdopen(outgoing, "wb", buffering=0))
+        serve(load, Inbox(stream), os.fdopen(outgoing, "wb", buffering=0))
     except BrokenPipeError:
         sys.exit(0)
 

@@ -3,14 +3,16 @@
 import csv
 import json
 from collections.abc import Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from pa_console.schema.base import StrictModel
-from pa_training.lora.config import TrainConfig
+from pa_training.adapters.adapter_file import CONFIG as CONFIG_KEY
+from pa_training.adapters.adapter_file import EARLIER as EARLIER_KEY
+from pa_training.adapters.adapter_file import SAMPLES, AdapterFile
+from pa_training.adapters.config import TrainConfig
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -82,8 +84,7 @@ def earlier_runs(config: TrainConfig) -> list[EarlierRun]:
     """Return the runs that `config` goes on from, the first of all first.
 
     A run's folder and an adapter's file know those before them. The list begins after what is gone
-    or not readable: what is not there cannot be told. Raises ValueError for a file where the extra
-    `train` is not installed.
+    or not readable: what is not there cannot be told.
     """
     found: list[EarlierRun] = []
     seen: set[Path] = set()
@@ -111,7 +112,7 @@ def keep_earlier(folder: Path, config: TrainConfig) -> None:
 
 
 def kept_earlier(folder: Path, config: TrainConfig) -> list[EarlierRun]:
-    """Return what the run's `folder` keeps, or else `earlier_runs`; raises ValueError as that."""
+    """Return what the run's `folder` keeps, or else `earlier_runs`."""
     kept = _kept(folder)
     return earlier_runs(config) if kept is None else kept
 
@@ -154,18 +155,20 @@ def _kept(folder: Path) -> list[EarlierRun] | None:
 
 def _runs_of_file(path: Path) -> list[EarlierRun]:
     """Return the runs that an adapter's file tells of, its own the last; none where it does not."""
-    if find_spec("gguf") is None:
-        raise ValueError(
-            f"{path}: to read which runs it went through: pip install 'pa-console[train]'"
-        )
-    from pa_training.lora import adapter as keys  # noqa: PLC0415 - not always there
-
     try:
-        file = keys.AdapterFile.open(path)
-        if keys.EARLIER in file.metadata:
-            return _RUNS.validate_json(file.text(keys.EARLIER))
-        made = TrainConfig.model_validate_json(file.text(keys.CONFIG))
+        file = AdapterFile.open(path)
+        if EARLIER_KEY in file.metadata:
+            return _RUNS.validate_json(file.text(EARLIER_KEY))
+        made = _Made.model_validate_json(file.text(CONFIG_KEY))
     except (OSError, ValueError):
         return []
-    samples = file.text(keys.SAMPLES)
+    samples = file.text(SAMPLES)
     return [EarlierRun(path.name, made.seed, made.rank, made.learning_rate, samples, "", "", "")]
+
+
+class _Made(BaseModel):
+    """What a table has of a run's config, whichever version of the trainer it is from."""
+
+    seed: int
+    rank: int
+    learning_rate: float

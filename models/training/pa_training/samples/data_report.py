@@ -52,7 +52,7 @@ def fingerprint(rules: Path) -> str:
     total = hashlib.sha256(rules.read_bytes())
     for folder, apart in (
         (console, ("cli/", "tui/", "data/")),
-        (makers, ("lora/", "gpu/", "verbs/")),
+        (makers, ("adapters/", "verbs/")),
         (LANGUAGE, ()),
     ):
         for path in sorted(folder.rglob("*")):

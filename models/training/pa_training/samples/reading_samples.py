@@ -21,7 +21,6 @@ from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.schema.mission import MAX_MISSION_TEXT, Mission
 from pa_console.schema.rule import Rule
-from pa_training.lora.material import judge_readings, reading_of
 from pa_training.order_generator.console_missions import console_missions
 from pa_training.order_generator.sampler import sample_order
 from pa_training.phrasing.no_orders import NOTHING_ASKED, NoOrders
@@ -32,6 +31,7 @@ from pa_training.samples.data_set import each_in_order
 from pa_training.samples.near_duplicates import NearDuplicates
 from pa_training.samples.planner_samples import TOP_K, Recipe
 from pa_training.samples.sample import Sample, make_sample
+from pa_training.samples.selection import judge_readings, reading_of
 from pa_training.situations.situations import Situation, random_situation
 from pa_training.situations.worlds import (
     Numbers,

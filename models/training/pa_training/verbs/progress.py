@@ -18,7 +18,7 @@ from pa_console.schema.text.quantities import count
 from pa_training.samples.data_set import Made
 
 if TYPE_CHECKING:  # it needs torch, which only training itself may import
-    from pa_training.lora.loop import Progress as Step
+    from pa_training.adapters.trainer import Progress as Step
 
 LINE_S = 60.0
 """How often a line is written where there is no terminal, seconds."""

@@ -13,12 +13,13 @@ from pa_console.cli.output import errors, out
 from pa_console.evaluation.machine import describe_machine
 from pa_console.llm.models.cache import hash_file
 from pa_console.schema.document import Document
-from pa_training.lora.config import TrainConfig, find_base, shipped_config
+from pa_training.adapters.config import TrainConfig, find_base, shipped_config
+from pa_training.adapters.run_folder import RunFolder
 from pa_training.results.lineage import ADAPTER, RunSummary, write_summary
 from pa_training.verbs.progress import TrainProgress
 
 Task = Literal["planner", "judge"]
-NEEDED = ("torch", "gguf")
+NEEDED = ("torch", "transformers", "peft", "datasets", "accelerate")
 
 
 def run_training(
@@ -36,9 +37,7 @@ def run_training(
     be used.
     """
     require_extra()
-    from pa_training.lora.checkpoint import RunFolder  # noqa: PLC0415 - torch is slow
-    from pa_training.lora.export import export_adapter  # noqa: PLC0415
-    from pa_training.lora.loop import train  # noqa: PLC0415
+    from pa_training.adapters.trainer import train  # noqa: PLC0415 - torch is slow
 
     if resume:
         _refuse_changes(data=data, config=config, minutes=minutes, set=changes)
@@ -51,8 +50,6 @@ def run_training(
         find_base(chosen)
     with TrainProgress(chosen.max_minutes) as progress:
         result = train(chosen, folder, resume, progress.show)
-    adapter = folder / ADAPTER
-    sha256 = export_adapter(folder, adapter)
     last = result.last
     write_summary(
         folder,
@@ -66,7 +63,7 @@ def run_training(
             validation_right=last.validation_right,
             base_sha256=hash_file(find_base(chosen)[0]),
             data_sha256=hash_file(Path(chosen.data)),
-            adapter_sha256=sha256,
+            adapter_sha256=result.adapter_sha256,
             versions={
                 "pa-console": __version__,
                 "python": sys.version.split()[0],
@@ -75,7 +72,8 @@ def run_training(
             machine=describe_machine().lines,
         ),
     )
-    out.print(f"{adapter}: SHA-256 {sha256}", markup=False, soft_wrap=True)
+    adapter = f"{folder / ADAPTER}: SHA-256 {result.adapter_sha256}"
+    out.print(adapter, markup=False, soft_wrap=True)
     if not result.finished:
         errors.print(
             f"stopped after step {last.step} of {last.steps}; "

@@ -1,0 +1,99 @@
+"""What a run learns from: samples as the tokens that the model meets.
+
+Prompts go through the product's own `ChatPrompt`. An answer is tokenised plainly, which is what
+decoding under a grammar comes to: llguidance forces a token only where no other can follow
+(tests/training/adapters/test_tokens.py replays answers through the real grammars).
+"""
+
+from itertools import accumulate, islice
+from pathlib import Path
+from typing import TypedDict
+
+from pa_console.llm.models.catalogue import ChatFormat
+from pa_console.llm.worker.chat import ChatPrompt
+from pa_console.llm.worker.runtime import Runtime
+from pa_console.llm.worker.threads import FreeCores
+from pa_training.adapters.config import TrainConfig
+from pa_training.samples.sample import Sample, read_samples
+from pa_training.samples.selection import drawn, judge_readings, readings
+
+NOT_LEARNT = -100
+"""Stands in `Row.targets` for a token that the grammar writes, as torch's losses have it."""
+
+
+class Row(TypedDict):
+    """One sample as tokens.
+
+    `tokens` are the prompt, then the answer without its last token; `targets` are the answer, what
+    the last of `tokens` are to predict, each with `weight` in the loss.
+    """
+
+    tokens: list[int]
+    targets: list[int]
+    weight: float
+    length: int
+
+
+class Tokeniser:
+    """The chat format and vocabulary of one model file."""
+
+    def __init__(self, path: Path, chat: ChatFormat) -> None:
+        """Load the vocabulary of the file at `path`; raises ValueError when it is no model."""
+        self._runtime = Runtime(str(path), n_ctx=64, cores=FreeCores(1), stopped=lambda: False)
+        self._chat = ChatPrompt(self._runtime, chat)
+
+    def row(self, sample: Sample) -> Row:
+        """Return `sample` as tokens; a whole answer ends with the token that ends it."""
+        prompt = self._chat.tokens(sample.system, sample.picture + sample.rest)
+        written = self._runtime.tokenise(sample.answer, special=False)
+        answer = written if sample.goes_on else [*written, self._runtime.end_token]
+        tokens = [*prompt, *answer[:-1]]
+        return Row(
+            tokens=tokens,
+            targets=self._without_given(sample, answer),
+            weight=sample.weight,
+            length=len(tokens),
+        )
+
+    def _without_given(self, sample: Sample, answer: list[int]) -> list[int]:
+        """Return `answer` with NOT_LEARNT for every token that lies within what is given."""
+        if not sample.given:
+            return answer
+        begin = sample.answer.index(sample.given)
+        end = begin + len(sample.given)
+        written = answer if sample.goes_on else answer[:-1]
+        ends = list(accumulate(len(self._runtime.token_text(token)) for token in written))
+        learnt = [
+            NOT_LEARNT if begin <= before and after <= end else token
+            for token, before, after in zip(written, [0, *ends], ends, strict=False)
+        ]
+        return [*learnt, *answer[len(written) :]]
+
+
+def rows_to_learn(config: TrainConfig, tokeniser: Tokeniser) -> list[Row]:
+    """Return the samples of `config`, of a judge also the missions that it learns to read.
+
+    Raises OSError, and ValueError for a file that holds no sample of the task.
+    """
+    samples = drawn(read_samples(Path(config.data), config.task), config.shares, config.seed)
+    rows = [tokeniser.row(sample) for sample in readings(samples, config.readings, config.seed)]
+    if not rows:
+        raise ValueError(f"{config.data}: holds no sample for the {config.task}")
+    if config.missions is not None and config.task == "judge":
+        missions = read_samples(Path(config.missions), "planner")
+        rows += map(tokeniser.row, judge_readings(missions))
+    return rows
+
+
+def rows_held_out(config: TrainConfig, tokeniser: Tokeniser) -> list[Row]:
+    """Return the first samples of the validation file, as many as are wanted.
+
+    Raises OSError, and ValueError for a file that holds no sample of the task.
+    """
+    if config.validation is None:
+        return []
+    samples = read_samples(Path(config.validation), config.task)
+    rows = [tokeniser.row(sample) for sample in islice(samples, config.validation_samples)]
+    if not rows:
+        raise ValueError(f"{config.validation}: holds no sample for the {config.task}")
+    return rows

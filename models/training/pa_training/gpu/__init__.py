@@ -1,1 +1,0 @@
-"""Training on one large GPU for some minutes: everything lies ready, nothing is fetched there."""
