@@ -1,4 +1,4 @@
-"""What can go wrong with a model or its engine, worded for the person at the console."""
+"""The errors of a model or its engine, worded for the person at the console."""
 
 
 class ModelError(Exception):

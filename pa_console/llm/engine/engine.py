@@ -38,7 +38,7 @@ from pa_console.schema.finding import Usage
 
 @dataclass(frozen=True)
 class ModelInfo:
-    """What the session log pins of the model; `n_ctx` is exact once the engine is ready.
+    """The facts of a model for the session log; `n_ctx` is exact once the engine is ready.
 
     `adapters` has the SHA-256 of every adapter by the name of its file.
     """
@@ -69,7 +69,7 @@ LOAD_LIMIT_S = 300.0
 SLOWED = "the machine is busy with other work, so answers take longer"
 DIED = "the model's process died; it is started again when it is needed"
 GRACE_S = 1.0
-"""How long a worker that was told to stop may take before it is killed."""
+"""The time for a worker to stop before it is killed, seconds."""
 
 OnState = Callable[[WorkerState, str], None]
 
@@ -86,9 +86,9 @@ class Engine:
         threads: int | None = None,
         fixed: bool = False,
     ) -> None:
-        """Compute on `threads` threads at most, by default as many as there are cores.
+        """Compute on `threads` threads at most, by default one a core.
 
-        Where others use the cores there are fewer, unless the number is `fixed`.
+        If other programs use cores there are fewer, unless the number is `fixed`.
         """
         self.model = model
         reader = model.second_reader
@@ -117,11 +117,11 @@ class Engine:
         self._worker: Worker | None = None
         self._birth: asyncio.Future[Worker] | None = None
         self.busy = False
-        """Whether the worker was given a prompt that is not yet answered."""
+        """True while the worker has a prompt without an answer."""
         self._urgent = 0
-        """How many prompts that somebody waits for are being answered, or wait for their turn."""
+        """The number of prompts with a waiting caller that are being answered or queued."""
         self._interruptible = False
-        """Whether the prompt whose turn it is gives way to an urgent one."""
+        """True if the current prompt gives way to an urgent one."""
         self._untold = False
         self._turn, self._spawning = asyncio.Lock(), asyncio.Lock()
         self._stop = asyncio.Event()
@@ -189,7 +189,7 @@ class Engine:
             self._urgent -= urgent
 
     def _give_way(self) -> None:
-        """Stop reading ahead, if that is what is being done."""
+        """Stop reading ahead, if the worker does so."""
         if self._interruptible:
             self.cancel()
 
@@ -323,7 +323,7 @@ class Engine:
         return f"model {self.model.name} cannot be used: {error}"
 
     def _tell_slowed(self, slowed: bool) -> None:
-        """Say that answers take long because the machine is busy, or no longer do."""
+        """Report that answers are slow because the machine is busy, or no longer so."""
         if slowed != self._slowed:
             self._slowed = slowed
             if slowed:
@@ -337,7 +337,7 @@ class Engine:
         self._change("ready", self.model.name)
 
     def _on_end(self, error: str) -> None:
-        """Say why the worker ended: it could not load, or it died."""
+        """Report why the worker ended: it could not load, or it died."""
         if not self._closed:
             self._change("unavailable" if error else "dead", error or "the process ended")
 

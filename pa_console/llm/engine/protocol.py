@@ -161,23 +161,23 @@ class Request:
     max_tokens: int
     deadline_s: float
     count: int = 1
-    """So many answers are wanted, other than the most likely one; they come as `texts`."""
+    """The number of answers wanted besides the most likely one; they come as `texts`."""
     hint: str = ""
     """Text that the answer may repeat: it only makes the answer faster."""
     begun: str = ""
-    """How the answer begins, where `grammar` is of one that goes on from what the last answer to
-    this prompt wrote: what was evaluated for that is not evaluated again. Where several answers
-    are wanted, all of them begin so, as the last answer did."""
+    """The beginning of the answer, if `grammar` continues the last answer to this prompt: its
+    evaluated tokens are used again. If several answers are wanted, all of them begin so, as the
+    last answer did."""
     within: str = ""
-    """Where several answers are wanted: the beginning of the most likely one within which all of
-    them leave it; '' lets them leave it anywhere."""
+    """The beginning of the most likely answer within which all of several answers leave it; '' lets
+    them leave it anywhere."""
     stop: str = ""
     """A regular expression: each of several answers ends where this is found in its text."""
     schema: dict[str, Any] | None = None
-    """What a model on a server is held to in place of `grammar`: a JSON schema of the answer."""
+    """The JSON schema of the answer for a model on a server, in place of `grammar`."""
     yields: bool = False
-    """Whether nobody waits for the answer: any other prompt interrupts it, and it is `cancelled`.
-    What was read of the prompt is kept, so that it may soon be asked again."""
+    """True if no caller waits: any other prompt interrupts it, and it is `cancelled`. The evaluated
+    part of the prompt is kept, so that it may soon be asked again."""
 
 
 @dataclass(frozen=True)
@@ -189,7 +189,7 @@ class Completed:
     finish: Finish
     texts: tuple[str, ...] = ()
     chances: tuple[Chance, ...] = ()
-    """How likely each token was that the model chose; nothing where several answers came."""
+    """The probability of each token that the model chose; none for several answers."""
 
 
 class Named(Protocol):
@@ -202,7 +202,7 @@ class Named(Protocol):
 
 
 class Answering(Protocol):
-    """What answers prompts: the engine of a local model, or one whose model is on a server."""
+    """A backend that answers prompts: the engine of a local model, or of one on a server."""
 
     @property
     def model(self) -> Named:

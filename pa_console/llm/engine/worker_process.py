@@ -33,7 +33,7 @@ a busy process two threads that look longer waste the time of the one that they 
 
 LINE_LIMIT = 1 << 20
 WAITING_LIMIT = 8 << 20
-"""Bytes that a worker may have said and nobody yet listened to: ten times its longest answers."""
+"""The largest number of unread bytes from a worker: ten times its longest answers."""
 
 EXIT_S = 2.0
 
@@ -105,7 +105,7 @@ class Worker:
         self._put("stop")
 
     def _put(self, answer: Answer | Signal, size: int = 0) -> None:
-        """Keep what was said, a line of `size` bytes, until `receive` takes it."""
+        """Keep a message of `size` bytes until `receive` takes it."""
         self._waiting += size
         self._answers.put_nowait((answer, size))
 
@@ -134,7 +134,7 @@ class Worker:
                 os.kill(self.pid, signal.SIGKILL)
 
     async def _reap(self) -> None:
-        """Wait for a process that has no more to say; one that lingers is killed."""
+        """Wait for a process that sends no more; kill it if it lingers."""
         try:
             async with asyncio.timeout(EXIT_S):
                 await self._child.wait()
@@ -143,9 +143,9 @@ class Worker:
             await self._child.wait()
 
     async def _listen(self) -> None:
-        """Sort what the worker says until it says no more, or nothing sensible, then reap it.
+        """Sort the worker's messages until they end or make no sense, then reap it.
 
-        A line that is too long, or a second Ready, is not sensible either.
+        A line that is too long, or a second Ready, makes no sense.
         """
         stream = self._child.stdout
         try:

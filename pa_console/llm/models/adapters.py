@@ -26,7 +26,7 @@ class AdapterFile(StrictModel):
 
     @property
     def path(self) -> Path:
-        """Where the file is installed."""
+        """The place of the installed file."""
         return data_folder() / "models" / self.file
 
 

@@ -1,9 +1,9 @@
-"""Where fetched models are kept on this machine; a file is loaded only as it was checked.
+"""The cache of fetched models on this machine; a file is loaded only as it was checked.
 
-A file that takes the place of the checked one afterwards is never seen, as nothing looks at its
-name any more. Who writes into the checked file itself changes its times, which are looked at again
-whenever it matters: what the kernel has not yet noted, a write of the last milliseconds, is noticed
-the next time.
+A file that takes the place of the checked one afterwards is never read, as its name is not looked
+up again. A program that writes into the checked file itself changes its times, which are compared
+again whenever it matters: a write of the last milliseconds, which the kernel has not noted yet, is
+noticed the next time.
 """
 
 import hashlib

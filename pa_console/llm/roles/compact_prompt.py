@@ -139,7 +139,7 @@ def _places(digest: Digest) -> Iterator[str]:
 
 
 def _contacts(digest: Digest) -> Iterator[str]:
-    """Yield which tracks are at each gate, by what is known of them in a word."""
+    """Yield the tracks at each gate, each with its identity in a word."""
     there: dict[str, list[str]] = {gate: [] for gate in digest.covered}
     for line in digest.tracks:
         name, _, facts = line.partition(": ")

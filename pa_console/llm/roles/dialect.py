@@ -1,8 +1,8 @@
-"""How a model is spoken to and how it answers: at length with examples, or as adapters learnt it.
+"""The prompt formats of models: at length with examples, or as adapters learnt it.
 
-A model without adapters needs instructions and examples in every prompt. It says what an order
-asks and no more (`clauses`), or writes the plan itself (`examples`). One with adapters was trained
-on short prompts and short verdicts (`compact_prompt.py`).
+A model without adapters needs instructions and examples in every prompt. It writes a reading of an
+order alone (`clauses`), or the plan itself (`examples`). One with adapters was trained on short
+prompts and short verdicts (`compact_prompt.py`).
 """
 
 from collections.abc import Callable, Sequence
@@ -50,15 +50,15 @@ class Dialect:
     outcome: Callable[..., Prompt]
     verdict: Callable[..., str]
     reason: Callable[[World, Digest, str, str], Sequence[str]]
-    """What the reason of a plan for a mission in those words can state, as regular expressions that
-    all have to match; without any, anything. The last argument is what was asked, if the operator
-    has said so."""
+    """The possible reasons of a plan for a mission in those words, as regular expressions that all
+    have to match; without any, anything. The last argument is the operator's reading, if there is
+    one."""
     opening: Callable[[World, Digest, str, str], str] | None
     """The grammar of how a verdict on a plan begins: with what a mission in those words asked, so
     that the console can compare the plan with it; None: the judge compares on its own. The last
     argument is as in `reason`."""
     outcome_opening: str | None
-    """The same of a verdict on an outcome where none on the plan has said it."""
+    """The beginning of a verdict on an outcome without an earlier verdict on the plan."""
     ahead: Callable[[Role, World, Digest | None], Prompt]
     """The beginning of a role's prompts that does not depend on a mission; without a picture, of
     a world too large to be told whole."""
@@ -69,7 +69,7 @@ class Dialect:
     verdict_tokens: int
     """The longest answers; room for them is kept in the context."""
     served: bool = False
-    """Whether the planner says what is asked and no more, and the console makes the plan."""
+    """True if the planner writes a reading alone, and the console makes the plan."""
 
 
 def _fixed_only(role: Role, world: World, _digest: Digest | None) -> Prompt:
@@ -140,9 +140,9 @@ DIALECTS: dict[DialectName, Dialect] = {
 
 
 def dialect_in(variant: Variant, prompts: DialectName) -> DialectName:
-    """Return the dialect of a model whose entry says `prompts`, in an evaluation's `variant`.
+    """Return the prompt format of a model whose entry has `prompts`, in an evaluation's `variant`.
 
-    One that was trained keeps its own; the paper's prompt asks for a plan.
+    A trained model keeps its own; the paper's prompt asks for a plan.
     """
     if prompts == "compact":
         return prompts

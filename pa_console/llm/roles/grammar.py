@@ -16,7 +16,7 @@ from pa_console.schema.world import KINDS, AssetKind, World
 REASON_CHARS = 240
 FEEDBACK_CHARS = 240
 COMPARED_CHARS = 480
-"""The longest feedback in which the console says how a plan compares with what was asked."""
+"""The longest feedback in which the console compares a plan with a reading."""
 MOST_VIOLATED = 6
 TEXT = r"[ !#-\[\]-~]"
 """Printable ASCII without the quote and the backslash: nothing to escape in JSON."""
@@ -25,13 +25,13 @@ ANY_TEXT = r"start: /(?s:.)*/" + "\n"
 """The grammar of whatever a model cares to write (evaluations only)."""
 
 PLANNED = "; planned: "
-"""What stands between what was asked and what is planned, in a short verdict."""
+"""The separator between the reading and the plan in a short verdict."""
 Opinion = Literal["Success", "Failure"]
 
 _REASON, _ACTIONS = '{"reason": "', '", "actions": ['
 READ = r'^\{"reason": "[^"]*("|; (?!now: )((?!, else: )[^;:"])*: )'
-"""A regular expression for a plan's beginning that has come to the end of what was asked: to the
-first fact that decides, whose name stands before a colon, or to the end of the reason."""
+"""A regular expression for a plan's beginning up to the end of its reading: to the first fact that
+decides, whose name stands before a colon, or to the end of the reason."""
 _AGENT = '{{"agent": "{}", "command": "'
 _OPINION = '{{"id": "{}", "verdict": "'
 _END = '"}'

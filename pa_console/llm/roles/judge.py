@@ -44,18 +44,18 @@ class JudgeQuestion:
     grammar: str
     rule_ids: tuple[str, ...] = ()
     goes_on: Callable[[str], str] | None = None
-    """Where `grammar` is of the beginning alone: the grammar of the whole, for what it begins with.
-    """
+    """The grammar of the whole answer, for its beginning, if `grammar` is of the beginning
+    alone."""
     hint: str = ""
-    """What the answer may repeat: the planner's words for what was asked. They save time only; the
-    judge writes what it would have written without them."""
+    """The planner's reading, which the answer may repeat. It saves time only; the judge writes the
+    same answer without it."""
     schema: Schema | None = None
-    """What a model on a server is held to in place of `grammar`."""
+    """The JSON schema for a model on a server, in place of `grammar`."""
 
 
 @dataclass(frozen=True)
 class OrderRead:
-    """What a model says that an order asks, and the chance, 0 to 1, that it gave to that."""
+    """A model's reading of an order, and its confidence in it, 0 to 1."""
 
     asked: str
     error: str = ""
@@ -64,7 +64,7 @@ class OrderRead:
     text: str = ""
     """The whole answer, as far as it came."""
     fatal: bool = False
-    """Whether asking again would not help."""
+    """True if asking again would not help."""
 
 
 class Judge:
@@ -109,7 +109,7 @@ class Judge:
     async def _ask(
         self, asked: JudgeQuestion, grammar: str, begun: str = "", on_text: OnText | None = None
     ) -> ModelAnswer:
-        """Ask for an answer that begins with `begun`, of which `on_text` has been told already."""
+        """Ask for an answer that begins with `begun`, which `on_text` has got already."""
         request = Request(
             asked.role,
             asked.prompt.system,

@@ -35,7 +35,7 @@ class Proposal:
     fatal: bool = False
     usage: Usage = field(default_factory=Usage)
     confidence: float | None = None
-    """The chance, 0 to 1, that it gave to what it says was asked; None where it says nothing."""
+    """The confidence in its reading, 0 to 1; None without a reading."""
 
 
 class Planner:
@@ -108,11 +108,11 @@ class Planner:
     async def readings(
         self, prompt: Prompt, reasons: Sequence[str], count: int, within: str = ""
     ) -> tuple[list[str], Usage]:
-        """Return what else the planner might have said of `prompt` was asked, the likeliest first.
+        """Return the planner's other readings of `prompt`, the likeliest first.
 
         The beginnings of `count` reasons that match `reasons` are written besides the most likely
-        one, which they leave before the end of its beginning `within`. What was asked in them is
-        given once, in the words in which it would be read. Never raises EngineError.
+        one, which they leave before the end of its beginning `within`. Each reading in them is
+        given once, in its canonical words. Never raises EngineError.
         """
         request = Request(
             "planner",

@@ -1,4 +1,4 @@
-"""What the models are told of world, situation, rehearsal and outcome, in few words."""
+"""The facts of world, situation, rehearsal and outcome for the models, in few words."""
 
 from collections.abc import Iterable, Sequence
 
@@ -10,7 +10,7 @@ from pa_console.schema.telemetry import Digest
 from pa_console.schema.world import PLAIN_KINDS, World
 
 FEW_FRAMES = 24
-"""A world with more frames than these tells in every prompt which of them matter."""
+"""The number of frames from which every prompt names those that matter."""
 MOST_PROBLEMS = 24
 
 
@@ -55,7 +55,7 @@ def low_battery(digest: Digest) -> list[str]:
 
 
 def line_if_any(label: str, words: Sequence[str], due: str = "") -> list[str]:
-    """Return one line, or none when there is nothing to tell."""
+    """Return one line, or none without facts."""
     return [f"{label}: {'; '.join(words)}{due}"] if words else []
 
 
@@ -125,7 +125,7 @@ def rehearsal_facts(world: World, rehearsal: Rehearsal) -> str:
 
 
 def verification_facts(verification: Verification) -> str:
-    """Return what telemetry says of the executed plan."""
+    """Return the evidence of telemetry on the executed plan."""
     lines = [f"Telemetry: {verification.outcome}. {verification.reason}".strip()]
     lines += [
         f"{action.agent} {action.command}: {action.outcome}, {action.reason}"

@@ -29,7 +29,7 @@ from pa_console.schema.world import World
 
 @dataclass(frozen=True)
 class Prompt:
-    """What one role is told: `system` does not change during a session, `user` does."""
+    """The prompt of one role: `system` does not change during a session, `user` does."""
 
     system: str
     user: str

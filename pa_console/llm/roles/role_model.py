@@ -38,11 +38,11 @@ class RoleModel:
 
 
 class Answer(Protocol):
-    """What a role says of itself: why its answer cannot be used, '' where it can."""
+    """The answer of a role, with the reason why it cannot be used, '' if it can."""
 
     @property
     def error(self) -> str:
-        """Why."""
+        """The reason why the answer cannot be used."""
         ...
 
 

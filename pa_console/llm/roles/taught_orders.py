@@ -18,11 +18,11 @@ from pa_console.schema.document import DocumentError, read_text
 FILE = "taught_orders.tsv"
 """Beside the catalogue of models: an order and its clauses on a line, parted by a tab."""
 _NAME = re.compile(r"\b\w*(?:_\w|\d|[a-z][A-Z])\w*\b")
-"""What looks like a name of a world: Drone_T04, EastGate."""
+"""The form of a world's names: Drone_T04, EastGate."""
 
 
 class TaughtOrder(NamedTuple):
-    """An order, in which names stand as its world has them, and what it asks."""
+    """An order with its world's names, and its reading."""
 
     text: str
     clauses: str

@@ -1,6 +1,6 @@
-"""Which server a model is on, whether words may be sent there, and the key that it wants.
+"""The address of a model's server, whether words may be sent there, and its key.
 
-A server is named as `openai:BASE_URL#NAME`. Nothing is sent to one that nobody named.
+A server is named as `openai:BASE_URL#NAME`. No other server gets a request.
 """
 
 import ipaddress
@@ -19,12 +19,12 @@ KEY_VARIABLE = "PA_CONSOLE_SERVER_KEY"
 JUDGE_KEY_VARIABLE = "PA_CONSOLE_JUDGE_SERVER_KEY"
 READER_KEY_VARIABLE = "PA_CONSOLE_READER_SERVER_KEY"
 KEY_VARIABLES = (KEY_VARIABLE, JUDGE_KEY_VARIABLE, READER_KEY_VARIABLE)
-"""What holds the key for the server of the planner, the judge and the second reader."""
+"""The environment variables with the server keys of planner, judge and second reader."""
 KEYRING_SERVICE = "pa-console"
 
 
 def names_server(name: str | None) -> bool:
-    """Whether a model's `name` is that of a server."""
+    """Return whether a model's `name` is that of a server."""
     return name is not None and name.startswith(PREFIX)
 
 
@@ -61,7 +61,7 @@ class ServerAddress:
 
     @property
     def private(self) -> bool:
-        """Whether nobody between here and the server reads what is sent: loopback, or https."""
+        """True if no host between here and the server can read the traffic: loopback, or https."""
         parts = urlsplit(self.base_url)
         return parts.scheme == "https" or _loopback(parts.hostname or "")
 
@@ -109,5 +109,5 @@ class ServerKey:
         return cls("the keyring", secret) if secret else cls()
 
     def hidden_in(self, text: str) -> str:
-        """Return `text` without the key, whoever wrote it there."""
+        """Return `text` without the key."""
         return text.replace(self.secret, "[key]") if self.secret else text

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 RETRIES = 2
 MOST_TOLD = 160
-"""So many characters of a server's own words for a failure are told."""
+"""The number of characters of a server's own error message that are shown."""
 MOST_CHARS = 64 * 1024
 """A longer answer is none of ours."""
 TIMED_OUT = "gave no complete answer within {:.1f} s"
@@ -36,7 +36,7 @@ OTHERS = ("openai-organization", "openai-project", "x-stainless-")
 
 @dataclass(frozen=True)
 class Piece:
-    """More text of an answer, with the chance of its tokens as far as the server tells it.
+    """A piece of an answer, with the probability of its tokens as far as the server reports it.
 
     `finish` is why the answer ended, in the last piece; '' before.
     """
@@ -142,7 +142,7 @@ class ServerClient:
             raise self._failed(error, begun=True) from None
 
     def _failed(self, error: Exception, *, begun: bool = False) -> ServerError:
-        """Say why there is no answer; neither the key nor a request is part of that."""
+        """Return why there is no answer, without the key or a part of the request."""
         from openai import APIConnectionError, APIStatusError, APITimeoutError  # noqa: PLC0415
 
         match error:

@@ -13,7 +13,7 @@ from pa_console.llm.roles.answer_schema import Schema
 Way = Literal[
     "json_schema", "json_object", "structured_outputs", "guided_json", "format", "grammar"
 ]
-"""How a server is told what to write; see WAYS."""
+"""A way to constrain a server's answer; see WAYS."""
 
 
 def _json_schema(schema: Schema) -> Schema:
@@ -33,12 +33,10 @@ WAYS: dict[Way, Callable[[Schema], Schema]] = {
     "format": lambda schema: {"format": schema},
     "grammar": lambda schema: {"grammar": gbnf(schema)},
 }
-"""What a request has for a schema, the best known way first.
-
-`json_schema` is that of the OpenAI interface, which llama.cpp, Ollama and vLLM have too;
-`json_object` that of llama-cpp-python; `structured_outputs` and `guided_json` those of newer and
-older vLLM; `format` Ollama's own; `grammar` llama.cpp's, in GBNF.
-"""
+"""The request fields for a schema, the best known way first. `json_schema` is that of the OpenAI
+interface, which llama.cpp, Ollama and vLLM have too; `json_object` that of llama-cpp-python;
+`structured_outputs` and `guided_json` those of newer and older vLLM; `format` Ollama's own;
+`grammar` llama.cpp's, in GBNF."""
 
 _STRING = r'[^"\\\x7F\x00-\x1F]'
 """A character of a string with nothing to escape, in GBNF."""

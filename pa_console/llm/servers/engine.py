@@ -24,16 +24,16 @@ from pa_console.schema.events.event import ServerState
 from pa_console.schema.finding import Usage
 
 PATIENCE_S = 20.0
-"""How long an answer may take before the model of this machine is asked."""
+"""The longest wait for an answer before the model of this machine is asked, seconds."""
 AGAIN_S = 15.0
 """A server that failed is looked at again after so long."""
 TRIES = 2
-"""So often an answer is asked for that cannot be read."""
+"""The number of attempts when an answer cannot be read."""
 
 MOST_BEGINNINGS = 16
-"""So many braces are looked at for the beginning of the answer."""
+"""The number of braces that are tried as the beginning of the answer."""
 OF_THE_QUESTION = (400, 413, 422)
-"""What a server answers whom nothing ails: it is the question that it does not take."""
+"""The status codes of a healthy server that does not accept the request."""
 
 OnServer = Callable[[ServerState, str], None]
 
@@ -58,7 +58,10 @@ class ServerEngine:
         chances: bool = False,
         client: ServerClient | None = None,
     ) -> None:
-        """With `chances`, those of tokens are asked for, which slows some servers."""
+        """Open the server's engine.
+
+        With `chances`, token probabilities are requested, which slows some servers.
+        """
         self.address = address
         self.model = ServerModel(str(address))
         self.report = ProbeReport()
@@ -71,7 +74,7 @@ class ServerEngine:
 
     @property
     def usable(self) -> bool:
-        """Whether it is worth asking: it answers, or it is not known yet whether it does."""
+        """True if it answers, or if that is not known yet."""
         return self.state != "away"
 
     async def serve(self) -> None:
@@ -205,7 +208,7 @@ class _Written:
 
 
 def read_answer(text: str, schema: Schema | None) -> tuple[str, str]:
-    """Return the JSON object in `text` that meets `schema`, and else what is wrong with it.
+    """Return the JSON object in `text` that meets `schema`, or else the problem with it.
 
     Words around it, or a fence, do not matter. Without a schema the text is the answer.
     """

@@ -1,7 +1,7 @@
-"""Which way to constrain an answer holds on a server: each is tried with words that nobody guesses.
+"""Probes which way of constraining an answer holds on a server, with unguessable words.
 
-A server that ignores a field answers all the same, and politely. So every way is tried with a
-schema of random words of which the prompt says nothing: who writes them was held to the schema.
+A server that ignores a field answers all the same. So every way is tried with a schema of random
+words that the prompt does not mention: only a constrained answer has them.
 """
 
 import secrets
@@ -17,16 +17,16 @@ from pa_console.llm.servers.constraints import WAYS, Way
 PROMPT = "Say hello."
 PROBE_TOKENS = 48
 PROBE_S = 20.0
-"""How long one try may take."""
+"""The longest time of one probe, seconds."""
 REFUSES = (400, 404, 415, 422, 500, 501)
-"""What servers answer to a field, or a value of it, that they do not take."""
+"""The status codes of servers for a field, or a value of it, that they do not accept."""
 WORD = 8
 HOLDS, IGNORED = "holds", "ignored"
 
 
 @dataclass(frozen=True)
 class ProbeReport:
-    """What every way came to, in words, and whether the chances of tokens are told."""
+    """The result of every way, in words, and whether token probabilities are reported."""
 
     ways: dict[Way, str] = field(default_factory=dict[Way, str])
     chances: bool = False
@@ -38,7 +38,7 @@ class ProbeReport:
 
     @property
     def summary(self) -> str:
-        """What comes of it, in a sentence."""
+        """The conclusion, in a sentence."""
         return f"answers are held to their form by {self.way}" if self.way else UNCONSTRAINED
 
     @property
@@ -52,7 +52,7 @@ UNCONSTRAINED = "nothing holds answers to their form, so one that cannot be read
 
 
 async def probe(client: ServerClient, within_s: float = PROBE_S) -> ProbeReport:
-    """Try every way, and whether chances are told; each try may take `within_s` seconds.
+    """Try every way, and token probabilities; each try may take `within_s` seconds.
 
     Raises ServerError when the server cannot be reached, is too slow or refuses every question.
     """

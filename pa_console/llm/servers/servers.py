@@ -1,4 +1,4 @@
-"""The models on servers that a session asks before its own, each with what it is asked to be."""
+"""The models on servers that a session asks before its own, each with its uses."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -55,7 +55,7 @@ class Servers:
 
     @property
     def engines(self) -> dict[ServerEngine, tuple[ServerUse, ...]]:
-        """Every engine once, with what it is asked to be."""
+        """Every engine once, with its uses."""
         found: dict[ServerEngine, tuple[ServerUse, ...]] = {}
         for use, engine in self.by_use.items():
             found[engine] = (*found.get(engine, ()), use)
@@ -80,4 +80,4 @@ def addresses(
 
 
 NO_SERVERS = Servers()
-"""What a session has where no server is named."""
+"""The servers of a session without any."""

@@ -1,4 +1,4 @@
-"""Which models a session has: its own, and those on servers that are asked before it."""
+"""The models of a session: its own, and those on servers that are asked before it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -26,7 +26,7 @@ from pa_console.schema.finding import Usage
 MOST = 5
 """Tokens that are guessed at once."""
 LONGEST, SHORTEST = 3, 2
-"""So many tokens before the guess have to be the same, the longer the better."""
+"""The number of equal tokens before a guess, the longer the better."""
 
 
 def lookup_tokens(context: Sequence[int], most: int = MOST) -> list[int]:
@@ -81,7 +81,7 @@ def readable(tokenizer: Any, tokens: Sequence[int], ends: frozenset[int]) -> byt
 
 
 LOOSE = 3
-"""So many tokens at the end of an answer are written again when another goes on from it."""
+"""The number of tokens at the end of an answer that are written again when another continues it."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class Written:
     evaluated: int
 
     def is_of(self, prompt: Sequence[int], text: str) -> bool:
-        """Whether `text` was answered, and to `prompt`."""
+        """Return whether the last answer was `text`, to `prompt`."""
         return self.prompt == prompt and self.text == text
 
     def beginning(self, ends: frozenset[int]) -> list[int]:
@@ -130,7 +130,7 @@ class AnswerRun:
         self.text = ""
         self.chances: list[Chance] = []
         self.done = 0
-        """How many tokens of prompt and answer are evaluated."""
+        """The number of evaluated tokens of prompt and answer."""
 
     def write(self, sequence: int, context: list[int], max_tokens: int) -> Finish:
         """Write to the end of `context`, the prompt."""
@@ -191,10 +191,10 @@ class AnswerRun:
         context: list[int],
         max_tokens: int,
     ) -> tuple[list[int], int]:
-        """Take tokens while they are those that were guessed.
+        """Accept tokens while they match the guess.
 
-        `rows` are the logits before and after every guessed token. Returns the tokens that were
-        taken but not evaluated, and how many guesses were right.
+        `rows` are the logits before and after every guessed token. Returns the accepted tokens that
+        were not evaluated, and the number of right guesses.
         """
         right = 0
         while True:
@@ -217,7 +217,7 @@ class AnswerRun:
         return taken
 
     def usage(self, prompt_tokens: int) -> Usage:
-        """Return what it cost to answer a prompt of `prompt_tokens`."""
+        """Return the cost of the answer to a prompt of `prompt_tokens`."""
         return Usage(
             prompt_tokens=prompt_tokens,
             cached_tokens=self._cached,

@@ -29,10 +29,10 @@ from pa_console.llm.worker.runtime import Runtime
 from pa_console.schema.finding import Usage
 
 AT_ONE_PLACE = 32
-"""So many of the likeliest tokens are looked at, at each place."""
+"""The number of likeliest tokens considered at each place."""
 
 LONGEST = 8
-"""So many tokens of the answer write more than any one token does."""
+"""The number of answer tokens that write more than any one token does."""
 
 
 class BranchPoint(NamedTuple):
@@ -97,7 +97,7 @@ def _chances(
 
 
 ROWS = 16
-"""So many tokens of the most likely answer are evaluated at once: their logits take memory."""
+"""The number of tokens of the most likely answer evaluated at once: their logits take memory."""
 
 
 @dataclass
@@ -114,7 +114,7 @@ class _Answer:
 
 
 class Candidates:
-    """Writes what the model might have said instead."""
+    """Writes other likely answers."""
 
     def __init__(
         self, runtime: Runtime, shared: SharedContext, tokenizer: Any, ends: frozenset[int]
@@ -126,7 +126,7 @@ class Candidates:
 
     @property
     def width(self) -> int:
-        """So many answers fit."""
+        """The number of answers that fit."""
         return self._shared.width
 
     def close(self) -> None:

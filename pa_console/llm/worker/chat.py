@@ -20,8 +20,8 @@ FORMATS: dict[ChatFormat, str] = {
 """Named formats; a model of format `template` brings its own in the GGUF metadata."""
 
 SYSTEM, USER = "\ue000", "\ue001"
-"""Stand for the messages while the template is rendered, so that what a message says is never
-read as part of the template: no text can forge a control token or another role's turn."""
+"""The placeholders of messages while the template is rendered, so that a message is never read as
+part of the template: no text can forge a control token or another role's turn."""
 
 
 class ChatPrompt:

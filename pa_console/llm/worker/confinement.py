@@ -1,11 +1,10 @@
-"""What the model's process may not do: it reads its files, computes, and speaks to its parent.
+"""The confinement of the model's process: it reads its files, computes, and speaks to its parent.
 
-A GGUF file is parsed, and a grammar compiled, by large C and C++ libraries. Whoever finds a hole in
-them finds no network, no other program, no file to write, none to read but Python's and the
+A GGUF file is parsed, and a grammar compiled, by large C and C++ libraries. An attacker who finds a
+hole in them finds no network, no other program, no file to write, none to read but Python's and the
 model's, no other process, no key in the environment, and no more memory than the model needs. The
-model is computed on the CPU: the devices of a GPU are files that
-are opened to be written to, and stay closed too.
-`python -m pa_console.llm.worker.confinement` tries what it says.
+model is computed on the CPU: the devices of a GPU are files that are opened to be written to, and
+stay closed too. `python -m pa_console.llm.worker.confinement` tries all of it.
 """
 
 import os
@@ -44,11 +43,12 @@ KEPT_VARIABLES = frozenset(
         "OPENBLAS_NUM_THREADS",
     )
 )
-"""Where Python and its libraries are, the language, and how threads are placed: nothing secret."""
+"""The environment variables for Python, its libraries, language and thread placement: nothing
+secret."""
 
 OPEN_FILES = 64
 WORK_BYTES = 2 << 30
-"""For Python, its libraries and a grammar; measured: 0.3 GB with 135M weights."""
+"""The memory for Python, its libraries and a grammar; measured: 0.3 GB with 135M weights."""
 
 WEIGHTS_TIMES = 3
 """The caches of all roles of a 7B model with 4096 tokens each take twice its weights at most."""
@@ -105,7 +105,7 @@ def read_only(files: Iterable[str]) -> Restriction:
 
 
 def _python_files() -> Iterator[str]:
-    """Yield the folders of this Python, of what it imports, and of libraries that it loads."""
+    """Yield the folders of this Python, of its imports, and of libraries that it loads."""
     yield from (sys.prefix, sys.base_prefix, *filter(None, sys.path), PACKAGE)
     if sys.pycache_prefix:
         yield sys.pycache_prefix
@@ -178,7 +178,7 @@ def _data_bytes() -> int:
 
 
 class _Trial(StrictModel):
-    """What a confined process found when it tried."""
+    """The results of a confined process's attempts."""
 
     restrictions: tuple[Restriction, ...]
     done: tuple[str, ...]
@@ -207,7 +207,7 @@ def try_out() -> tuple[Restriction, ...]:
 
 
 def _try() -> _Trial:
-    """Confine this process, then try what it must not be able to do."""
+    """Confine this process, then attempt every forbidden act."""
     restrictions = (read_only(()), *confine(0, 1))
     if any(item.missing for item in restrictions):
         return _Trial(restrictions=restrictions, done=())

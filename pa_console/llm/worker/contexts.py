@@ -61,11 +61,11 @@ depend on how many there are, by 0.2 and more. Without it they do not, bit for b
 slower here (135M weights, two cores: 23 ms a token, 0.32 s instead of 0.41 s for 64 in batches)."""
 
 ABORTED = 2
-"""What llama_decode returns when the abort callback stopped it."""
+"""The result of llama_decode after the abort callback stopped it."""
 
 
 State = ctypes.Array[ctypes.c_uint8]
-"""What a context holds of a sequence; it is megabytes, and never copied."""
+"""The state of a sequence in a context; it is megabytes, and never copied."""
 
 Piece = tuple[int, int, Sequence[int]]
 """Number of the continuation, position of its first new token, the new tokens."""

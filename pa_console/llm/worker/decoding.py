@@ -17,10 +17,10 @@ from pa_console.llm.worker.runtime import Runtime
 from pa_console.schema.finding import Usage
 
 AT_ONCE = 5
-"""So many answers can be written at once without a new context, where they are short enough."""
+"""The number of short answers that can be written at once without a new context."""
 
 STEP = 256
-"""The context for several answers has a multiple of so many tokens: it takes memory."""
+"""The context for several answers is a multiple of this number of tokens: it takes memory."""
 
 
 class Decoder:
@@ -37,7 +37,7 @@ class Decoder:
         self.written: tuple[int, ...] = ()
         """The tokens of the last answer."""
         self.chances: tuple[Chance, ...] = ()
-        """Those that were chosen, where it did not go on from another answer."""
+        """The probabilities of the chosen tokens, unless it continued another answer."""
 
     def answer(  # noqa: PLR0917
         self,
@@ -124,4 +124,4 @@ class Decoder:
 
 
 def _unheard(_text: str) -> None:
-    """Take text that nobody waits for."""
+    """Drop text that has no listener."""

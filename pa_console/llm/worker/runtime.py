@@ -31,11 +31,11 @@ _api: Any = llama_cpp
 
 @_api.llama_log_callback
 def _no_log(_level: int, _text: bytes, _data: object) -> None:
-    """Swallow what llama.cpp has to say."""
+    """Swallow llama.cpp's own log."""
 
 
 ROOM = 512
-"""The context of a sequence has room for a multiple of so many tokens, as it fills memory."""
+"""The context of a sequence is a multiple of this number of tokens, as it fills memory."""
 
 
 class Runtime:
@@ -118,7 +118,7 @@ class Runtime:
 
     @property
     def wants_start_token(self) -> bool:
-        """Whether the model was trained with `start_token` before every text."""
+        """True if the model was trained with `start_token` before every text."""
         return bool(_api.llama_vocab_get_add_bos(self.vocabulary))
 
     def tokenise(self, text: str, *, special: bool) -> list[int]:
@@ -171,12 +171,12 @@ class Runtime:
         return np.stack([self._logits(sequence, row - rows) for row in range(rows)])
 
     def keep(self, sequence: int, tokens: int, trim: bool) -> None:
-        """Forget what was evaluated in `sequence` after its first `tokens`, if there is more."""
+        """Forget the evaluated tokens of `sequence` after the first `tokens`."""
         if trim:
             _api.llama_memory_seq_rm(self._memory(sequence), 0, tokens, -1)
 
     def state(self, sequence: int) -> State:
-        """Return what was evaluated in `sequence`, to be taken over by another context."""
+        """Return the evaluated state of `sequence`, for another context."""
         context = self._context(sequence)
         size = _api.llama_state_seq_get_size(context, 0)
         buffer = (ctypes.c_uint8 * size)()

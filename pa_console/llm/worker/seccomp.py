@@ -21,7 +21,7 @@ LOAD, EQUAL, AT_LEAST, ANY_BIT, RETURN = 0x20, 0x15, 0x35, 0x45, 0x06
 
 ALLOW, FAIL = 0x7FFF0000, 0x00050000
 NUMBER_AT, ARCHITECTURE_AT, ARGUMENTS_AT = 0, 4, 16
-"""Where `struct seccomp_data` has what a call is; the low half of an argument comes first."""
+"""The offsets in `struct seccomp_data`; the low half of an argument comes first."""
 
 SET_FILTER, ALL_THREADS, KEEP_SPECULATION = 1, 1, 4
 """Speculation in the CPU stays as it is: giving it up would slow the model's arithmetic."""
@@ -32,7 +32,7 @@ X32 = 0x40000000
 
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC
 NEW_THREAD = 0x00010000
-"""What `clone` is given for a thread; without it, it makes a process."""
+"""The flags of `clone` for a thread; without them, it makes a process."""
 WRITE, EXECUTE, ANONYMOUS = 2, 4, 0x20
 """Protection of memory, and the flag of memory that is of no file."""
 NAMES_OF_THREADS = (15, 16)
@@ -153,7 +153,7 @@ bound threads."""
 
 @dataclass(frozen=True)
 class Machine:
-    """What a filter has to know of a kind of CPU; `seccomp` is the number of that call."""
+    """The facts of a CPU kind for a filter; `seccomp` is the number of that call."""
 
     name: str
     audit: int

@@ -1,9 +1,9 @@
-"""How many threads the model gets: as many as there are cores that nobody else uses.
+"""The number of threads of the model: as many as there are cores that no other program uses.
 
 Threads of llama.cpp share every operation and wait for each other after it, one to two thousand
-times a plan. Where one of them has to share its core, the scheduler puts it aside for milliseconds,
+times a plan. If one of them has to share its core, the scheduler puts it aside for milliseconds,
 and all others wait: two threads beside one busy process are slower than one thread that has the
-other core to itself. What the model answers does not depend on how many there are (see `contexts`).
+other core to itself. The model's answers do not depend on their number (see `contexts`).
 """
 
 import os
@@ -15,29 +15,30 @@ from time import perf_counter, process_time
 TOPOLOGY = Path("/sys/devices/system/cpu")
 FEW_TOKENS = 16
 FEW_CORES = 4
-"""All of so many cores are used for a few tokens."""
+"""Up to this number of cores, all are used for a few tokens."""
 
 LOOK_S = 0.1
 """Seconds between two looks at what the cores do, which the system counts in hundredths."""
 
 PAUSE_S = 0.02
-"""After so long without an evaluation, others may have used the cores because we did not."""
+"""The pause without an evaluation after which other programs may have used our cores, seconds."""
 
 NEARLY = 0.5
-"""A core of which others, the console itself among them, use at most this share counts as free."""
+"""A core counts as free while other programs, the console itself among them, use at most this
+share."""
 
 SHORT = 0.65
 """Threads that got less than this share of the time that they were to compute were put aside."""
 
 BRIEF_S = 0.004
-"""Less than this is too short to tell that threads were put aside."""
+"""A shorter time does not show whether threads were put aside, seconds."""
 
 PATIENCE_S = (LOOK_S, 2.0)
-"""Seconds without another try after the system told of free cores and threads were put aside: at
-first, and at most. The time doubles from one to the next."""
+"""The wait before another try after the system reported free cores and threads were put aside: at
+first, and at most, seconds. The time doubles from one to the next."""
 
 TELLING_S = 0.5
-"""Evaluations that took less time together do not tell whether the machine is busy."""
+"""Shorter evaluations together do not show whether the machine is busy, seconds."""
 
 BUSY_SHARE = 0.8
 """Answers are slow because of the machine where it was busy for this share of their time."""
@@ -141,7 +142,7 @@ class FreeCores:
     def _follow(self, *, paused: bool) -> None:
         """Use the cores that were idle since the last look, and those that were used here.
 
-        What others did in a pause is no reason to take fewer: it may be over with the pause.
+        The load of others in a pause is no reason to take fewer: it may be over with the pause.
         """
         (then, before, idle_then), self._looked = self._looked, self._look()
         now, computed, idle = self._looked

@@ -54,7 +54,7 @@ class Inbox:
         threading.Thread(target=self._listen, daemon=True).start()
 
     def stopped(self) -> bool:
-        """Whether the generation now running was cancelled."""
+        """True if the present generation was cancelled."""
         return self.current <= self._cancelled
 
     def _listen(self) -> None:
