@@ -23,7 +23,7 @@ def one_of(**given: bool) -> None:
 
 
 def dask_workers(where: int | str) -> "Workers":
-    """Return so many processes of this machine, or the workers of the scheduler at that address.
+    """Return that many processes of this machine, or the workers of the scheduler at that address.
 
     Raises ValueError without Dask.
     """

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from pa_console.orchestrator.station.assembly import Site
 
 STATION, TELEMETRY, JOINED = "station", "telemetry", "joined"
-"""With whose certificates a station is let in, its second connection, which only receives, and a
-console that joins its session."""
+"""The certificates of a station, of its second connection, which only receives, and of a console
+that joins its session."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class FoundFleet:
     world: str
     joined: "Joined | None" = None
     world_sha256: str = ""
-    """That of the file before anybody joined."""
+    """The SHA-256 of the file before any robot joined."""
 
     def drive(self, site: "Site", authority: "StationAuthority | None") -> "MqttFleet | None":
         """Return the fleet of `site` on the bus, None without one; `authority` signs commands.

@@ -18,9 +18,9 @@ from pa_console.cli.verbs import Verbs
 
 INTERRUPTED = 130
 COLLECTED_AFTER = (20_000, 10, 5)
-"""How much has to be allocated before garbage is looked for. With Python's own 700, a tenth of the
-start goes into looking through what was just imported; a console that runs for days must still get
-rid of a screen that nobody sees any more."""
+"""The number of allocations before garbage is collected. With Python's own 700, a tenth of the
+start goes into looking through recent imports; a console that runs for days must still get rid of
+screens that are closed."""
 
 app = typer.Typer(
     name="pa-console",
@@ -89,7 +89,7 @@ def run(commands: typer.Typer, name: str) -> NoReturn:
 
 
 def _explain(error: Exception) -> int:
-    """Say what was wrong with the input, or that the fault is the program's own."""
+    """Report the mistake in the input, or the program's own fault."""
     from pa_console.llm.errors import EngineError, ModelError  # noqa: PLC0415 - only when it failed
     from pa_console.schema.document import DocumentError  # noqa: PLC0415
 
@@ -108,7 +108,7 @@ def _explain(error: Exception) -> int:
 
 
 def _usage(error: typer.TyperException) -> str:
-    """Say what was wrong with the words of the command line, and whose help tells more."""
+    """Report the mistake in the words of the command line, and the command with the help."""
     context: typer.Context | None = getattr(error, "ctx", None)
     asked = context.command_path if context is not None else "pa-console"
     problem = error.format_message().replace(": Value error, ", ": ").removesuffix(".")
@@ -121,7 +121,7 @@ def _fail(text: str, code: int) -> int:
 
 
 def _keep_traceback(error: Exception) -> str:
-    """Write the traceback of `error` to a file for a bug report and say where it is."""
+    """Write the traceback of `error` to a file for a bug report and report its place."""
     with contextlib.suppress(OSError):
         handle, path = tempfile.mkstemp(prefix="pa-console-", suffix=".txt")
         with os.fdopen(handle, "w", encoding="utf-8") as file:

@@ -10,7 +10,7 @@ from pa_console.cli.output import JsonOption, out, print_document, print_json
 from pa_console.manual_pages import Page, load_manual
 
 COLOURED = "-FRX"
-"""What `less` needs to show colours, and to leave at once where a page fits the screen."""
+"""The options by which `less` shows colours, and leaves at once if a page fits the screen."""
 
 
 def manual(

@@ -90,7 +90,7 @@ def pull(
 
 
 class _Fetched(NamedTuple):
-    """A model that is ready, and what is to be told of it."""
+    """A model that is ready, and its notices."""
 
     path: Path
     note: str

@@ -1,4 +1,4 @@
-"""Observes the session of a verb as its settings say, and brings in what comes from outside."""
+"""The observers of a verb's session by its settings, and the sources of outside reports."""
 
 from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
@@ -13,7 +13,7 @@ from pa_console.settings.schema import Settings
 
 @dataclass(frozen=True)
 class Beside:
-    """What is beside a session: `observer` takes its events, `outside` has reports for it."""
+    """The observers of a session: `observer` takes its events, `outside` has reports for it."""
 
     observer: Observer
     outside: Outside | None = None
@@ -21,12 +21,12 @@ class Beside:
 
 @contextmanager
 def observing(settings: Settings, world: str = "", *, live: bool = False) -> Generator[Beside]:
-    """Give what is beside the session; what there is to say of it is told at the end.
+    """Yield the observers of a session; their problems are reported at the end.
 
     With the name of a `world`, the session is shown on the map of a TAK server, if one is set.
-    What happens to that connection is told meanwhile where stderr is `live`: no screen is over it.
-    Raises ValueError for a port that cannot be listened on, for a library that is missing and for
-    a world that is nowhere on the earth.
+    Changes of that connection are reported meanwhile if stderr is `live`: no screen is over it.
+    Raises ValueError for a port that cannot be listened on, for a library that is missing and for a
+    world without a place on the earth.
     """
     problems: list[str] = []
     asked = Observing(

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 DRIVER = "TEXTUAL_DRIVER"
-"""The variable that names another driver than a terminal's, such as that of a browser."""
+"""The variable with the name of another driver than a terminal's, such as that of a browser."""
 
 
 def open_closed_streams() -> None:
@@ -154,7 +154,7 @@ JsonOption = Annotated[
 
 
 def warn_of_altered(rules: str, seal: "RulesSeal") -> None:
-    """Say on stderr that rules are in force of which people must be told something."""
+    """Report on stderr the warnings about the rules in force."""
     altered = (f"{seal.words}: {seal.problem}",) if seal.altered else ()
     for warning in (*altered, *seal.warnings):
         errors.print(

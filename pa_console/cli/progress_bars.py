@@ -21,7 +21,7 @@ from pa_console.tui.replay.recordings import index_folder
 
 
 class LiveBar:
-    """What counts something on a bar; whoever derives from it makes `_progress`."""
+    """A progress bar; subclasses create `_progress`."""
 
     _progress: Progress
 
@@ -39,9 +39,9 @@ class LiveBar:
 
 
 def transient_bar(counted: ProgressColumn) -> Progress:
-    """Return a bar with what is `counted`, gone once it has stopped, on a terminal only.
+    """Return a bar that counts `counted`, gone once it has stopped, on a terminal only.
 
-    It keeps to the stderr that it began with, whoever captures that.
+    It keeps to the stderr that it began with, even if that is captured later.
     """
     return Progress(
         TextColumn("{task.description}", markup=False),

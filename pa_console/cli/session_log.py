@@ -56,7 +56,7 @@ def witness_target(given: str) -> str:
 
 
 def warn_of_witness(text: str) -> None:
-    """Say on stderr what is wrong with a witness."""
+    """Report on stderr the problem of a witness."""
     errors.print(f"warning: {text}", style="yellow", markup=False, soft_wrap=True)
 
 
@@ -66,7 +66,7 @@ def usual_file() -> Path:
 
 
 def tell_of_witness(log: LogWriter) -> None:
-    """Say on stderr whether a log's witness lacks its last head; the log is closed by now."""
+    """Report on stderr whether a log's witness lacks its last head; the log is closed by now."""
     if log.witness_problem:
         warn_of_witness(f"the witness did not get the log's last head: {log.witness_problem}")
 

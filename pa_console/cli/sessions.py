@@ -25,7 +25,7 @@ from pa_console.session.past_sessions import (
 from pa_console.session.status_words import status_of
 
 MOST = 20
-"""So many sessions are listed unless more are asked for."""
+"""The number of sessions listed unless more are asked for."""
 
 
 def sessions(

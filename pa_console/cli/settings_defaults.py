@@ -14,7 +14,7 @@ WITHOUT = ("settings", "doctor")
 
 @dataclass(frozen=True)
 class _Chosen:
-    """What `--set` gives, and the settings with it where they were loaded."""
+    """The settings of `--set`, and the loaded settings with them."""
 
     given: Mapping[str, object]
     loaded: Loaded | None = None

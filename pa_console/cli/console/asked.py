@@ -1,4 +1,4 @@
-"""What a console was asked for on the command line."""
+"""The command-line options of a console."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -202,7 +202,7 @@ def _open(
 
 @contextmanager
 def _stopped_when_left() -> Generator[Progress]:
-    """Give what stops the preparing of weights, whose progress it is told, once this is left."""
+    """Yield a progress callback that stops the preparing of weights once this is left."""
     left = Event()
 
     def going_on(_done: int, _total: int, _text: str) -> None:
@@ -217,7 +217,7 @@ def _stopped_when_left() -> Generator[Progress]:
 
 @contextmanager
 def _told(what: str) -> Generator[None]:
-    """Say on a terminal what is being done, in a line that is gone afterwards."""
+    """Show the present step on a terminal, in a line that is gone afterwards."""
     seen = sys.stderr.isatty()
     if seen:
         sys.stderr.write(what)

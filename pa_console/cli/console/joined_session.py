@@ -35,7 +35,7 @@ CONNECT_S = 5.0
 
 @dataclass(frozen=True)
 class Joining:
-    """Where the session is that is joined, and where its world and its rules are."""
+    """The place of the session to join, with its world and its rules."""
 
     url: str
     certificates: Path | None
@@ -114,12 +114,12 @@ class JoinedSession:
 
     @property
     def opening(self) -> str:
-        """What is said while the console opens that is to take command."""
+        """The line shown while the console that takes command opens."""
         return f"Opening the console that takes command; {self.station.station} commands ..."
 
     @contextmanager
     def told_unless_taken(self) -> Generator[None]:
-        """Say, where this ends before command was taken, that the other station has it."""
+        """Report that the other station keeps command if this ends before it was taken."""
         try:
             yield
         finally:

@@ -39,7 +39,7 @@ class LiveSession:
     station: Station
     log: Path | None
     fleet: "MqttFleet | None" = None
-    """What is driven on a message bus."""
+    """The fleet on a message bus, if there is one."""
     authority: "StationAuthority | None" = None
 
     def share(self, writer: LogWriter) -> None:
@@ -61,11 +61,10 @@ def open_live(
     servers: Servers = NO_SERVERS,
     authority: "StationAuthority | None" = None,
 ) -> LiveSession:
-    """Open what was asked for; raises DocumentError or ValueError for what cannot be opened.
+    """Open the session for the options; raises DocumentError or ValueError if it cannot be opened.
 
-    `authority` has the keys to sign with, where they were loaded before.
-    Rules that are refused, and a session that was not closed, are told of and asked about on the
-    terminal.
+    `authority` has the keys to sign with, if they were loaded before. Rules that are refused, and a
+    session that was not closed, are shown and asked about on the terminal.
     """
     pins, deadline_s = RulesPins(), settings.check_deadline_ms / 1000.0
     on_bus = find_fleet(asked.fleet, asked.certificates, asked.world, settings, asked.scenario)

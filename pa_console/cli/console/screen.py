@@ -67,9 +67,9 @@ def run_screen(
 
 
 def keep_loaded() -> None:
-    """Let no collection of garbage look through what is loaded by now and lives until the end.
+    """Keep garbage collection away from the objects loaded by now, which live until the end.
 
-    With 1,000 assets one would hold the screen up for 70 ms. What is garbage by now stays: to look
-    for it would take 80 ms before the first paint.
+    With 1,000 assets a collection would hold the screen up for 70 ms. Present garbage stays: to
+    search for it would take 80 ms before the first paint.
     """
     gc.freeze()

@@ -23,7 +23,7 @@ from pa_console.session.log.chain import LogError
 from pa_console.sim.worlds.scenario_file import open_scenario
 
 SHOWN = 5
-"""So many missions and alarms are named; the rest are counted."""
+"""The number of missions and alarms that are named; the rest are counted."""
 
 
 def choose_session(
@@ -98,7 +98,7 @@ def _scenario(found: UnclosedSession, site: Site) -> Scenario | None:
 
 
 def _tell(found: UnclosedSession) -> None:
-    """Say which session it was, and what was under way."""
+    """Show the session that was left open, and its open missions, alarms and stop."""
     state, started = found.state, found.started
     picture = state.picture
     at = f", {clock_text(picture.time_s)} into it" if picture is not None else ""

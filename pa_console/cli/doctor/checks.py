@@ -1,4 +1,4 @@
-"""What `doctor` looks at: Python, libraries, model, settings, folders, terminal, memory."""
+"""The checks of `doctor`: Python, libraries, model, settings, folders, terminal, memory."""
 
 import importlib
 import os
@@ -128,7 +128,7 @@ PINNED = "SHA-256 as the catalogue pins it"
 
 
 def check_files(entry: ModelEntry) -> Check:
-    """Hash everything that is loaded for a model, and say what each was compared with."""
+    """Hash every loaded file of a model, and report its comparison."""
     path, pull = entry.local_file, f"pa-console models pull {entry.name}"
     if path is None:
         return Check("model", "missing", f"{entry.name} is not here ({entry.size_mb} MB)", pull)
@@ -179,12 +179,12 @@ def _prepared(entry: ModelEntry, how: Preparation, source_sha256: str) -> tuple[
 
 
 def check_confinement() -> Check:
-    """Try in a process like the model's what it must not be able to do."""
+    """Attempt in a process like the model's the acts that must be impossible."""
     return confinement_words(try_out())
 
 
 def confinement_words(restrictions: tuple[Restriction, ...]) -> Check:
-    """Say what holds for the model's process, and what does not, and why."""
+    """Report the confinement that holds for the model's process, and its gaps with reasons."""
     held = [item.what for item in restrictions if not item.missing]
     missing = [f"not kept from it: {i.what} ({i.missing})" for i in restrictions if i.missing]
     found = "; ".join([*missing, *held])
@@ -299,7 +299,7 @@ def check_folders(loaded: Loaded) -> Iterator[Check]:
 
 
 def check_sessions(folder: Path) -> Check:
-    """Look whether every session of the index in `folder` is there, whole, and nobody else's."""
+    """Check that every session of the index in `folder` is there, whole, and its own."""
     name, remedy = "session logs", "bring them back from a copy; --verify of a log tells more"
     try:
         found = check_index(folder, known_keys())
@@ -366,7 +366,7 @@ def check_size(columns: int, lines: int) -> Check:
 
 
 def check_colours(system: str | None, plain: bool) -> Check:
-    """Look at what colours the terminal says it has; none are wanted when `plain`."""
+    """Report the terminal's colours; none are wanted when `plain`."""
     if plain:
         return Check("colours", "ok", "none, as NO_COLOR asks")
     good = system in ("256", "truecolor")

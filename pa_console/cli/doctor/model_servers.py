@@ -1,4 +1,4 @@
-"""What `doctor` looks at where a model on a server is named: it is probed as a session does it."""
+"""The check of a model on a server: it is probed as a session does it."""
 
 import asyncio
 from collections.abc import Iterator

@@ -22,10 +22,10 @@ from pa_console.sim.checkpoint import Checkpoint
 
 NAME = "model's speed"
 LIMIT_S = 10.0
-"""What has not come by then is not waited for: `doctor` is to end soon."""
+"""The longest measurement, seconds: `doctor` has to end soon."""
 
 ENOUGH_S = 5.0
-"""Within so many seconds a plan comes while the operator still looks at the screen for it."""
+"""The time, seconds, within which a plan comes while the operator still looks at the screen."""
 
 TEXT = "Send a drone to look at the east gate."
 REMEDY = "close other programs, or choose a smaller model: pa-console models list"
@@ -47,7 +47,7 @@ def check_speed(name: str) -> Check:
 
 
 def speed_words(name: str, usage: Usage) -> Check:
-    """Return what one plan of the model `name` says of this machine."""
+    """Return the speed of this machine as the time of one plan of the model `name`."""
     read = usage.prompt_tokens - usage.cached_tokens
     found = (
         f"{name} reads {_rate(read, usage.first_token_s)} and writes "

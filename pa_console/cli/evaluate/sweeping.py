@@ -13,7 +13,7 @@ from pa_console.llm.models.catalogue import LocalModel
 
 @dataclass(frozen=True)
 class SweptModels:
-    """The models by name as they are here, what was asked for by each name, and how they answer."""
+    """The models by name, the requested files of each, and their backends."""
 
     local: Mapping[str, LocalModel]
     asked: dict[str, str | None]

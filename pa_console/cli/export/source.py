@@ -1,4 +1,4 @@
-"""What every export begins and ends with: the log that is read, and where the result is."""
+"""The beginning and end of every export: the log to read, and the place of the result."""
 
 from pathlib import Path
 from typing import Annotated
@@ -12,7 +12,7 @@ from pa_console.export.source_log import OpenedSession, open_session
 
 
 class ExportBar(LiveBar):
-    """Counts what is done."""
+    """Counts the progress."""
 
     def __init__(self, what: str, total: int) -> None:
         """Show `what` is being done, up to `total`."""
@@ -20,7 +20,7 @@ class ExportBar(LiveBar):
         self._task = self._progress.add_task(what, total=total)
 
     def advance(self, count: int) -> None:
-        """Count so many more."""
+        """Count that many more."""
         self._progress.advance(self._task, count)
 
 
@@ -34,7 +34,7 @@ SessionRules = Annotated[
 
 
 def opened(log: Path) -> OpenedSession:
-    """Read the log, and say on stderr when it could not be read to its end."""
+    """Read the log, and report on stderr if it could not be read to its end."""
     with errors.status(f"reading {log.name}"):
         session = open_session(log)
     if session.recording.problem is not None:
@@ -48,5 +48,5 @@ def opened(log: Path) -> OpenedSession:
 
 
 def written(target: Path, what: str) -> None:
-    """Say where the export is."""
+    """Report the place of the export."""
     out.print(f"{target}: {what}", markup=False, soft_wrap=True)

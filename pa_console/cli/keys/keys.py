@@ -28,7 +28,7 @@ app = typer.Typer(
 
 
 class RoleOption(Enum):
-    """What a person may do."""
+    """The role of a person."""
 
     observer = "observer"
     operator = "operator"
@@ -36,7 +36,7 @@ class RoleOption(Enum):
 
 
 class Enrolled(Enum):
-    """What is taken into the roster."""
+    """The kinds of roster entries."""
 
     person = "person"
     station = "station"
@@ -110,9 +110,9 @@ def make(
 def list_keys(
     fleet: BusOption = "", certificates: CertificatesOption = None, json: JsonOption = False
 ) -> None:
-    """List people, stations and rule sets of the site, who is in command, and what was revoked.
+    """List people, stations and rule sets of the site, the station in command, and revoked keys.
 
-    With --fleet, what is newer on the bus is taken from there first.
+    With --fleet, newer messages on the bus are taken from there first.
     """
     folder = KeyFolder()
     with on_bus(folder, fleet, certificates):

@@ -16,9 +16,9 @@ CONNECT_S = 5.0
 
 @contextmanager
 def on_bus(folder: KeyFolder, url: str, certificates: Path | None) -> Generator[None]:
-    """Take what is newer on the bus at `url` into `folder`; retain there what is newest afterwards.
+    """Take newer messages on the bus at `url` into `folder`; retain the newest there afterwards.
 
-    Without a `url` nothing is done. Raises ValueError when no broker lets us in.
+    Does nothing without a `url`. Raises ValueError when no broker lets us in.
     """
     if not url:
         yield

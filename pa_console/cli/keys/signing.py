@@ -42,7 +42,7 @@ def sign(
 
 
 def _read(file: Path) -> UnsignedApproval:
-    """Return what is to be signed; raises DocumentError or ValueError for anything else."""
+    """Return the text to sign; raises DocumentError or ValueError for any other."""
     name = "standard input" if str(file) == "-" else str(file)
     if str(file) == "-":
         text: bytes = sys.stdin.buffer.read(MOST_BYTES + 1)
@@ -67,7 +67,7 @@ def _read(file: Path) -> UnsignedApproval:
 
 
 def _show(unsigned: UnsignedApproval, folder: KeyFolder) -> None:
-    """Say on stderr what is signed: what the bytes say, and not what was said beside them."""
+    """Show on stderr the content of the bytes to sign, and no accompanying words."""
     approval: Approval = unsigned.approval
     roster = folder.trust().roster if folder.made else None
     station = roster.station_of(approval.station) if roster is not None else ""

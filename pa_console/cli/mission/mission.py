@@ -28,7 +28,7 @@ from pa_console.cli.settings_defaults import settings_of
 
 
 class Approve(StrEnum):
-    """Who decides about the plan."""
+    """The decider about the plan."""
 
     ask = "ask"
     auto = "auto"

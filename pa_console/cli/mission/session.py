@@ -194,12 +194,12 @@ def read_event(number: int, text: str) -> Incident:
 
 
 def _cannot_write(error: LogError) -> None:
-    """Say at once what of the log, or of its index, cannot be written."""
+    """Report at once that the log, or its index, cannot be written."""
     errors.print(f"warning: {error}", style="bold red", markup=False, soft_wrap=True)
 
 
 class _Progress:
-    """Tells each step on stderr, and on a terminal what is being waited for and how long.
+    """Shows each step on stderr, and on a terminal the present wait and its duration.
 
     A session that cannot be logged is ended.
     """
@@ -215,15 +215,15 @@ class _Progress:
         """`model` is the SHA-256 of the model, whose usual times are kept."""
         self._station = station
         self._told: list[QuestionAnswered] = []
-        """What was answered at the terminal already."""
+        """The answer given at the terminal already."""
         self._writer, self._endable, self._model = writer, endable, model
         self._status = errors.status("starting")
         self._waiting = Waiting(load_usual(usual_file(), model))
         self.state = SessionState()
-        """The session as it was told last."""
+        """The latest state of the session."""
         self._recorded: set[str] = set()
         self.answers: list[QuestionAnswered] = []
-        """What was answered to questions and is still to be told, the first one first."""
+        """The answers to questions that are still to be shown, the first one first."""
         self._observe = observer
 
     @property
@@ -251,7 +251,7 @@ class _Progress:
         self._status.update(self._standing(state))
 
     def _standing(self, state: SessionState) -> str:
-        """Return what is being waited for, or how far the mission is."""
+        """Return the present wait, or the progress of the mission."""
         trace, worker = state.current, state.worker
         if waiting := self._waiting.line(monotonic(), state):
             return waiting

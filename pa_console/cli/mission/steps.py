@@ -1,4 +1,4 @@
-"""Says each step of a mission in one line, as it happens."""
+"""Each step of a mission as one line, as it happens."""
 
 from pa_console.schema.events import event as ev
 from pa_console.session.wording import event_in_words
@@ -22,13 +22,13 @@ _TOLD: dict[str, str] = {
     "mission_preempted": "waits again",
     "mission_finished": "finished",
 }
-"""The steps that are told, and their names."""
+"""The steps that are shown, and their names."""
 
 
 def step_line(event: ev.Event) -> str:
-    """Return what `event` means to whoever follows a mission; empty for what is no step of it.
+    """Return the meaning of `event` in one line; empty if it is no step of a mission.
 
-    Whether a model's server answers, and who answers in its place, is told too.
+    Changes of a model's server, and of its replacement, are shown too.
     """
     match event.data:
         case ev.ServerChanged(state=state) if state != "probing":

@@ -22,7 +22,7 @@ from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.session.status_words import status_of
 
 QuestionIn = Callable[[str], Question | None]
-"""Returns what a text asks about what is on record; None for anything else."""
+"""Returns the question about the record in a text; None for any other text."""
 
 HOW_TO_ASK = "Why?  Why not ASSET?  What would you do instead? are answered here, too"
 
@@ -156,7 +156,7 @@ def _answered(
 
 
 def _choices(trace: MissionTrace | None) -> Sequence[str]:
-    """Return the answers that are offered to what is asked about the order."""
+    """Return the possible answers to a question about the order."""
     return trace.choices if trace is not None else ()
 
 
@@ -178,9 +178,9 @@ def _what_was_meant(request: ApprovalRequested, question_in: QuestionIn) -> str:
 
 
 def _begin_asking() -> None:
-    """Say at a terminal what may be asked there.
+    """Show at a terminal which questions may be asked there.
 
-    What was typed before the plan was on screen is dropped: it cannot have been meant for it.
+    Lines typed before the plan was on screen are dropped: they cannot have been meant for it.
     """
     if sys.stdin.isatty():
         errors.print(HOW_TO_ASK, style="dim", markup=False)

@@ -16,7 +16,7 @@ _STOP = re.compile(r"(?i)\s*stop(\s+all)?\s*[.!]*\s*")
 
 @dataclass(frozen=True)
 class Answer:
-    """What was typed: a decision, a question to be confirmed by `yes` first, or what is wrong."""
+    """A typed answer: a decision, a question to be confirmed by `yes` first, or its fault."""
 
     decision: Decision | None = None
     confirm: str = ""
@@ -25,12 +25,12 @@ class Answer:
 
 
 def is_stop(line: str) -> bool:
-    """Whether `line` stops everybody, at any console in lines and whatever waits there."""
+    """Return whether `line` stops all assets, at any console in lines and at any prompt."""
     return _STOP.fullmatch(line) is not None
 
 
 def read_answer(line: str, request: ApprovalRequested, reason: str = "") -> Answer | None:
-    """Return what `line` says to `request`; None when it is no answer at all.
+    """Return the answer to `request` in `line`; None when it is no answer at all.
 
     `reason` was given before, by itself.
     """

@@ -12,7 +12,7 @@ class Answering(Protocol):
     """A station, its own or one that was joined, as far as it answers."""
 
     def question_in(self, text: str) -> Question | None:
-        """Return what a text asks about what is on record; None for anything else."""
+        """Return the question about the record in a text; None for any other text."""
         ...
 
     async def answer(self, question: Question) -> QuestionAnswered:
@@ -29,12 +29,12 @@ class AskedLines:
         say: Callable[[str], None],
         answered: Callable[[], None] = lambda: None,
     ) -> None:
-        """`answered` is called once an answer has been said."""
+        """Call `answered` after each answer."""
         self._station, self._say, self._answered = station, say, answered
         self._answering: set[asyncio.Task[None]] = set()
 
     def take(self, line: str) -> bool:
-        """Answer a line that asks about what is on record; return whether it does."""
+        """Answer a line that is a question about the record; return whether it is one."""
         question = self._station.question_in(line)
         if question is None:
             return False
@@ -48,7 +48,7 @@ class AskedLines:
         await asyncio.gather(*self._answering)
 
     async def _tell_answer(self, question: Question) -> None:
-        """Say the answer line by line; a plan that waits still does."""
+        """Show the answer line by line; a waiting plan goes on waiting."""
         told = await self._station.answer(question)
         for line in told.lines:
             self._say(f"{line.about}: {line.said}")

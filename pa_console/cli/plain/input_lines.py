@@ -37,7 +37,7 @@ class InputLines:
         os.close(self._ended)
 
     def forget_typed(self) -> None:
-        """Drop what was typed and not yet sent: it was meant for something else."""
+        """Drop the text typed and not yet sent: it was meant for another prompt."""
         if self._terminal:
             termios.tcflush(self._file, termios.TCIFLUSH)
 

@@ -32,7 +32,7 @@ _TAKE = re.compile(r"(?i)\s*take\s+(command|over)\s*[.!]*\s*")
 
 
 class JoinedConsole:
-    """Tells the events of a session that was joined, and carries out the lines that are typed."""
+    """Shows the events of a joined session, and carries out typed lines."""
 
     def __init__(
         self,
@@ -45,11 +45,12 @@ class JoinedConsole:
         called: Callable[[], None] = lambda: None,
         command_question: Callable[[], str] | None = None,
     ) -> None:
-        """`show_plan` and `show_trace` print what is laid out in rows.
+        """Open the console.
 
-        What is signed within `hold_s` seconds of its plan is not taken: nobody has read it.
-        `called` is told when something begins to wait for somebody here. `command_question` says
-        what taking command would do, for a commander; it is None for anybody else.
+        `show_plan` and `show_trace` print rows. A signature within `hold_s` seconds of its plan is
+        not accepted: the plan cannot have been read. `called` is called when the person here is
+        waited for. `command_question` is the question before taking command, for a commander; None
+        for others.
         """
         self._station, self._say, self._called = station, say, called
         self._told = ToldSession(say, show_plan, show_trace, called)
@@ -59,7 +60,7 @@ class JoinedConsole:
         self._closing: asyncio.Task[None] | None = None
         self._asked = AskedLines(station, say)
         self.takes_command = False
-        """Whether the session was left to take command."""
+        """True if the session was left to take command."""
 
     @property
     def state(self) -> SessionState:
@@ -89,7 +90,7 @@ class JoinedConsole:
     # What happens
 
     def _begin(self) -> None:
-        """Say how the session stands; what has happened in it so far is not told again."""
+        """Show the state of the session; its past events are not repeated."""
         for event in self._station.take_before():
             self._told.fold(event)
         self._say(f"Joined the session of {self._station.station}. {self._why}")
@@ -100,7 +101,7 @@ class JoinedConsole:
 
     @property
     def _why(self) -> str:
-        """Why this console is read-only, and what may be done here."""
+        """The reason why this console is read-only, and the actions possible here."""
         station = self._station
         may = ["countersign"] if station.signer else []
         may += ["stop everybody"]

@@ -37,7 +37,7 @@ CTRL_C = (
     "any other line goes on."
 )
 TOLD_EVERY_S = 5.0
-"""How often it is said what is being waited for."""
+"""The interval between two lines about the present wait, seconds."""
 
 _SPEED = re.compile(r"(?i)\s*speed\s+(\S+)\s*")
 _REVOKE = re.compile(r"(?i)\s*revoke\s+(\S+)\s*")
@@ -45,7 +45,7 @@ _MISSION = re.compile(r"(?is)\s*mission\b[\s:]+(\S.*)")
 
 
 class LineConsole:
-    """Tells a station's events through `say`, and carries out the lines that are typed."""
+    """Shows a station's events through `say`, and carries out typed lines."""
 
     def __init__(
         self,
@@ -59,11 +59,11 @@ class LineConsole:
         called: Callable[[], None] = lambda: None,
         observer: Observer = unobserved,
     ) -> None:
-        """`show_plan` and `show_trace` print what is laid out in rows.
+        """Open the console.
 
-        An approval that comes within `hold_s` seconds of its plan is not taken: nobody has read
-        it. `called` is told when something begins to wait for the operator; `observer` is given
-        every event.
+        `show_plan` and `show_trace` print rows. An approval within `hold_s` seconds of its plan is
+        not accepted: the plan cannot have been read. `called` is called when the operator is waited
+        for; `observer` is given every event.
         """
         self._station, self._say = station, say
         self._told = ToldSession(say, show_plan, show_trace, called)
@@ -138,7 +138,7 @@ class LineConsole:
         self._told.show(request, "you", f"Your answer: {HOW}")
 
     async def _tell_waiting(self) -> None:
-        """Say now and then what is being waited for."""
+        """Show the present wait now and then."""
         while True:
             await asyncio.sleep(TOLD_EVERY_S)
             if line := self.waiting.line(monotonic(), self.state):
@@ -203,7 +203,7 @@ class LineConsole:
         return True
 
     def _tell_waits(self) -> None:
-        """Say, after an answer, that the plan still waits, where one does."""
+        """Show, after an answer, that a plan still waits."""
         if self.request is not None:
             self._say(f"The plan still waits: {HOW}")
 

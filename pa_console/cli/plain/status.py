@@ -1,4 +1,4 @@
-"""Says in lines how a session stands: no columns to be searched, one thing a line."""
+"""The state of a session in lines: no columns to be searched, one fact a line."""
 
 from pa_console.schema.text.quantities import clock_text, count
 from pa_console.session.state.fold import SessionState

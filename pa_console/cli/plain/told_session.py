@@ -22,7 +22,7 @@ _TABLES = {"status": status_lines, "assets": asset_lines, "alarms": alarm_lines,
 
 
 class ToldSession:
-    """Folds the events of a session, its own or another station's, and says them a line each."""
+    """Folds the events of a session, its own or another station's, and shows them a line each."""
 
     def __init__(
         self,
@@ -31,9 +31,9 @@ class ToldSession:
         show_trace: Callable[[MissionTrace], None],
         called: Callable[[], None],
     ) -> None:
-        """`show_plan` and `show_trace` print what is laid out in rows.
+        """Open the session.
 
-        `called` is told when something begins to wait for the operator.
+        `show_plan` and `show_trace` print rows. `called` is called when the operator is waited for.
         """
         self._say, self._show_plan, self._show_trace = say, show_plan, show_trace
         self._called = called
@@ -47,12 +47,12 @@ class ToldSession:
         return current.approval if current is not None else None
 
     def fold(self, event: ev.Event) -> None:
-        """Take in an event and say nothing of it."""
+        """Take in an event without showing it."""
         self.state.apply(event)
         self._last_notice = self._newest_notice()
 
     def take(self, event: ev.Event) -> None:
-        """Take in an event, and say what it tells; the plan that it lets wait is for `show`."""
+        """Take in an event, and show it; a waiting plan is for `show`."""
         self._last_notice = self._newest_notice()
         self.state.apply(event)
         if line := step_line(event):
@@ -72,7 +72,7 @@ class ToldSession:
                 pass
 
     def tell_notice(self, event: ev.Event) -> None:
-        """Say what the event list has got by `event`, where no step has told it."""
+        """Show the new lines of the event list after `event`, unless a step has shown them."""
         last = self._newest_notice()
         if last is None or last is self._last_notice:
             return
@@ -100,7 +100,7 @@ class ToldSession:
         self._say(how)
 
     def look(self, word: str) -> bool:
-        """Say how something stands, where `word` asks for that; return whether it does."""
+        """Show the state that `word` asks for; return whether it asks for any."""
         if word in _TABLES:
             for told in _TABLES[word](self.state):
                 self._say(told)

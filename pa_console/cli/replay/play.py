@@ -52,9 +52,9 @@ def run_console(
 
 
 def site_of(recording: Recording, log: Path, world: str | None) -> Site:
-    """Return the world and the rules of a session, and say when they have changed since.
+    """Return the world and the rules of a session, and report their changes since.
 
-    Raises LogError for what is no session, ValueError when its world is not installed here.
+    Raises LogError for a file that is no session, ValueError when its world is not installed here.
     """
     started = started_of(recording, log)
     site = load_site(world_of(started, world, log), started.rules, unsigned=True)

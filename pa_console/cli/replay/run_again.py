@@ -27,7 +27,7 @@ from pa_console.sim.worlds.world_file import open_world
 
 @dataclass(frozen=True)
 class Place:
-    """Where a session took place, when it is not installed here as it was then."""
+    """The world, rules and scenario of a session that are not installed here as they were."""
 
     world: str | None = None
     scenario: str | None = None
@@ -36,7 +36,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Again:
-    """What came of a session that was run again; `line` is that of the first other telemetry.
+    """The result of a session that was run again; `line` is that of the first other telemetry.
 
     `decided` is None when the rules of the session are not here.
     """
@@ -48,7 +48,7 @@ class Again:
 
     @property
     def equal(self) -> bool:
-        """Whether everything came out as it was recorded."""
+        """True if everything came out as it was recorded."""
         return self.twin.equal and self.decided is not None and not self.decided.flips
 
     def document(self) -> dict[str, Any]:
@@ -58,10 +58,10 @@ class Again:
 
 
 def run_again(log: Path, place: Place) -> Again:
-    """Run the session of `log` again with what it recorded of operator and models.
+    """Run the session of `log` again with its recorded decisions and answers.
 
-    Raises ValueError (DocumentError) when its world or scenario is not here, LogError for what is
-    no session.
+    Raises ValueError (DocumentError) when its world or scenario is not here, LogError for a file
+    that is no session.
     """
     recording = read_recording(log)
     started = started_of(recording, log)
@@ -79,7 +79,7 @@ def run_again(log: Path, place: Place) -> Again:
 
 
 def show_again(log: Path, place: Place, json: bool) -> None:
-    """Run the session of `log` again and say what came of it; leaves with 1 for a difference.
+    """Run the session of `log` again and report the result; leaves with 1 for a difference.
 
     A log that cannot be read to its end is compared up to there, and then raises its LogError.
     """
@@ -130,7 +130,7 @@ def print_again(log: Path, again: Again) -> None:
 def _world(
     sites: SessionSites, started: SessionStarted, given: str | None, log: Path
 ) -> tuple[World, Path]:
-    """Return the session's world by its hash, or the one that is given in its place."""
+    """Return the session's world by its hash, or the one given in its place."""
     path = sites.world_file(started, log)
     if path is None and given is not None:
         _object(f"note: {given} is not the world of this session as it was then")
@@ -143,9 +143,9 @@ def _world(
 def _situation(
     world: World, path: Path, given: str | None, started: SessionStarted
 ) -> Scenario | None:
-    """Return the session's scenario, if it had one, or the one that is given in its place.
+    """Return the session's scenario, if it had one, or the one given in its place.
 
-    Raises ValueError when the one of its name is not what its log pins.
+    Raises ValueError when the one of its name is not the one that its log pins.
     """
     played = given or started.scenario
     if not played:

@@ -26,7 +26,7 @@ from pa_console.settings.sources import Loaded
 from pa_console.signing import is_fingerprint, known_keys
 
 CHANGES = 12
-"""So many values that differ are printed; --json has all."""
+"""The number of different values that are printed; --json has all."""
 
 
 def compare_logs(first: Path, second: Path, json: bool) -> None:

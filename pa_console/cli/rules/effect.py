@@ -25,7 +25,7 @@ from pa_console.schema.document import DocumentError
 
 @dataclass
 class Effects:
-    """What was found, by log or mission; `unread` says what could not be read, and why."""
+    """The results by log or mission; `unread` has the logs that could not be read, and why."""
 
     found: dict[str, SessionEffect] = field(default_factory=dict[str, SessionEffect])
     unread: dict[str, str] = field(default_factory=dict[str, str])
@@ -139,7 +139,7 @@ def _missions(
 
 
 def _print(effects: Effects) -> None:
-    """Print what turns and what nobody can tell, by log; then the sums."""
+    """Print the changed and the undecidable results, by log; then the sums."""
     for place, found in effects.found.items():
         if not found.flips and not found.gaps and place not in effects.notes:
             continue

@@ -39,7 +39,7 @@ def _how(rule: Rule) -> str:
 
 
 def _tell_approvals(book: Rulebook) -> None:
-    """Say what more than one person must approve and what standing orders may do unasked."""
+    """Show the acts that need several people, and those that standing orders may do unasked."""
     if book.unasked:
         told = f"standing orders may have carried out unasked: {', '.join(book.unasked)}"
         out.print(told, markup=False, soft_wrap=True)

@@ -117,7 +117,7 @@ async def _serve(
 
 
 def _greet(address: str, tokens: TokenBook) -> None:
-    """Say where the interface is, and how to be let in."""
+    """Show the address of the interface, and the access token."""
     out.print(f"{address}/docs", markup=False, highlight=False, soft_wrap=True)
     if not tokens.listed():
         person = this_user()

@@ -38,7 +38,8 @@ from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.sim.worlds.world_file import open_world
 
 MOST_MACHINE_NAME = 40
-"""With its role before it, it is a common name of a certificate: at most 64 characters."""
+"""The longest machine name: with its role before it, a certificate's common name has at most 64
+characters."""
 
 app = typer.Typer(help="Run the simulated checkpoint as a service on a message bus; more below.")
 
@@ -177,7 +178,7 @@ def _vehicles(world: World) -> Vehicles | None:
 
 
 def _telling(vehicles: Vehicles) -> Callable[[str], None]:
-    """Return what lets `vehicles` take signed messages, and says so when that changes anything."""
+    """Return a callback that passes signed messages to `vehicles`, and reports changes."""
     told = vehicles.in_command
 
     def take(message: str) -> None:

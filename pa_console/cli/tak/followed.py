@@ -23,13 +23,13 @@ from pa_console.sim.worlds.world_file import open_world
 
 
 class Followed(Protocol):
-    """A session of which events come."""
+    """A session as a source of events."""
 
     world: World
 
     @property
     def title(self) -> str:
-        """What is followed, in words."""
+        """The name of the session, in words."""
         ...
 
     def events(self, ended: Callable[[], bool]) -> Iterator[Event | None]:
@@ -56,7 +56,7 @@ def recorded(session: str, world: str | None, speed: float, settings: Loaded) ->
 
 
 class JoinedSession:
-    """What comes over the bus; what there is to say of the connection goes to `tell`."""
+    """The events that come over the bus; notices about the connection go to `tell`."""
 
     def __init__(
         self, log: SharedLog, before: list[Event], world: World, tell: Callable[[str], None]
@@ -71,7 +71,7 @@ class JoinedSession:
         return f"the session of {self._log.stream.station} at {self._log.link.address}"
 
     def events(self, ended: Callable[[], bool]) -> Iterator[Event | None]:
-        """Yield events as they come, None now and then, until the session or `ended` says so."""
+        """Yield events as they come, None now and then, until the session or `ended` ends them."""
         taken, problem = self._before, ""
         while not ended():
             pictures = [n for n, event in enumerate(taken) if event.data.kind == "telemetry"]
@@ -90,7 +90,7 @@ class JoinedSession:
 
 @dataclass
 class _Recorded:
-    """What was recorded, at its pace or another; each event has the time when it is shown."""
+    """The recorded events, at their pace or another; each has the time when it is shown."""
 
     recording: Recording
     log: Path

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def naming_what_is_missing() -> Generator[None]:
-    """Raise ValueError with what to install when the block imports what is not there."""
+    """Raise ValueError with the package to install when an import in the block fails."""
     try:
         yield
     except ModuleNotFoundError as error:

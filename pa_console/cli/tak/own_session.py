@@ -1,4 +1,4 @@
-"""Shows the session of a verb on the map of a TAK server, and hears what others report there."""
+"""Shows the session of a verb on the map of a TAK server, and receives reports from there."""
 
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -16,7 +16,7 @@ from pa_console.tak.session_on_map import InBackground, SessionOnMap
 
 @dataclass(frozen=True)
 class OnMap:
-    """What shows a session's events on the map, and what the session is told from there."""
+    """The display of a session's events on the map, and the reports from there."""
 
     take: Observer
     reports: TakReports

@@ -1,4 +1,4 @@
-"""Sends the session that is followed to a TAK server until it ends, and says how that goes."""
+"""Sends a session to a TAK server until it ends, and reports the progress."""
 
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from pa_console.tak.site_on_map import site_name
 
 @dataclass(frozen=True)
 class Asked:
-    """What is to be shown where, as the options of the verb say; one of `join` and `replay`."""
+    """The options of the verb: session and server; one of `join` and `replay`."""
 
     server: str
     tls: tuple[Path | None, Path | None, Path | None]
@@ -79,5 +79,5 @@ def _run(found: Followed, shown: SessionOnMap, connection: TakConnection) -> int
 
 
 def tell(line: str) -> None:
-    """Say one line on stderr."""
+    """Print one line on stderr."""
     errors.print(line, markup=False, highlight=False, soft_wrap=True)
