@@ -12,7 +12,7 @@ from pa_console.schema.base import StrictModel
 
 CPU_INFO = Path("/proc/cpuinfo")
 WIDE_FLAGS = ("avx", "avx2", "fma", "f16c", "avx512f", "avx512_vnni", "amx_tile", "asimd", "sve")
-"""What decides how fast a CPU multiplies matrices."""
+"""The CPU flags that decide the speed of matrix products."""
 
 PACKAGES = ("llama-cpp-python", "llguidance", "common-expression-language", "pymunk", "rapidfuzz")
 
@@ -45,7 +45,7 @@ class Machine(StrictModel):
 
 
 def describe_machine(cpu_info: Path = CPU_INFO) -> Machine:
-    """Return what the standard library and `cpu_info` (Linux) tell of this machine."""
+    """Return the description of this machine from the standard library and `cpu_info` (Linux)."""
     try:
         text = cpu_info.read_text(encoding="utf-8", errors="replace")
     except OSError:

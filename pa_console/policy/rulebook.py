@@ -21,7 +21,7 @@ from pa_console.schema.document import Document, FieldPath
 from pa_console.schema.rule import Ordering, Rule, RuleSet, RulesSeal, Workflow
 
 MAX_SET_SIZE = 100_000
-"""Names, values and signs in all expressions of a file, each of which counts for some more."""
+"""The limit of names, values and signs in all expressions of a file, each with a surcharge."""
 EXPRESSION_SIZE = 20
 
 MISSION_VARIABLES = frozenset(("mission", "world"))
@@ -39,7 +39,7 @@ class CompiledOrdering:
 
     @property
     def fixed(self) -> bool:
-        """Whether its expressions depend on the subject alone, not on the rest of the moment."""
+        """True if its expressions depend on the subject alone, not on the rest of the moment."""
         return "now" not in self.event.variables | self.other.variables
 
 
@@ -61,19 +61,19 @@ class CompiledRule:
 
     @property
     def variables(self) -> frozenset[str]:
-        """What guard and check read."""
+        """The variables that guard and check read."""
         parts = [part.variables for part in (self.applies, self.check) if part is not None]
         return frozenset[str]().union(*parts)
 
     @cached_property
     def reads(self) -> Fields:
-        """Which fields of their variables guard and check read."""
+        """The fields of the variables that guard and check read."""
         parts = [part.reads(PLAN_SHAPES) for part in (self.applies, self.check) if part is not None]
         return united(parts)
 
     @property
     def about_mission_only(self) -> bool:
-        """Whether it can be decided at intake, from the mission's words alone."""
+        """True if it can be decided at intake, by the mission's words alone."""
         return self.check is not None and self.variables <= MISSION_VARIABLES
 
 
@@ -179,7 +179,7 @@ class Rulebook:
         *,
         rule_set: RuleSet | None = None,
     ) -> None:
-        """`seal` and `rule_set`, all that the file says, are None for rules that no file holds."""
+        """Take `seal` and `rule_set` from the rule file; both are None for rules without one."""
         self.name, self.sha256, self.compiled = name, sha256, compiled
         self.workflows, self.seal = workflows, seal or RulesSeal()
         self.rule_set = rule_set
@@ -190,12 +190,12 @@ class Rulebook:
 
     @cached_property
     def reads(self) -> Fields:
-        """What any guard or check reads; nothing else has to be converted for CEL."""
+        """The fields that guards and checks read; no others have to be converted for CEL."""
         return united(part.reads for part in self.parts)
 
     @property
     def approvals(self) -> Mapping[str, int]:
-        """How many people must approve what; one, where it is not named."""
+        """The number of people who must approve each act; one if it is not named."""
         return self.rule_set.approvals if self.rule_set is not None else {}
 
     @property

@@ -41,7 +41,7 @@ _FIELDS: Mapping[SubjectKind, Record] = {
 }
 _NOW = flat(("time_s", "weather"))
 _OF_SILENCE = frozenset(("stale", "comms", "available", "integrity", "status"))
-"""An expression that reads one of these is about what is heard itself."""
+"""The fields that describe the link itself."""
 
 
 @dataclass
@@ -56,7 +56,7 @@ class StandingCondition:
     _seen: dict[str, tuple[object, bool]] = field(
         default_factory=dict[str, tuple[object, bool]], repr=False
     )
-    """By subject: what was read of it last, and what that came to."""
+    """The latest facts and result of each subject."""
 
     def __post_init__(self) -> None:
         self._expression = Expression(self.order.condition, SUBJECT_VARIABLES, DEADLINE_S)
@@ -75,9 +75,9 @@ class StandingCondition:
         return world_variables(self.world) if "world" in self._expression.variables else {}
 
     def holding(self, picture: Picture) -> Mapping[str, bool | None]:
-        """Return of every subject whether the condition holds of it, None where nobody knows.
+        """Return for every subject whether the condition holds, None if that is unknown.
 
-        Raises whatever the expression runs into, DeadlineError when it takes too long.
+        Raises the errors of the expression, DeadlineError when it takes too long.
         """
         found: dict[str, bool | None] = {}
         now = {"time_s": picture.time_s, "weather": picture.weather}
@@ -119,7 +119,7 @@ class StandingCondition:
 
 
 def _unknown(subject: StrictModel) -> bool:
-    """Whether nothing is known of a subject for certain."""
+    """Return whether the facts of a subject are all uncertain."""
     if isinstance(subject, AssetTelemetry):
         return subject.stale or subject.integrity == "suspect" or subject.comms == "lost"
     return isinstance(subject, Track) and subject.stale

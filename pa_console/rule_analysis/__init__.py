@@ -1,1 +1,1 @@
-"""What changed rules would change: in recorded sessions, in the present, in a mission set."""
+"""The effects of changed rules: in recorded sessions, in the present, in a mission set."""

@@ -1,4 +1,4 @@
-"""Decisions that come out otherwise under other rules, and those of which nobody can tell."""
+"""Decisions that change under other rules, and those that cannot be determined."""
 
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -51,7 +51,7 @@ class Gap:
 
 @dataclass
 class SessionEffect:
-    """What a rule set would change in one session; `compared` counts findings."""
+    """The effect of a rule set on one session; `compared` counts findings."""
 
     session: str = ""
     missions: int = 0
@@ -67,7 +67,7 @@ def by_rule(findings: Iterable[Finding]) -> dict[str, Finding]:
 
 
 def blocking(findings: Iterable[Finding]) -> list[Finding]:
-    """Return those for which nobody may approve a plan."""
+    """Return the findings that block a plan."""
     return [finding for finding in findings if finding.blocking]
 
 

@@ -1,7 +1,7 @@
-"""What a changed rule set would decide otherwise at the missions of a set, without any model.
+"""The changed decisions of a rule set at the missions of a set, without any model.
 
-No plan is recorded there. So orders are tried: each mission's situation is brought about, and
-single orders that can be given in it are rehearsed once and checked by both sets of rules.
+A mission set has no recorded plans. So orders are tried: each mission's situation is brought about,
+and single orders that can be given in it are rehearsed once and checked by both sets of rules.
 """
 
 import asyncio

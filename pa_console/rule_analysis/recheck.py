@@ -54,7 +54,7 @@ class Checked:
 
 @dataclass(frozen=True)
 class Running:
-    """What each set of rules breaks while a plan runs: its orderings, at this telemetry."""
+    """The orderings that each set of rules finds broken while a plan runs."""
 
     mission: Mission
     attempt: int
@@ -64,7 +64,7 @@ class Running:
 
 @dataclass(frozen=True)
 class Unrecorded:
-    """An examination of which the log holds too little to make it again."""
+    """An examination that the log has too few facts to repeat."""
 
     mission: Mission
     attempt: int

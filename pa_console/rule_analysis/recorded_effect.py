@@ -1,4 +1,4 @@
-"""What a changed rule set would have decided otherwise in recorded sessions (before it is live)."""
+"""The changed decisions of a rule set in recorded sessions, before it is live."""
 
 from collections.abc import Iterable
 
@@ -59,7 +59,7 @@ def _follow(
 
 
 class _Session:
-    """Compares, event by event, what was decided with what would have been."""
+    """Compares, event by event, the recorded decisions with those of the other rules."""
 
     def __init__(self, again: Recheck, new: Rulebook, has_old: bool) -> None:
         self.found = SessionEffect()
@@ -107,7 +107,7 @@ class _Session:
     def _plan(
         self, mission: str, attempt: int, recorded: Findings, found: tuple[Findings, ...]
     ) -> None:
-        """Compare rule by rule, then whether anybody may approve the plan."""
+        """Compare rule by rule, then whether the plan may be approved."""
         old, repeated = by_rule(recorded), by_rule(found[1] if self._has_old else recorded)
         self.found.plans += 1
         self.found.compared += len({*old, *by_rule(found[0])})

@@ -39,7 +39,7 @@ class TrialCase:
 
 @dataclass(frozen=True)
 class Trial:
-    """What a rule finds of a case, and what the rule of the same id had found then, if any."""
+    """A rule's finding on a case, and the earlier one of the rule of the same id, if any."""
 
     case: TrialCase
     found: Finding
@@ -47,7 +47,7 @@ class Trial:
 
     @property
     def flips(self) -> bool:
-        """Whether the plan would now be broken and was not, or the other way round."""
+        """True if the plan is broken now and was not, or the other way round."""
         return self.before is not None and self.before.broken != self.found.broken
 
 

@@ -1,1 +1,1 @@
-"""From runs to tables, figures and the report of an evaluation."""
+"""Tables, figures and the report of an evaluation."""

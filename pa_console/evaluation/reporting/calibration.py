@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 LEVELS = (0.5, UNSURE, 0.9)
 BINS = 10
-"""Confidence is cut into so many bins of equal width."""
+"""The number of bins of equal width for confidence."""
 
 
 class Bin(NamedTuple):
@@ -134,7 +134,7 @@ def reliability_diagram(records: Records) -> "Figure":
 
 
 def confidence_tables(records: Records) -> list[Table]:
-    """Return success by confidence, of the models that tell theirs; no table without any."""
+    """Return success by confidence, for models that report one; no table without any."""
     rows: list[tuple[str, ...]] = []
     for model, runs in by_model(main_runs(records)).items():
         told = [run for run in runs if run.confidence is not None]

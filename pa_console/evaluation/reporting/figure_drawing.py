@@ -1,4 +1,4 @@
-"""How figures are drawn: grouped bars with intervals, on paper, on light and on dark ground."""
+"""The drawing of figures: grouped bars with intervals, on paper, on light and on dark ground."""
 
 import io
 import re
@@ -22,7 +22,7 @@ GRID = "#9aa4b0"
 BLUE, ORANGE, GREEN, VERMILION, SKY, PURPLE, YELLOW = (
     "#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7", "#F0E442",
 )  # fmt: skip
-"""The colours of Okabe and Ito (2008), which colour-blind readers can tell apart."""
+"""The colours of Okabe and Ito (2008), which colour-blind readers can distinguish."""
 
 SERIES = (BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILION, YELLOW)
 HATCHES = ("", "//", "..", "xx", "--", "\\\\", "oo")

@@ -41,12 +41,9 @@ HYBRID_BY_CATEGORY: dict[str, dict[str, float]] = {
 MISSIONS_BY_CATEGORY = {
     "Baseline": 2, "Unknown Events": 1, "Recovery": 2, "Multi-Event": 4, "Policy": 1,
 }  # fmt: skip
-"""How many of the ten missions each category holds.
-
-The paper does not say. With ten missions and one run each, Table I leaves this division only: 75 %
-needs four missions or eight, 50 % needs an even number in two further categories, and the other two
-hold one at least.
-"""
+"""The number of the ten missions in each category. The paper does not give it. With ten missions
+and one run each, Table I leaves this division only: 75 % needs four missions or eight, 50 % needs
+an even number in two further categories, and the other two hold one at least."""
 
 
 def _overall(model: str) -> Published:
@@ -74,7 +71,7 @@ RESULTS: dict[str, dict[Quantity, Published]] = {
         "f1": Published(2 * 1.0 * 0.78 / (1.0 + 0.78), "follows from precision and recall", True),
     },
 }
-"""What the text says of each model over all its missions."""
+"""The published results of each model over all its missions."""
 
 
 def published(model: str, quantity: Quantity) -> Published | None:

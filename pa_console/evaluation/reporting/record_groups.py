@@ -1,4 +1,4 @@
-"""Which of many runs belong together: by model, by variant, by set; what counts as a refusal."""
+"""Groups of runs: by model, by variant, by set; and the definition of a refusal."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -59,10 +59,10 @@ def comparable_runs(records: Records) -> list[RunRecord]:
 
 
 def needless_refusal(record: RunRecord) -> bool:
-    """Whether nothing was done although something had to be.
+    """Return whether no order was given although one was needed.
 
     A command that holding or reporting fulfils was not refused by an order to hold or to report:
-    the true state says that it succeeded.
+    the true state shows its success.
     """
     return record.refused and not record.strict and record.expect in ("execute", "trim")
 

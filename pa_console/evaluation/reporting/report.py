@@ -157,7 +157,7 @@ FLAGS = {
     "refused": "refused without need",
     "obliged": "not refused, but had to be",
 }
-"""What the table of runs can be filtered by, beside the ways of failing."""
+"""The filters of the table of runs, beside the kinds of failure."""
 
 
 class Shown(NamedTuple):

@@ -34,7 +34,7 @@ def wilson(successes: int, runs: int) -> tuple[float, float]:
 
 
 class Rate(NamedTuple):
-    """So many successes in so many runs."""
+    """The number of successes among a number of runs."""
 
     successes: int
     runs: int
@@ -62,7 +62,7 @@ class Rate(NamedTuple):
 
 
 class Confusion(NamedTuple):
-    """How often a judgement and the truth say success (positive) or failure (negative)."""
+    """The counts of a judgement against the truth: success (positive) or failure (negative)."""
 
     tp: int = 0
     fp: int = 0
@@ -99,22 +99,22 @@ class Confusion(NamedTuple):
 
     @property
     def precision(self) -> Rate:
-        """Of the runs judged a success, those that were one."""
+        """The share of true successes among the runs judged a success."""
         return Rate(self.tp, self.tp + self.fp)
 
     @property
     def recall(self) -> Rate:
-        """Of the runs that were a success, those judged one."""
+        """The share of runs judged a success among the true successes."""
         return Rate(self.tp, self.tp + self.fn)
 
     @property
     def caught(self) -> Rate:
-        """Of the runs that were a failure, those judged one (specificity)."""
+        """The share of runs judged a failure among the true failures (specificity)."""
         return Rate(self.tn, self.tn + self.fp)
 
     @property
     def base(self) -> Rate:
-        """Of the judged runs, those that were a success: the precision of always saying so."""
+        """The share of true successes among the judged runs: the precision of always judging so."""
         return Rate(self.tp + self.fn, self.judged)
 
     @property

@@ -30,7 +30,7 @@ class Table(StrictModel):
         return self
 
     def numeric(self, column: int) -> bool:
-        """Whether every cell of `column` is a number, a rate or nothing."""
+        """Return whether every cell of `column` is a number, a rate or nothing."""
         return column > 0 and all(_NUMBER.match(row[column]) for row in self.rows)
 
 
@@ -53,7 +53,7 @@ def fraction_cell(value: tuple[float, float, float] | None) -> str:
 
 
 def seconds(value: float | None) -> str:
-    """Write seconds with about three digits, so that milliseconds can be told apart."""
+    """Write seconds with about three digits, so that milliseconds stay distinct."""
     if value is None:
         return NOTHING
     digits = 3 if value < 0.1 else 2 if value < 10 else 1

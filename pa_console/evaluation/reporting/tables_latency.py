@@ -16,7 +16,7 @@ from pa_console.evaluation.runs.run_record import RunRecord
 DECISION_STAGES = (
     "retrieval_s", "picture_s", "prompt_s", "planning_s", "checks_s", "rehearsal_s", "judging_s",
 )  # fmt: skip
-"""From the command to a judged plan, repairs included; wall time (names of Metrics)."""
+"""The stages from the command to a judged plan, repairs included; wall time (names of Metrics)."""
 
 STAGES = (*DECISION_STAGES, "readings_s", "dispatch_s", "outcome_s")
 """Every stage that takes wall time of the station; execution is simulated and stands apart."""

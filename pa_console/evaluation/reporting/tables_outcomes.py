@@ -35,14 +35,14 @@ _FIELD = re.compile(r"(?:\]|\b(?!run\b)[a-z]\w{0,2})\.([a-z_]+)\b(?!\()")
 _NAME = re.compile(r"\b\w*(?:[a-z][A-Z]|_|\d)\w*\b")
 _QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"")
 _CONSTANTS = frozenset(("gates", "base", "command", "grace_s", "standoff_m"))
-"""Fields of `run` that tell of the world or the command: they cannot be what failed."""
+"""Fields of `run` about the world or the command: they cannot be the failed ones."""
 
 EXECUTED = frozenset(("verified", "unverified"))
 """Statuses of missions whose plan was carried out, or begun."""
 
 
 class FailureKind(NamedTuple):
-    """What was to be done, how the mission ended, and what went wrong."""
+    """The expectation of a mission, its end, and its failure."""
 
     wanted: str
     ended: str

@@ -25,7 +25,7 @@ from pa_console.child_processes import isolated_workers
 from pa_console.orchestrator.station.assembly import Site, load_site
 
 AWAY_S = 600.0
-"""So long a scheduler that is away is waited for."""
+"""The longest wait for a scheduler that is away, seconds."""
 AGAIN_S = 2.0
 """Between two tries to reach it."""
 
@@ -39,7 +39,7 @@ class Keyed(Protocol):
 
     @property
     def key(self) -> str:
-        """What it goes by on the scheduler: a hash of everything that it depends on is in it."""
+        """The key on the scheduler: it has a hash of all dependencies."""
         ...
 
 
@@ -51,9 +51,9 @@ class TaskMaker(WorkerPlugin, ABC, Generic[TaskT, MadeT]):
     """Makes results on a worker, one at a time; it is sent there once, with what it needs."""
 
     name: str
-    """Tells one kind of work on a scheduler from any other."""
+    """The name of one kind of work on a scheduler."""
     own_process = False
-    """Whether the worker is a process of this program's own: that leaves Ctrl-C to the program."""
+    """True if the worker is a process of this program: that leaves Ctrl-C to the program."""
 
     def setup(self, worker: object) -> None:  # noqa: ARG002 - the library's signature
         """Begin on a worker."""
@@ -91,7 +91,7 @@ class LoopMaker(TaskMaker[TaskT, MadeT]):
         self._one = asyncio.Lock()
 
     def end(self) -> None:
-        """Break off what is being made, whose thread would wait for it; then close."""
+        """Break off the present job, whose thread would wait for it; then close."""
         asyncio.run_coroutine_threadsafe(self._break_off(), self._loop).result()
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
@@ -147,7 +147,7 @@ def make_remotely(maker: str, task: Keyed) -> object:
 
 @dataclass(frozen=True)
 class Workers:
-    """Where the work is done: at the `scheduler` at that address, or by `count` processes here."""
+    """The workers: those of the scheduler at the address `scheduler`, or `count` processes here."""
 
     scheduler: str = ""
     count: int = 0
@@ -164,13 +164,13 @@ class DaskSweep(Generic[TaskT, MadeT]):
         told: Callable[[str], None] = lambda _text: None,
         again_s: float = AGAIN_S,
     ) -> None:
-        """`told` gets what a person should know.
+        """Report to `told`.
 
         A scheduler that is away is looked for again after `again_s` seconds.
         """
         self._maker, self._missing, self._told, self._again_s = maker, missing, told, again_s
         self._reached = False
-        """Whether there was a scheduler: one that goes away is waited for."""
+        """True if there was a scheduler: one that goes away is waited for."""
 
     async def run(self, workers: Workers) -> AsyncGenerator[MadeT]:
         """Yield each result as it comes back; when the next is asked for, it has to be kept.

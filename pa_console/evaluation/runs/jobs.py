@@ -1,4 +1,4 @@
-"""What an evaluation has to run: missions x models x variants x seeds, and in which worlds."""
+"""The jobs of an evaluation: missions x models x variants x seeds, each with its world."""
 
 import re
 from collections import Counter
@@ -59,7 +59,7 @@ def load_with_worlds(path: Path, world: World) -> tuple[MissionSet, dict[str, Wo
 
 
 REFERENCE = "one-plan"
-"""What the ablations are compared with: the whole pipeline with one plan a mission."""
+"""The reference of the ablations: the whole pipeline with one plan a mission."""
 
 _ONE_PLAN = Variant(name=REFERENCE, workflows=False)
 
@@ -95,7 +95,7 @@ ABOUT: dict[str, str] = {
     "paper-retrieval": "one-plan with the paper's retrieval",
     "paper": "the paper's retrieval, prompt and judge; no checks, rehearsal, repair or grammar",
 }
-"""What each variant is, in the order of the tables."""
+"""The description of each variant, in the order of the tables."""
 
 VARIANTS: dict[str, Variant] = {
     variant.name: variant

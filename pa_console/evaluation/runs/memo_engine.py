@@ -70,12 +70,12 @@ class MemoEngine:
 
     @property
     def reads_ahead(self) -> bool:
-        """Whether reading ahead is worth while: the model is asked every time."""
+        """True if reading ahead is worth while: the model is asked every time."""
         return not self._reuse
 
     @property
     def busy(self) -> bool:
-        """Whether the worker was given a prompt that is not yet answered."""
+        """True while the worker has a prompt without an answer."""
         return self._engine.busy
 
     async def start(self) -> None:

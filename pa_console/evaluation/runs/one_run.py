@@ -28,7 +28,7 @@ OVERRIDE = "evaluation: the truth of every judged plan is wanted"
 
 
 IdleScore = Callable[[], Score]
-"""Tells what comes of a mission when nothing is ordered at all; it may take a run to know that."""
+"""Returns the score of a mission without any orders; it may take a run to know that."""
 
 
 async def make_run(job: Job, engine: MemoEngine, idle: IdleScore, log: Path | None) -> RunRecord:
@@ -89,7 +89,7 @@ async def make_run(job: Job, engine: MemoEngine, idle: IdleScore, log: Path | No
 
 
 def _answering(case: MissionCase, approver: Approver) -> Approver:
-    """Return an approver that answers what is asked back, in turn, as the operator of `case`."""
+    """Return an approver that answers questions in turn, as the operator of `case`."""
     answers = list(case.answers)
 
     def decide(request: ev.ApprovalRequested) -> Decision:
@@ -116,7 +116,7 @@ class _Watch:
         self.ending = ""
 
     def decides(self, case: MissionCase) -> bool:
-        """Whether nothing that still happens can change the score."""
+        """Return whether no later event can change the score."""
         return self.recorder is not None and is_decided(case, self.recorder.recording)
 
     def see(self, event: ev.Event) -> None:

@@ -78,7 +78,7 @@ class RunRecord(StrictModel):
     )
 
     def same_as(self, other: "RunRecord") -> bool:
-        """Whether the two came to the same, wherever and however fast they were made."""
+        """Return whether two runs have the same result, on any machine at any speed."""
         return self._told == other._told
 
     @property
@@ -87,7 +87,7 @@ class RunRecord(StrictModel):
 
 
 MEASURED = {"session", "metrics", "planner", "judge", "reused"}
-"""What of a run is not the same when it is made again: times, and names that are drawn."""
+"""The fields that differ between equal runs: times, and drawn names."""
 
 RUNS, ABOUT, LOGS = "runs.jsonl", "run.json", "logs"
 _ABOUT = TypeAdapter(dict[str, Any])
@@ -122,7 +122,7 @@ def read_runs(folder: Path) -> list[RunRecord]:
 
 
 def read_about(folder: Path) -> dict[str, Any]:
-    """Return what the evaluation in `folder` was asked for, {} when nothing says so."""
+    """Return the options of the evaluation in `folder`, {} without a record."""
     path = folder / ABOUT
     try:
         return _ABOUT.validate_json(path.read_bytes())
@@ -169,7 +169,7 @@ class EvaluationFolder:
         partial.replace(self.folder / RUNS)
 
     def describe(self, about: dict[str, Any]) -> None:
-        """Write what was asked for, replacing what stood there."""
+        """Write the options of the evaluation and replace the earlier ones."""
         partial = self.folder / f".{ABOUT}"
         partial.write_text(json.dumps(about, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
         partial.replace(self.folder / ABOUT)

@@ -75,7 +75,7 @@ class RemoteRun:
 
     @property
     def key(self) -> str:
-        """What the run goes by on the scheduler: its id, and a hash of everything it depends on."""
+        """The key of the run on the scheduler: its id, and a hash of all dependencies."""
         parts = (
             __version__,
             self.world,

@@ -20,7 +20,7 @@ from pa_console.sim.checkpoint import Checkpoint
 
 @dataclass
 class Resimulation:
-    """How a re-simulation compares with what was recorded; `first_event` counts from 1."""
+    """The comparison of a re-simulation with its record; `first_event` counts from 1."""
 
     pictures: int = 0
     different: int = 0
@@ -33,7 +33,7 @@ class Resimulation:
 
     @property
     def equal(self) -> bool:
-        """Whether every recorded picture and rehearsal came up again, and there was a picture."""
+        """True if every recorded picture and rehearsal came up again, and there was a picture."""
         return self.pictures > 0 and not self.different and not self.different_rehearsals
 
     def differs(self, number: int, what: str) -> None:
@@ -171,7 +171,7 @@ def _done(work: Coroutine[Any, Any, Rehearsal]) -> Rehearsal:
 
 
 def repeated_hashes(world: World, scenario: Scenario, seed: int) -> tuple[str, str]:
-    """Return the telemetry hashes of a scenario that nobody interferes with, played twice.
+    """Return the telemetry hashes of a scenario without interference, played twice.
 
     The second time every picture comes from a fork of the simulation that was made at the one
     before, so that equal hashes also show that a fork goes on exactly as its original.

@@ -1,4 +1,4 @@
-"""When the score of a run can change no more, so that nobody needs to watch what still happens."""
+"""The point from which the score of a run cannot change, so that the rest need not be watched."""
 
 from pa_console.evaluation.scoring.run_recording import STAYING, RunRecording
 from pa_console.evaluation.scoring.success_conditions import asked_fields
@@ -10,8 +10,8 @@ FROM_ORDERS = frozenset(
         "grace_s", "standoff_m", "gates", "base",
     )
 )  # fmt: skip
-"""What a run comes to by the command, the orders and their answers alone, where no order has sent
-anybody anywhere."""
+"""Success conditions that depend on the command, the orders and their answers alone, if no order
+has sent an asset anywhere."""
 
 
 def is_decided(case: MissionCase, recording: RunRecording) -> bool:

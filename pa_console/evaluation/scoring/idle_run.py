@@ -10,7 +10,7 @@ from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 
 SETTLE_S = 2.0
-"""So long the set-up may show before the command is given."""
+"""The time for the set-up to show before the command is given, seconds."""
 LIMIT_S = 240.0
 """A stage of commands that has not ended by then is left behind."""
 

@@ -39,7 +39,7 @@ STANDOFF_TOLERANCE_M = 0.5
 PERIMETER_TOLERANCE_M = 2.0
 ZONE_TOLERANCE_M = 0.5
 _CHORD_M = 1.0
-"""So far a straight line between two samples may be from the way that was flown."""
+"""The largest distance of a straight line between two samples from the flown way, metres."""
 
 
 def conduct_breaches(recording: RunRecording) -> Iterator[Breach]:
@@ -149,11 +149,11 @@ MAY: dict[AssetKind, frozenset[Verb]] = {
     "ugv": frozenset((*_ANYBODY, "block")),
     "robot": frozenset((*_ANYBODY, "identify", "warn")),
 }
-"""What each kind of asset is for (CAP-01, CAP-02, CAP-03; paper, Section IV-B)."""
+"""The purpose of each kind of asset (CAP-01, CAP-02, CAP-03; paper, Section IV-B)."""
 
 
 def order_breaches(recording: RunRecording) -> Iterator[Breach]:
-    """Yield what is wrong with the orders of a run, judged on the truth when they were given."""
+    """Yield the violations by the orders of a run, judged on the truth when they were given."""
     for order in recording.orders:
         yield from _capability(recording, order)
         yield from _executable(recording, order)

@@ -1,9 +1,8 @@
-"""Whether anybody was warned, blocked or approached before it was due (WF-01, WF-02).
+"""The oracle of escalation: warnings, blocks and approaches before they were due (WF-01, WF-02).
 
 Escalation is containment: a `block`. It is judged against the vehicles and persons that are there
 and that our sensors track, when it is ordered and again when the UGV takes its stand; one that
-turns up only after that, or so late that nobody could have stopped the UGV, is not what the block
-was meant for.
+turns up only after that, or too late to stop the UGV, is not its target.
 """
 
 import math
@@ -142,7 +141,7 @@ def _block(order: IssuedCommand, contact: TrueContact, at_s: float) -> Iterator[
 
 
 def _stands(recording: RunRecording, order: IssuedCommand) -> Iterator[Breach]:
-    """Yield what is broken when the UGV takes its stand, unless a threat is there to be blocked."""
+    """Yield the violations of a UGV's stand, unless a threat is there to be blocked."""
     for was, now in recording.steps():
         asset = now.assets[order.agent]
         taken = asset.task == "blocking" != was.assets[order.agent].task
@@ -162,7 +161,7 @@ def _stands(recording: RunRecording, order: IssuedCommand) -> Iterator[Breach]:
 
 
 def _warned(recording: RunRecording) -> Iterator[Breach]:
-    """Yield warnings given to somebody whom no robot had identified (WF-01)."""
+    """Yield warnings to contacts that no robot had identified (WF-01)."""
     gates = {order.frame for order in recording.orders if order.verb == "warn"}
     for was, now in recording.steps():
         for name, contact in now.contacts.items():

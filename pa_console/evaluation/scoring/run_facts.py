@@ -56,14 +56,14 @@ class AssetFact(StrictModel):
 
 
 class GateFact(StrictModel):
-    """Who truly covered a gate."""
+    """The true cover of a gate."""
 
     covered: bool
     by: tuple[str, ...]
 
 
 class CoverageFact(StrictModel):
-    """How a gate was covered from the command on."""
+    """The cover of a gate from the command on."""
 
     at_start: bool
     at_end: bool
@@ -138,7 +138,7 @@ _ENCOUNTERS = frozenset(("identify", "warn", "block"))
 
 @dataclass(slots=True)
 class _Story:
-    """What has happened to one contact so far; `last` is how it was when it was there last."""
+    """The events of one contact so far; `last` is its last known state."""
 
     last: TrueContact
     track: str = ""

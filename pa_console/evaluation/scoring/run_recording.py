@@ -14,7 +14,7 @@ from pa_console.schema.world import AssetKind, World
 from pa_console.sim.contacts.true_contacts import TrueContact
 
 STAYING: frozenset[Verb] = frozenset(("hold", "report"))
-"""Orders that send nobody anywhere."""
+"""Orders that send no asset anywhere."""
 
 
 class AssetTruth(NamedTuple):
@@ -100,7 +100,7 @@ class RunRecording:
         )
 
     def sent_out(self) -> Iterator[tuple[IssuedCommand, AssetTruth, AssetTruth]]:
-        """Yield who is under way by an order that moves it: the order, before, after a step."""
+        """Yield the assets that an order moves: the order, before, after a step."""
         moving = {o.command_id: o for o in self.orders if o.verb not in STAYING}
         for was, now in self.steps():
             for name, asset in now.assets.items():

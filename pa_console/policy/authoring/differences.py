@@ -1,4 +1,4 @@
-"""What differs between two rule sets: rule by rule, field by field, word by word."""
+"""The differences between two rule sets: rule by rule, field by field, word by word."""
 
 import re
 from collections.abc import Iterator, Mapping

@@ -180,7 +180,7 @@ def example_rehearsal(example: RuleExample, plan: Plan) -> Rehearsal:
 
 
 def example_sightings(example: RuleExample, now_s: float) -> Sightings:
-    """Return what was seen before the plan of `example`, whose picture is of `now_s`.
+    """Return the sightings before the plan of `example`, whose picture is of `now_s`.
 
     Raises TypeError for entries that are no mappings, ValidationError for an impossible fact.
     """

@@ -1,4 +1,4 @@
-"""Finds what is doubtful in a rule set that can be loaded: gaps, repetitions, disagreements."""
+"""Lint of a rule set that can be loaded: gaps, repetitions, disagreements."""
 
 import re
 from collections.abc import Callable, Iterator, Mapping
@@ -24,10 +24,10 @@ from pa_console.schema.rule import Rule, RuleSet
 from pa_console.schema.world import World
 
 NEAR = 88.0
-"""From what likeness on, in percent whatever the order of words, texts are nearly the same."""
+"""The likeness, in percent and in any word order, at which texts are nearly the same."""
 
 CONFLICTS_OF = 10
-"""One situation is searched for a contradiction to so many drawn states."""
+"""The number of drawn states for each situation that is searched for a contradiction."""
 
 Severity = Literal["error", "warning", "note"]
 _SEVERITY: Mapping[str, Severity] = {
@@ -55,7 +55,7 @@ class LintFinding:
 
 @dataclass
 class Searched:
-    """The doubts that searching brought up, and what was searched."""
+    """The doubts that searching brought up, and the extent of the search."""
 
     findings: list[LintFinding] = field(default_factory=list[LintFinding])
     states: int = 0
@@ -67,7 +67,7 @@ class Searched:
 
     @property
     def words(self) -> str:
-        """What was searched, in words."""
+        """The extent of the search, in words."""
         return (
             f"{self.states} states ({self.examples} of examples), {self.situations} situations "
             f"with {self.plans} plans, in a small world after {self.world!r}, seed {self.seed}"

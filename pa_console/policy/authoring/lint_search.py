@@ -1,4 +1,4 @@
-"""What lint finds by searching states: rules that never apply, decide nothing, or contradict."""
+"""Lint by searching states: rules that never apply, decide nothing, or contradict."""
 
 import random
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -22,11 +22,11 @@ from pa_console.schema.rule import PRIORITIES, Rule
 from pa_console.schema.world import World
 
 SEEN = 3
-"""In how many states a rule must be broken before anything is said of who else is."""
+"""The number of states in which a rule must be broken before rules broken with it are reported."""
 
 
 class Doubt(NamedTuple):
-    """What is doubtful about a rule, at which field of it, and what to do."""
+    """A doubt about a rule: its field, and the remedy."""
 
     rule: Rule
     field: str
@@ -37,7 +37,7 @@ class Doubt(NamedTuple):
 
 @dataclass
 class Seen:
-    """What came of one rule in the searched states; each state is a bit."""
+    """The results of one rule in the searched states; each state is a bit."""
 
     applied: int = 0
     broken: int = 0
@@ -134,25 +134,25 @@ def _as_strict(rule: Rule, other: Rule) -> bool:
 
 
 SINGLE = 48
-"""How many single orders are tried, drawn from all."""
+"""The number of single orders that are tried, drawn from all."""
 
 SEVERAL = 96
-"""How many plans of two to MOST orders are drawn besides."""
+"""The number of plans of two to MOST orders that are drawn besides."""
 
 MOST = 4
 
 HARD = 8
-"""After so many situations without a sound plan, no more are searched."""
+"""The number of situations without a sound plan after which the search ends."""
 
 LARGEST = 3
-"""How many rules a contradiction may be between."""
+"""The largest number of rules in a contradiction."""
 
 REASON = "the track is there; the gate has no cover"
 Broken = frozenset[str]
 
 
 class Conflicts:
-    """Searches situations for one in which every plan breaks a rule that nobody may override."""
+    """Searches situations for one in which every plan breaks a rule that cannot be overridden."""
 
     def __init__(self, rules: Sequence[Rule], world: World, seed: int) -> None:
         """Critical and High checks that a plan can satisfy at all are looked at."""
@@ -161,7 +161,7 @@ class Conflicts:
         self._world, self._dice = world, random.Random(seed)
         self._mission = mission_of("Secure the checkpoint.")
         self.situations = self.plans = 0
-        """How many were searched."""
+        """The number of situations searched."""
 
     def doubts(self, count: int, step: Callable[[], None] = lambda: None) -> Iterator[Doubt]:
         """Search up to `count` situations, the ordinary one first; `step` is called after each."""
@@ -266,7 +266,7 @@ class Conflicts:
 
 
 def _fewest(book: Rulebook, broken: Sequence[Broken]) -> tuple[str, ...]:
-    """Return the fewest rules of which every plan breaks one, first in file order; () for more."""
+    """Return the fewest rules of which every plan breaks one, in file order; () for more."""
     named = frozenset[str]().union(*broken)
     known = [rule.id for rule in book.rules if rule.id in named]
     for size in range(1, LARGEST + 1):

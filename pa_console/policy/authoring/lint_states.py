@@ -73,15 +73,15 @@ def _first(names: Iterable[str], named: Collection[str], most: int) -> list[str]
 
 @dataclass
 class LintSituation:
-    """What is out of the ordinary at one moment, and what a rehearsal happened to show of it.
+    """The unusual facts of one moment, and the events of its rehearsal.
 
-    Values are fields of the models that they stand for, by name; what is not said is ordinary.
+    Values are fields of the models that they stand for, by name; all others are usual.
     """
 
     assets: dict[str, dict[str, object]] = field(default_factory=dict[str, dict[str, object]])
     tracks: dict[str, dict[str, object]] = field(default_factory=dict[str, dict[str, object]])
     course: dict[str, dict[str, object]] = field(default_factory=dict[str, dict[str, object]])
-    """What happens to assets on the way, and to tracks."""
+    """The events on the way, of assets and of tracks."""
 
     @property
     def words(self) -> str:
@@ -237,7 +237,7 @@ _TRACK_COURSE: tuple[tuple[str, tuple[object, ...]], ...] = (
 
 
 class State(NamedTuple):
-    """A mission, a plan, and what it brings about."""
+    """A mission, a plan, and its consequences."""
 
     plan: Plan
     rehearsal: Rehearsal
@@ -285,7 +285,7 @@ def drawn_states(world: World, texts: Sequence[str], count: int, seed: int) -> I
 
 
 def draw_situation(world: World, dice: random.Random) -> LintSituation:
-    """Draw what is out of the ordinary: some assets, and up to MOST_TRACKS tracks."""
+    """Draw the unusual facts: some assets, and up to MOST_TRACKS tracks."""
     situation = LintSituation()
     for name in world.assets:
         if dice.random() < 0.25:

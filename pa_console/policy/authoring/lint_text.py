@@ -1,6 +1,6 @@
-"""What lint finds in a rule's text: names its check has not, and words that miss it.
+"""Lint of a rule's text: names missing in its check, and words that do not retrieve it.
 
-The other words come from the vocabulary that retrieval uses, so that the method fits any rule.
+The other words come from the vocabulary of retrieval, so that the method fits any rule.
 """
 
 import re
@@ -83,10 +83,10 @@ def _list(names: set[str]) -> str:
 
 
 FOUND_AMONG = 3
-"""How many rules are retrieved for a mission beside the pinned ones (paper, Step 3)."""
+"""The number of rules retrieved for a mission beside the pinned ones (paper, Step 3)."""
 
 FEWEST = 0.5
-"""Of a rule's paraphrases, at least this share has to find it."""
+"""The share of a rule's paraphrases that has to retrieve it."""
 
 
 class Paraphraser:

@@ -20,7 +20,7 @@ _STATUS = {"complies": "pass", "violates": "fail"}
 
 @dataclass(frozen=True)
 class Problem:
-    """What is wrong with a draft: line and column from 1, 0 where unknown, and the field."""
+    """A problem of a draft: line and column from 1, 0 if unknown, and the field."""
 
     line: int
     column: int
@@ -35,7 +35,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class ExampleResult:
-    """What an example came to: `got` is pass, fail, not_applicable or error."""
+    """The result of an example: `got` is pass, fail, not_applicable or error."""
 
     name: str
     expect: str
@@ -44,7 +44,7 @@ class ExampleResult:
 
     @property
     def right(self) -> bool:
-        """Whether the example comes to what it says."""
+        """True if the example has its expected result."""
         return self.got == self.expect
 
 
@@ -59,7 +59,7 @@ class RuleDraft:
 
     @property
     def wrong(self) -> tuple[ExampleResult, ...]:
-        """The examples that do not come to what they say."""
+        """The examples without their expected result."""
         return tuple(result for result in self.examples if not result.right)
 
 

@@ -166,7 +166,7 @@ class RuleText:
         return block.body - self._line_start(block.body)
 
     def _spaced(self) -> bool:
-        """Whether an empty line stands between the rules of the file."""
+        """Return whether an empty line stands between the rules of the file."""
         if len(self._blocks) < 2:
             return True
         last, before = self._blocks[-1], self._blocks[-2]

@@ -16,7 +16,7 @@ from pa_console.schema.document import Document, DocumentError, read_bytes
 
 
 class RulesChangedError(ValueError):
-    """The file is not what it was when the rule was opened; `same_rule`: neither is the rule."""
+    """The file has changed since the rule was opened; `same_rule` is False if the rule has, too."""
 
     def __init__(self, path: Path, *, same_rule: bool) -> None:
         what = "and so was this rule" if same_rule else "but not this rule"

@@ -245,7 +245,7 @@ def plan_variables(  # noqa: PLR0917 - what a check may speak of, and of which o
 
 
 def mission_variables(mission: Mission, world: World) -> Values:
-    """Return what is known at intake: the mission and the world."""
+    """Return the variables known at intake: the mission and the world."""
     return {"mission": _mission(mission, None), "world": world_variables(world)}
 
 

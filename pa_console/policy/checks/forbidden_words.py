@@ -256,12 +256,12 @@ def asks_for_force(words: str) -> bool:
 
 
 def asks_to_set_rules_aside(words: str) -> bool:
-    """Return whether plain `words` tell to leave rules or safety aside, however it is put."""
+    """Return whether plain `words` ask to set rules or safety aside, in any wording."""
     return _meant(words, (_ASIDE, _OTHERS_ASIDE))
 
 
 def _meant(words: str, patterns: Iterable[re.Pattern[str]]) -> bool:
-    """Whether one of the `patterns` stands in `words` and is not ruled out there."""
+    """Return whether one of the `patterns` stands in `words` and is not negated there."""
     for pattern in patterns:
         for found in pattern.finditer(words):
             before = re.split(r"[.,;:!?]", words[: found.start()])[-1]

@@ -14,7 +14,7 @@ _QUOTES = str.maketrans({"’": "'", "‘": "'", "“": '"', "”": '"', "–": 
 _HIDDEN = re.compile(
     "[\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u3164\ufe00-\ufe0f\uffa0\U000e0100-\U000e01ef]"
 )
-"""What Unicode lets a screen leave out, besides the format characters (Cf)."""
+"""The characters that a screen may leave out, besides the format characters (Cf)."""
 
 _LOOKS: dict[str, str] = {
     "a": "аαᴀɑ∀ꭺ", "b": "вЬβʙƅ", "c": "сϲᴄⅽ", "d": "ԁᴅđɖ", "e": "еєεᴇҽ", "f": "ƒꜰϝ", "g": "ɡɢց",
@@ -27,7 +27,7 @@ _LETTERS = [(0x1F130, 0x1F149), (0x1F150, 0x1F169), (0x1F170, 0x1F189), (0x1F1E6
 """Letters in squares, circles and flags, A to Z each."""
 _SIGNS = {"0": "o", "3": "e", "4": "a", "5": "s", "7": "t", "8": "b", "@": "a", "$": "s", "€": "e"}
 _ONES = "1!|"
-"""What may stand for an i or an l."""
+"""The characters that may stand for an i or an l."""
 _WRITTEN = re.compile(r"[a-z0-9@$€!|]+")
 _NUMBERED = re.compile(r"[a-z]+\d+|\d+(?:[a-z]|st|nd|rd|th|am|pm|km|min|sec|x\d*)[.!]*|[a-z]+!+")
 """Ordinary mixtures of letters and digits: `uav4`, `2nd`, `30m`, `stop!`."""

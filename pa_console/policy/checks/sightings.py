@@ -1,4 +1,4 @@
-"""What was seen where, and when last: the station's memory of its pictures, for checks.
+"""The station's memory of sightings: place and time of each track, for checks.
 
 It is made of pictures alone, so that a recorded session gives the same memory again. A place is a
 zone in which the track's position lies, or a frame within whose radius it is, else ''.
@@ -15,13 +15,13 @@ from pa_console.schema.telemetry import Identity, Intent, Picture, Track
 from pa_console.schema.world import World
 
 KEPT_S = 3600.0
-"""For how long it is remembered that a track was at a place, in simulated seconds."""
+"""The time that a sighting is remembered, simulated seconds."""
 
 Values = dict[str, Any]
 
 
 class Sighting(NamedTuple):
-    """When, in simulated seconds, a track was last detected at a place, and what is known of it."""
+    """The last detection of a track at a place, in simulated seconds, and its known properties."""
 
     track: str
     place: str
@@ -41,7 +41,7 @@ class Sightings:
     """
 
     def __init__(self, world: World, past: Iterable[Sighting] = ()) -> None:
-        """Begin with what is known of the `past`, oldest first."""
+        """Begin with the sightings of the `past`, oldest first."""
         self._world = world
         self._posts = [name for name in world.frames if name not in world.gates]
         self._last = {(seen.track, seen.place): seen for seen in past}
@@ -78,7 +78,7 @@ class Sightings:
         ]
 
     def copy(self) -> "Sightings":
-        """Return what is remembered now; it stays as it is when this goes on."""
+        """Return a copy that stays as it is when this goes on."""
         return Sightings(self._world, self._last.values())
 
     def _places(self, track: Track) -> Iterator[str]:

@@ -1,7 +1,7 @@
-"""How long expressions may run: each has a deadline, and a group of them may have one together.
+"""Time limits of expressions: each has a deadline, and a group may have one together.
 
-Time is what the thread has computed, not what has passed: a busy machine breaks no rule. No garbage
-is looked for meanwhile: in a long session that takes longer than a check may.
+Time is the thread's computing time, not elapsed time: a busy machine breaks no rule. Garbage is not
+collected meanwhile: in a long session that takes longer than a check may.
 """
 
 import gc
@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from time import thread_time
 
 DEADLINE_S = 0.010
-"""Seconds that one expression may take, unless the settings say otherwise."""
+"""The time limit of one expression, seconds, unless the settings have another."""
 
 USUAL_SIZE = 200
 """Assets, tracks and gates up to which that holds; with more of them it is more in proportion."""
@@ -25,7 +25,7 @@ class DeadlineError(Exception):
 
 
 class _Running(threading.local):
-    """What runs in this thread: when it must end, and whether it was told so."""
+    """The expression that runs in this thread: its deadline, and whether that was reported."""
 
     end_s: float | None = None
     group_end_s: float | None = None

@@ -24,14 +24,14 @@ PLAN_VARIABLES: frozenset[str] = frozenset(
     ("plan", "actions", "before", "after", "timeline", "tracks", "assets", "gates", "mission",
      "world", "sightings")
 )  # fmt: skip
-"""What a guard or a check may speak of; `policy.context` says what each holds."""
+"""The variables of a guard or a check; `policy.context` describes them."""
 
 MOMENT_VARIABLES: frozenset[str] = frozenset(("now", "world"))
 SUBJECT_VARIABLES: frozenset[str] = MOMENT_VARIABLES | {"it", "id"}
-"""What an ordering may speak of, without and with `each`; `policy.subjects` says what they hold."""
+"""The variables of an ordering, without and with `each`; `policy.subjects` describes them."""
 
 WORKFLOW_VARIABLES: frozenset[str] = frozenset(("now", "it", "id", "steady_s"))
-"""What a workflow may speak of; `policy.workflow` says what each holds."""
+"""The variables of a workflow; `policy.workflow` describes them."""
 
 STANDARD_FUNCTIONS: frozenset[str] = frozenset(
     ("contains", "double", "endsWith", "has", "int", "matches", "size", "startsWith", "string")
@@ -108,7 +108,7 @@ class Expression:
             raise ValueError(f"{GOING_ON!r} is not for rules to use")
         self.variables: frozenset[str] = allowed & named
         self.size = text.size
-        """How many names, values and signs it is made of."""
+        """The number of names, values and signs in it."""
         self._tokens = text.tokens
         self._read: tuple[Shapes, Fields] | None = None
 
@@ -153,7 +153,7 @@ def _no_panic() -> Generator[None]:
 
 
 def _compiled(source: str, text: Source) -> cel.Program:
-    """Return the program of an expression, its mistakes told at their places in `source`."""
+    """Return the program of an expression; its errors name their places in `source`."""
     problem = text.problem
     try:
         if not problem:

@@ -44,7 +44,7 @@ class Many:
 
 
 Shape = Record | Many | None
-"""What a value is made of; None for one that has no record in it, and is always given whole."""
+"""The structure of a value; None for one without records, which is always given whole."""
 
 Shapes = Mapping[str, Shape]
 
@@ -70,7 +70,7 @@ def united(parts: Iterable[Fields]) -> Fields:
 
 
 def within(fields: Fields | None, name: str) -> Fields | None:
-    """Return what is read of the field `name`, which is one of `fields`."""
+    """Return the read part of the field `name`, which is one of `fields`."""
     return None if fields is None else fields[name]
 
 
@@ -115,7 +115,7 @@ class _Place:
 
 
 _Value = _Place | None
-"""None stands for a plain value, or for one of which everything is read already."""
+"""The record behind a value; None for a plain value, or for one that is read as a whole."""
 
 
 def _whole(value: _Value) -> None:

@@ -82,12 +82,12 @@ class Source:
 
     @property
     def tokens(self) -> tuple[Token, ...]:
-        """What it is made of."""
+        """The tokens in it."""
         return tuple(self._tokens)
 
     @property
     def size(self) -> int:
-        """How many tokens it has."""
+        """The number of its tokens."""
         return len(self._tokens)
 
     @property

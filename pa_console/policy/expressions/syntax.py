@@ -22,7 +22,7 @@ _KEYWORDS = ("true", "false", "null", "in")
 
 
 class SyntaxTreeError(Exception):
-    """An expression of which no tree is known; it may be valid CEL all the same."""
+    """An expression without a known tree; it may be valid CEL all the same."""
 
 
 @dataclass(frozen=True)

@@ -59,7 +59,7 @@ def moment(
 
 
 def distinct(moments: Iterable[Moment]) -> tuple[Moment, ...]:
-    """Return `moments` without those that equal the one before but for the time."""
+    """Return `moments` without those that differ from the one before by the time alone."""
 
     def kept() -> Iterator[Moment]:
         last: Moment | None = None

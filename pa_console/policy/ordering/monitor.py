@@ -126,7 +126,7 @@ class _Watch:
                 yield Pending(self.rule.id, name, order.message, due_s)
 
     def excuse_running_limits(self) -> None:
-        """Take every time limit that runs as told already, until what began it has ended."""
+        """Treat every running time limit as reported, until its cause has ended."""
         if self.entry.order.kind == "within":
             for name, was in self.progress.items():
                 if was.stage == "open":
@@ -145,7 +145,7 @@ class Monitor:
     ) -> None:
         """Begin with no history of the mission; `sightings` are kept by whoever takes telemetry."""
         self.sightings = Sightings(world) if sightings is None else sightings
-        """What was seen where before, for checks; orderings do not need it."""
+        """The earlier sightings, for checks; orderings do not need them."""
         self._evaluator = Evaluator(world)
         self._covered_before: set[str] = set()
         self._last: dict[Each, Subjects] = {}
@@ -183,7 +183,7 @@ class Monitor:
 
     @property
     def pending(self) -> tuple[Pending, ...]:
-        """What must happen still, by any rule."""
+        """The events that must still happen, by any rule."""
         return tuple(pending for watch in self._watches for pending in watch.pending())
 
     def copy(self, *, running_limits: bool = True) -> Self:
@@ -215,7 +215,7 @@ class Monitor:
 
 
 def halts(finding: Finding, rulebook: Rulebook) -> bool:
-    """Whether a broken ordering halts the running plan; premises and alarms see to gates."""
+    """Return whether a broken ordering halts the plan; premises and alarms see to gates."""
     orderings = rulebook.orderings(finding.rule_id)
     return finding.blocking and any(ordering.each != "gate" for ordering in orderings)
 

@@ -128,7 +128,7 @@ _SHAPES: Mapping[type[Subject], Shapes] = {
     kind: {"it": flat(names), "id": None, "now": None, "world": WORLD_SHAPE}
     for kind, names in _NAMES.items()
 }
-"""What expressions about each kind of subject see, by what it is made of."""
+"""The structure of each kind of subject, for its expressions."""
 
 _KINDS: Mapping[str | None, type[Subject]] = {
     "track": TrackMoment,
@@ -211,7 +211,7 @@ def leave(
 
 
 def _wrong_while(wrong: bool, was: OrderingProgress) -> tuple[OrderingProgress, bool]:
-    """Tell once what is wrong, and again only after it has been right in between."""
+    """Report a violation once, and again only after it has been right in between."""
     return (_BROKEN, was.stage != "broken") if wrong else (START, False)
 
 

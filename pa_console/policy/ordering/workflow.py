@@ -71,12 +71,12 @@ class WorkflowRun:
 
     @property
     def current(self) -> Phase | None:
-        """The phase that is to be carried out, None when the workflow is over."""
+        """The phase to carry out, None when the workflow is over."""
         return self.phases[self.position] if self.position < len(self.phases) else None
 
     @property
     def over(self) -> bool:
-        """Whether no phase is left."""
+        """True if no phase is left."""
         return self.position >= len(self.phases)
 
     def command(self) -> str:

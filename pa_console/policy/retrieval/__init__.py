@@ -1,1 +1,1 @@
-"""Which rules concern a mission: rankings and their fusion (paper, Steps 2 and 3)."""
+"""Retrieval of the rules that concern a mission: rankings and fusion (paper, Steps 2 and 3)."""

@@ -44,10 +44,10 @@ _CHUNK = 10_000
 
 
 class Postings:
-    """For each term of a collection, the documents (ascending) that hold it and its counts there.
+    """The documents (ascending) of each term of a collection, and its counts there.
 
-    `words` are the documents' words, and `terms` says of what terms a word consists: itself, or
-    its character n-grams. Each word is taken apart once, however many documents hold it.
+    `words` are the documents' words, and `terms` returns the terms of a word: itself, or its
+    character n-grams. Each word is taken apart once, however many documents hold it.
     """
 
     def __init__(

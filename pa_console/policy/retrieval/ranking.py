@@ -77,7 +77,8 @@ class Bm25Ranking:
 
 
 OFFSET = 60.0
-"""How little the first places differ; the value of Cormack, Clarke and Buettcher (SIGIR 2009)."""
+"""The offset that evens out the first places; the value of Cormack, Clarke and Buettcher (SIGIR
+2009)."""
 
 
 class FusionRanking:
@@ -139,13 +140,13 @@ def _words(text: str) -> set[str]:
 
 
 ALIKE = 0.3
-"""From what likeness on another spelling counts; it then counts as its square."""
+"""The likeness from which another spelling counts; it then counts as its square."""
 RELATED = 0.8
-"""What a related word counts, where the same word counts 1."""
+"""The weight of a related word, where the same word counts 1."""
 LENGTH = 0.4
-"""How much longer rules are held back: 0 not at all, 1 in proportion to their length."""
+"""The penalty of longer rules: 0 none, 1 in proportion to their length."""
 LEVELS = 10
-"""In how many steps it is told how near rules come to a word."""
+"""The number of steps of nearness between rules and a word."""
 _ROUNDING = 1e-9
 
 

@@ -1,4 +1,4 @@
-"""Which words concern the same thing, and how alike words are spelt."""
+"""Groups of words about the same thing, and the likeness of spellings."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -71,7 +71,7 @@ def _grams(word: str) -> set[str]:
 
 
 ALIKE = 0.6
-"""From what similarity of spelling on a word is taken for a word of a group."""
+"""The similarity of spelling from which a word counts as one of a group."""
 
 
 def load_vocabulary(path: Path) -> Vocabulary:

@@ -1,1 +1,1 @@
-"""Which rule set may rule: the compiled core, the shipped set, the pin of a user, the signature."""
+"""The trust in rule sets: the compiled core, the shipped set, a user's pin, the signature."""

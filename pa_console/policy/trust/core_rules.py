@@ -52,12 +52,12 @@ def with_core(rulebook: Rulebook, deadline_s: float = DEADLINE_S) -> Rulebook:
 
 
 def _as_strict(own: Rule | None, core: Rule) -> bool:
-    """Whether a file's own rule decides exactly what the core's does."""
+    """Return whether a file's own rule decides exactly as the core's does."""
     return own is not None and all(getattr(own, name) == getattr(core, name) for name in _DECISIVE)
 
 
 CORE_IDS = ("ROE-01", "ROE-02", "ROE-03", "ROE-05", "ROE-09", "WF-03", "CAP-01", "CAP-06")
-"""Without these nothing is safe: force, escalation, evidence, overriding, cover, reach."""
+"""The ids without which no plan is safe: force, escalation, evidence, overriding, cover, reach."""
 
 _HEAD = '''"""The shipped rules: their content's hash, and the core. Made by `rules pin --write`."""
 

@@ -1,8 +1,8 @@
-"""Which rule set this user goes by: the first one used is pinned, and a lesser one is refused.
+"""The pin on a user's rule set: the first one used is pinned, and a lesser one is refused.
 
-The pin lies in the user's state folder. The set that is shipped is always taken: the hash of its
-content stands in the package. Any other set must be signed by whoever signed the pinned one, have
-the same name and no lower version, unless the operator accepts it; that is then part of its seal.
+The pin lies in the user's state folder. The shipped set is always accepted: the hash of its content
+stands in the package. Any other set must be signed by the signer of the pinned one, have the same
+name and no lower version, unless the operator accepts it; that is then part of its seal.
 """
 
 import json

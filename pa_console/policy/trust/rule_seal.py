@@ -1,4 +1,4 @@
-"""What a rule set says as plain values, its hash, and its signature `RULES.sig`."""
+"""The canonical form of a rule set, its hash, and its signature `RULES.sig`."""
 
 import hashlib
 import json
@@ -14,7 +14,7 @@ Plain = dict[str, object]
 
 
 def content_sha256(rule_set: RuleSet) -> str:
-    """Return the SHA-256 of everything that `rule_set` says, 64 hexadecimal digits.
+    """Return the SHA-256 of the whole content of `rule_set`, 64 hexadecimal digits.
 
     Covered are name, version, source, every field of every rule and workflow, and the order of
     rules, workflows and the lists in them. Not covered are comments, white space, quoting, the
@@ -33,7 +33,7 @@ def plain_set(rule_set: RuleSet) -> Plain:
 
 
 def plain_head(rule_set: RuleSet) -> Plain:
-    """Return what `rule_set` says of itself, without its rules and workflows."""
+    """Return the head of `rule_set`, without its rules and workflows."""
     return rule_set.model_dump(exclude={"rules", "workflows"}, exclude_defaults=True)
 
 
@@ -62,7 +62,7 @@ PURPOSE = b"pa-console rule set\n"
 
 
 class AlteredRulesError(ValueError):
-    """A signed rule set that is not what was signed; worded with file, problem and remedy."""
+    """A signed rule set that has changed since; worded with file, problem and remedy."""
 
 
 def signature_path(rules: Path) -> Path:
@@ -128,7 +128,7 @@ def seal_of(path: Path, rule_set: RuleSet) -> RulesSeal:
 
 
 def refuse_altered(path: Path, seal: RulesSeal) -> None:
-    """Raise AlteredRulesError when the rules at `path` are not what was signed."""
+    """Raise AlteredRulesError when the rules at `path` differ from their signature."""
     if seal.altered:
         raise AlteredRulesError(
             f"{path}: ALTERED since it was signed: {seal.problem}. Bring back the signed file; or "
