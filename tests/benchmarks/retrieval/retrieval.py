@@ -2,6 +2,7 @@
 
 import tracemalloc
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from statistics import median
 from time import perf_counter
 from typing import Annotated
@@ -18,14 +19,16 @@ from pa_console.policy.retrieval.related_words import default_vocabulary
 from pa_console.policy.retrieval.retriever import METHODS, Retriever
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data
-from pa_console.schema.evaluation import RetrievalQuery, Split
 from pa_console.schema.rule import Rule
 from tests.benchmarks.figures import JsonFileOption, keep
 from tests.benchmarks.retrieval.distractors import distractors
 from tests.benchmarks.retrieval.quality import (
     DEPTH,
+    QUERIES,
     Estimate,
     Quality,
+    RetrievalQuery,
+    Split,
     estimates,
     load_queries,
     quality,
@@ -155,9 +158,7 @@ SPLITS: dict[Split, str] = {
 
 
 def retrieval(
-    queries: Annotated[
-        str, typer.Option(help="Labelled queries: an installed name or a file.")
-    ] = "checkpoint",
+    queries: Annotated[Path, typer.Option(help="A file of labelled queries.")] = QUERIES,
     rules: RulesOption = "checkpoint",
     method: Annotated[
         list[str] | None, typer.Option(help=f"Only this one; repeat: {', '.join(METHODS)}.")
@@ -171,8 +172,7 @@ def retrieval(
 ) -> None:
     """Compare the retrieval methods: recall, MRR, nDCG, time, memory, at 30 to 100,000 rules."""
     book = load_rules(find_data("rules", rules, "rules.yaml"))
-    path = find_data("rules/queries", queries, "queries.yaml")
-    labelled = load_queries(path, book.rules).queries
+    labelled = load_queries(queries, book.rules).queries
     methods, sizes = method or list(METHODS), size or list(SIZES)
     with Progress(console=errors, transient=True) as progress:
         task = progress.add_task("measuring", total=len(methods) * len(sizes))

@@ -8,11 +8,10 @@ import yaml
 
 from pa_console.resources import find_data
 from pa_console.schema.document import DocumentError
-from tests.benchmarks.retrieval.quality import load_queries
+from tests.benchmarks.retrieval.quality import QUERIES, load_queries
 from tests.policy.book import checkpoint_rules
 
 RULES = checkpoint_rules().rules
-PATH = find_data("rules/queries", "checkpoint", "queries.yaml")
 GOOD = "{id: a, split: dev, style: terse, text: hold, relevant: {WF-03: 2}}"
 OTHER = GOOD.replace("id: a", "id: b").replace("hold", "go")
 
@@ -24,7 +23,7 @@ def _written(folder: Path, *queries: str) -> Path:
 
 
 def test_every_rule_governs_queries_of_both_halves_and_none_is_a_command_of_the_paper() -> None:
-    queries = load_queries(PATH, RULES).queries
+    queries = load_queries(QUERIES, RULES).queries
     halves = Counter(query.split for query in queries)
     assert halves["dev"] + halves["test"] >= 150
     assert abs(halves["dev"] - halves["test"]) <= 1

@@ -7,12 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pa_console.policy.retrieval.retriever import METHODS
-from pa_console.resources import find_data
-from pa_console.schema.evaluation import RetrievalQuery
 from tests.benchmarks.retrieval.distractors import MOST, distractors
 from tests.benchmarks.retrieval.quality import (
+    QUERIES,
     Estimate,
     Quality,
+    RetrievalQuery,
     estimates,
     load_queries,
     quality,
@@ -71,7 +71,7 @@ def test_made_up_rules_share_their_words_with_the_real_ones() -> None:
 
 
 def test_the_bench_measures_every_method_at_every_size() -> None:
-    queries = load_queries(find_data("rules/queries", "checkpoint", ""), RULES).queries[:40]
+    queries = load_queries(QUERIES, RULES).queries[:40]
     told: list[str] = []
     rows = bench_retrieval(RULES, queries, METHODS, (30, 300), told.append)
     assert [(row.rules, row.method) for row in rows] == [(n, m) for n in (30, 300) for m in METHODS]
