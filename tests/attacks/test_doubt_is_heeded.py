@@ -104,6 +104,16 @@ def test_an_order_to_the_base_that_both_read_as_to_a_gate_moves_nobody(
     assert "not in the order's words: WestGate" in done["reason"]
 
 
+def test_an_order_that_demands_and_forbids_the_same_moves_nobody(
+    auto: Auto, models: Readers
+) -> None:
+    orders = (("Drone_T01", "return_to_base"), ("Drone_T04", "move_to WestGate"))
+    models.read("Drone_T01 home", *orders)
+    code, done = auto("Send Drone_T01 home. Do not send Drone_T01 home.")
+    assert (code, done["status"], done["commands"]) == (3, "held", {})
+    assert "“Send Drone_T01 home” and “Do not send Drone_T01 home” exclude" in done["reason"]
+
+
 def test_an_order_read_rightly_and_surely_is_carried_out(auto: Auto, models: Readers) -> None:
     models.read("1 drone to EastGate", ("Drone_T04", "move_to EastGate"))
     code, done = auto("Send one drone to the east gate.")

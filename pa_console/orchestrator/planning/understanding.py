@@ -6,6 +6,7 @@ from time import perf_counter
 
 from pa_console.orchestrator.intake.standing_orders import example_subject, starts_now
 from pa_console.orchestrator.mission.services import MissionContext
+from pa_console.orders.contradiction import contradiction
 from pa_console.orders.references.outcome import Unclear
 from pa_console.orders.references.resolution import Answers
 from pa_console.policy.checks.rule_checks import check_mission
@@ -151,6 +152,9 @@ def _read(context: MissionContext, answers: Answers) -> NotUnderstood | Understo
     text = mission.text if isinstance(found, Unclear) else found.text
     if question := services.question_back(mission, text):
         return NotUnderstood(question)
+    for words in dict.fromkeys((mission.text, text)):
+        if (excluded := contradiction(services.fleet.world, words)) is not None:
+            return NotUnderstood(excluded.question)
     if isinstance(found, Unclear):
         return NotUnderstood(found.question, found.said, found.choices)
     if found.text == mission.text or len(found.text) > MAX_MISSION_TEXT:
