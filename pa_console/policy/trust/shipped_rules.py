@@ -6,7 +6,7 @@
 from pa_console.schema.rule import Ordering, Rule
 
 NAME = 'checkpoint'
-CONTENT_SHA256 = "dc0f85684e943535496f0126f0459e523c18ec0fad6d4add6401a2cdab90c105"
+CONTENT_SHA256 = "0c30d262a9ccd4407af8e0b07528500f1498674f4befee4a0bd0caacc553a2ed"
 """The content that a set called NAME has when it is as shipped."""
 
 CORE: tuple[Rule, ...] = (
