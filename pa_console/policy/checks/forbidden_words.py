@@ -236,6 +236,63 @@ _OTHERS_ASIDE = re.compile(
     | (?: تجاهل | انس | اكسر ).{0,12}?(?: قواعد | التعليمات | القيود )
     """
 )
+_PEOPLE = (
+    r"(?:(?:the|that|this|those|these|any|all|every|each|both|a|an|two|three|our)\s+(?:[\w-]+\s+){0,2}?"
+    r"(?:m[ae]n|wom[ae]n|people|persons?|guys?|blokes?|fellows?|lads?|boys?|girls?|kids?"
+    r"|child(?:ren)?|famil(?:y|ies)|drivers?|riders?|passengers?|occupants?|pedestrians?|cyclists?"
+    r"|intruders?|trespassers?|strangers?|suspects?|hostiles?|enem(?:y|ies)|visitors?|attackers?"
+    r"|thie(?:f|ves)|burglars?|robbers?|crowds?|protesters?|demonstrators?|rioters?|civilians?"
+    r"|soldiers?|refugees?|workers?|bystanders?|individuals?|prisoners?|drunks?))"
+)
+_SOMEONE = rf"(?:him|her|them|whoever|(?:any|every|some)(?:one|body)(?!\s+else)|{_PEOPLE})"
+_HE = rf"(?:he|she|{_PEOPLE})"
+_SHUT = r"(?:box|pen|hem|fence|wall|lock|shut|seal|coop|brick|bar|close|barricade)"
+_OUT = (
+    r"(?:leav(?:e|ing)|escap(?:e|ing)|flee(?:ing)?|(?:get|getting)\s+(?:out|away))\b"
+    r"(?!\s+(?:the|their|its|his|her|our|your|any|an?)\s+(?:[\w-]+\s+)?"
+    r"(?:gates?|posts?|places?|positions?|stations?)\b|\s+\w*gate\b)"
+)
+_CONFINEMENT = re.compile(
+    rf"""(?x)
+    # shut in
+    \b{_SHUT}\s+{_SOMEONE}\s+(?: off\s+)?(?: in | inside | up )\b
+      (?! \s+(?: view | sight | frame | focus | the\s+(?: view | picture | list | log ) )\b )
+    | (?: ^ | [.,;:!?]\s* | \b(?: and | then | to | please | just | now | [\w-]*_t\d+ )\s+ )
+      (?: cordon | ring | circle | besiege | entrap | ensnare | intern | contain | immobili[sz]e )
+      \s+{_SOMEONE}
+    | \b(?: trap | corner | surround | encircle | confine )\s+and\s+[\w-]+\s+{_SOMEONE}
+    | \b(?: keep | hold | lock )\s+{_SOMEONE}\s+inside\b
+    | \b{_HE}\s+(?: is | are | must | has | have )\s+(?: to\s+ )?be\s+
+      (?: kept | held | locked | shut )\s+(?: in | inside )\b
+    | \b(?: lock | shut | close | seal )\s+(?: [\w-]+\s+ ){{0,4}}?(?: with | while | and\s+keep )\s+
+      {_HE}\s+(?: (?: is | are | still )\s+ ){{0,2}}inside\b
+    # between, around, on all sides
+    | \b(?: hem | box | pen | wedge | sandwich | pin | squeeze | catch | hold )\s+{_SOMEONE}\s+
+      (?: in\s+ )?between\b
+    | \b{_SOMEONE}\s+(?: stuck | wedged | sandwiched | pinned | caught )\s+(?: in\s+ )?between\b
+    | \b(?: herd | drive | push | force | back )\s+{_SOMEONE}\s+into\s+(?: a | the )\s+corner\b
+    | \b(?: circle | ring | cordon | cage | wall | prison | trap )\s+(?: a?round | about | for )\s+
+      {_SOMEONE}
+    | \b(?: every | each | all | both )\s+(?: the\s+ )?(?: exits? | sides? | ways?(?:\s+out)? )\s+
+      (?: a?round | of | for )\s+{_SOMEONE}
+    | \b(?: in\s+front\s+of | before )\s+and\s+behind\s+{_SOMEONE}
+    | \bbehind\s+and\s+(?: in\s+front\s+of | before )\s+{_SOMEONE}
+    # no way out
+    | \b(?: no\s*where | no\s+place )\s+to\s+(?: go | run | flee | turn )\b
+    | \b(?: no | without\s+an? )\s+(?: exit | escape | way\s+out )\s+for\s+{_SOMEONE}
+    | \bagainst\s+(?: his | her | their )\s+will\b
+    | \b{_HE}\s+(?: must | may | shall | should | can | could | do | does )\s*
+      (?: not | n't | never )\s+{_OUT}
+    | \b{_HE}\s+(?: is | are )\s*(?: not | n't )\s+(?: to | allowed\s+to )\s+{_OUT}
+    | \b(?: not | n't | never )\s+(?: allow | permit | want )\s+{_SOMEONE}\s+(?: to\s+ )?
+      (?: {_OUT} | go(?:ing)?\s+anywhere )
+    | \bso\s+(?: that\s+ )?{_HE}\s+(?: is | are | gets? | stays? | remains? )\s+
+      (?: stuck | trapped | there | put | inside | caught )\b
+    | \b(?: stop | prevent | keep | hinder )\s+{_SOMEONE}\s+(?: from\s+ )?{_OUT}
+    | \b(?: not | n't | never )\s+let\s+{_SOMEONE}\s+(?: {_OUT} | out\b (?! \s+of\s+(?: sight
+        | view ) ) )
+    """
+)
 _NOT = re.compile(
     r"(?:\b(?:not|never|no|nobody|none|without|cannot|dont|avoid|stop|refrain\s+from|instead\s+of"
     r"|rather\s+than|ne|nicht|kein\w*|nie|niemals|niet|geen|non|não|nao|не|ни|нельзя|nie|inte"
@@ -253,6 +310,11 @@ def asks_for_force(words: str) -> bool:
     if _FORBORNE.search(words) is not None:
         return True
     return _meant(words, (_FORCE, _OTHERS_FORCE))
+
+
+def asks_to_confine(words: str) -> bool:
+    """Return whether plain `words` ask to shut a person in, by idioms and by what follows."""
+    return _meant(words, (_CONFINEMENT,))
 
 
 def asks_to_set_rules_aside(words: str) -> bool:

@@ -8,7 +8,11 @@ from typing import Any
 
 import cel
 
-from pa_console.policy.checks.forbidden_words import asks_for_force, asks_to_set_rules_aside
+from pa_console.policy.checks.forbidden_words import (
+    asks_for_force,
+    asks_to_confine,
+    asks_to_set_rules_aside,
+)
 from pa_console.policy.expressions import patterns
 from pa_console.policy.expressions.deadlines import DEADLINE_S, deadline, going_on
 from pa_console.policy.expressions.fields import Fields, Shapes, everything, fields_read
@@ -62,6 +66,7 @@ def brief(number: float) -> str:
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "asks_for_force": asks_for_force,
+    "asks_to_confine": asks_to_confine,
     "asks_to_set_rules_aside": asks_to_set_rules_aside,
     "brief": brief,
     "finds": finds,

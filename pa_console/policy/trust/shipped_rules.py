@@ -6,7 +6,7 @@
 from pa_console.schema.rule import Ordering, Rule
 
 NAME = 'checkpoint'
-CONTENT_SHA256 = "0c30d262a9ccd4407af8e0b07528500f1498674f4befee4a0bd0caacc553a2ed"
+CONTENT_SHA256 = "cd0f16474d63de453b77f5fd1a798805ee4a304f32a13aff9cf30509d711a713"
 """The content that a set called NAME has when it is as shipped."""
 
 CORE: tuple[Rule, ...] = (
