@@ -192,14 +192,14 @@ class ConsoleApp(App[None]):
         HANDLERS[name](self.controllers)
 
     def action_help_quit(self) -> None:
-        """Say how to leave; `^c` copies what is selected and never leaves."""
+        """Show how to leave; `^c` copies the selection and never leaves."""
         self.controllers.leaving.say_how()
 
     # What screens and the palette ask of it
 
     @property
     def situation(self) -> ActionContext:
-        """What decides which actions are legal now."""
+        """The state that decides which actions are legal now."""
         return self.session.situation
 
     @property

@@ -1,6 +1,6 @@
-"""What a terminal is sent so that an operator who looks elsewhere notices: notice, window title.
+"""Terminal codes that call an operator's attention: notice, window title.
 
-A terminal that does not know a code lets it pass unseen.
+A terminal that does not know a code ignores it.
 """
 
 from pa_console.schema.text.visible_text import visible_line

@@ -15,7 +15,7 @@ TEXTS = (
 """The colours that text has."""
 
 GROUNDS = ("background", "surface", "panel")
-"""What text stands on."""
+"""The backgrounds of text."""
 
 BADGES = {"primary": 0.22, "success": 0.22, "accent": 0.22, "error": 0.25}
 """Fills behind a sign in the text colour of the same name, with how much of it is in them."""

@@ -1,4 +1,4 @@
-"""Writes what was copied to a file as well, for terminals that do not take the clipboard code."""
+"""Writes copied text to a file as well, for terminals that do not take the clipboard code."""
 
 from pathlib import Path
 

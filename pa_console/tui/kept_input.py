@@ -1,4 +1,4 @@
-"""What was typed and is kept in the user's state folder: missions, and unsaved rules."""
+"""The typed texts in the user's state folder: missions, and unsaved rules."""
 
 import hashlib
 import os

@@ -1,4 +1,4 @@
-"""What a console can begin with instead of its session: a comparison, an evaluation."""
+"""The screens that a console can begin with instead of its session: a comparison, an evaluation."""
 
 from pathlib import Path
 

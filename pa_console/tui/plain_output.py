@@ -12,7 +12,7 @@ from pa_console.schema.text.visible_text import visible
 
 
 class PlainConsole(Console):
-    """What the program's own styles need is sent as it is; of all text, the visible form."""
+    """A console that passes its own styles on, and shows all text in visible form."""
 
     def __init__(self, **options: Any) -> None:
         """`options` are Rich's own; markup, highlighting and emoji codes are off."""
@@ -35,7 +35,7 @@ class PlainConsole(Console):
 
 
 class _PlainStatus(Status):
-    """A spinner that takes what it is given for plain text."""
+    """A spinner that treats its label as plain text."""
 
     def update(self, status: RenderableType | None = None, **options: Any) -> None:
         """Show another text."""

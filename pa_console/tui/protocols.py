@@ -1,4 +1,4 @@
-"""What the console needs of its surroundings, as protocols, so that every screen stands alone."""
+"""The protocols of the console's surroundings, so that every screen stands alone."""
 
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ class LiveStation(Protocol):
 
     @property
     def retriever(self) -> "RuleScorer":
-        """What finds rules among those that are in force now."""
+        """The retriever over the rules in force now."""
         ...
 
     def run(self) -> AsyncIterator[Event]:
@@ -59,7 +59,7 @@ class LiveStation(Protocol):
         ...
 
     def question_in(self, text: str) -> Question | None:
-        """Return what a text asks about what is on record; None for an order."""
+        """Return the question about the record in a text; None for an order."""
         ...
 
     async def answer(
@@ -124,7 +124,7 @@ class LiveStation(Protocol):
 
     @property
     def rules_offered(self) -> str:
-        """Why changed rules wait for the operator to accept them, "" when none do."""
+        """The reason why changed rules wait for the operator to accept them, "" when none do."""
         ...
 
     async def accept_rules(self) -> None:
@@ -136,7 +136,7 @@ class LiveStation(Protocol):
         ...
 
     async def close(self, reason: str = ...) -> None:
-        """End the session, for a reason that its log tells."""
+        """End the session, with a reason for its log."""
         ...
 
 
@@ -160,7 +160,7 @@ class ShownRules(Protocol):
 
     @property
     def approvals(self) -> Mapping[str, int]:
-        """How many people must approve what, where that is not one."""
+        """The number of people who must approve each act, if more than one."""
         ...
 
 

@@ -1,4 +1,4 @@
-"""Which panes an event concerns, so that the others are left alone."""
+"""The panes that an event concerns, so that the others are left alone."""
 
 from typing import Any
 
@@ -44,7 +44,7 @@ def views_of(kind: str) -> frozenset[str]:
 
 
 def is_open(screen: Screen[Any]) -> bool:
-    """Whether `screen` is neither left nor being closed with its application.
+    """Return whether `screen` is neither left nor being closed with its application.
 
     A timer may fire while a screen is being closed; by then some of its widgets are gone.
     """

@@ -1,4 +1,4 @@
-"""How far a report can be relied on: one judgement for table, map and their order."""
+"""The reliability of a report: one judgement for table, map and their order."""
 
 from pa_console.schema.telemetry import (
     AssetTelemetry,
@@ -10,7 +10,7 @@ from pa_console.schema.telemetry import (
 from pa_console.tui.status_words import Term, term
 
 FINE = 9
-"""The rank of what needs nobody's eye; lower is more urgent."""
+"""The rank of a thing without trouble; lower is more urgent."""
 
 
 class Reliance:
@@ -55,7 +55,7 @@ class Reliance:
         return FINE if (asset.status, asset.comms) == ("ok", "ok") else 5
 
     def lost(self, track: Track) -> bool:
-        """Whether a track was not detected for too long to rely on where it is shown."""
+        """Return whether a track's last detection is too old to rely on its place."""
         return track.stale or self.age(track) > self._stale_s
 
     def camera(self, camera: CameraReport) -> str:

@@ -1,4 +1,4 @@
-"""The rows of the settings screen, and what only the running console can tell of a choice."""
+"""The rows of the settings screen, with the facts of a choice that only the console knows."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

@@ -20,7 +20,7 @@ STYLES: dict[Tone, str] = {
 
 
 class Term(NamedTuple):
-    """How one status is shown everywhere."""
+    """The presentation of one status everywhere."""
 
     glyph: str
     word: str

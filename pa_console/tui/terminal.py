@@ -21,9 +21,9 @@ from pa_console.schema.document import DocumentError, read_text
 
 
 def when_hung_up(terminal: int, do: Callable[[], None]) -> None:
-    """Call `do` from a thread of its own once nobody is at the other end of the file `terminal`.
+    """Call `do` from a thread of its own once the other end of the file `terminal` is gone.
 
-    SIGHUP comes from a controlling terminal only. What is typed meanwhile is left to others.
+    SIGHUP comes from a controlling terminal only. Keys typed meanwhile are left to others.
     """
     watch = select.poll()
     watch.register(terminal, 0)  # hang-ups and errors are told whatever is asked for

@@ -1,4 +1,4 @@
-"""Tells a key that is pressed from a text that is typed where no field takes it."""
+"""Tells a pressed key from a typed text while no field takes it."""
 
 TEXT_S = 0.5
 """Two different keys that print, a letter among them, this close together are text."""
@@ -12,9 +12,9 @@ class TypedText:
 
     def __init__(self) -> None:
         self.keys = ""
-        """What was typed without a pause."""
+        """The keys typed without a pause."""
         self.is_text = False
-        """Whether that is text, no key of which is a command; so is the Enter at its end."""
+        """True if they are a text, no key of which is a command; so is the Enter at its end."""
         self._last_s = 0.0
 
     def add(self, character: str, time_s: float) -> None:
@@ -31,7 +31,7 @@ class TypedText:
         self.is_text = True
 
     def goes_on(self, time_s: float) -> bool:
-        """Whether a key at `time_s` seconds follows the one before closely."""
+        """Return whether a key at `time_s` seconds follows the one before closely."""
         return bool(self.keys) and time_s - self._last_s < TEXT_S
 
     def forget(self) -> None:

@@ -22,14 +22,14 @@ ALT_DIGITS = (
     "infinity",
     "section_sign",
 )
-"""What Textual takes Alt+1 to Alt+6 for where a terminal sends Escape and the digit."""
+"""Textual's keys for Alt+1 to Alt+6 on terminals that send Escape and the digit."""
 
 _PANEL = {"a": "Approve", "r": "Reject", "m": "Modify"}
 """The keys of the approval panel, which a recording does not have."""
 
 
 class KeysHost(Protocol):
-    """What is needed of the app: the user's own keys, by the names of the actions."""
+    """The app with the user's own keys, by the names of the actions."""
 
     keys: Mapping[str, str]
 

@@ -17,18 +17,18 @@ TYPICAL = ("unknown vehicle", "weather")
 """Words of the what-ifs that are offered before anything is typed."""
 
 Command = tuple[str, IgnoreReturnCallbackType, str, str]
-"""Title, what it does, help, and what else it is found by."""
+"""Title, effect, help, and further search words."""
 
 
 class PaletteHost(Protocol):
-    """What the palette needs of the app."""
+    """The app as the palette needs it."""
 
     session: ConsoleSession
     controllers: Controllers
 
 
 class ConsoleCommands(Provider):
-    """Offers what can be done at this moment, and nothing else."""
+    """Offers the commands that are legal at this moment."""
 
     _what_ifs: tuple[WhatIf, ...] | None = None
 
@@ -69,10 +69,10 @@ class ConsoleCommands(Provider):
                 yield DiscoveryHit(title, run, help=help_text)
 
     async def search(self, query: str) -> Hits:
-        """Yield everything that matches what was typed.
+        """Yield the matches of the typed text.
 
-        In the simulation's part, thousands of entries long on a large site, every word has to
-        occur as it is.
+        In the simulation's part, thousands of entries long on a large site, every word has to occur
+        as it is.
         """
         matcher, words = self.matcher(query), query.lower().split()
         found = (item for item in self._simulation() if _has(item[0].lower(), words))

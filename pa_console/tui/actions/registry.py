@@ -28,7 +28,7 @@ Group = Literal[
 
 @dataclass(frozen=True)
 class ActionContext:
-    """What decides which actions are legal at this moment."""
+    """The state that decides which actions are legal at this moment."""
 
     replay: bool = False
     readonly: bool = False
@@ -36,7 +36,7 @@ class ActionContext:
     stops: bool = True
     commander: bool = False
     asks: bool = False
-    """Whether questions are taken where nothing else that is typed is."""
+    """True if questions are accepted where missions are not."""
     mission: bool = False
     traced: bool = False
     approval: bool = False
@@ -64,14 +64,14 @@ class ConsoleAction:
     palette: bool = True
     urgent: bool = False
     opens_field: bool = False
-    """Whether what is typed next goes into a field: its keys are dealt with at once, so that no
-    letter of a burst is taken for another command."""
+    """True if later keys go into a field: they are handled at once, so that no letter of a burst is
+    taken for another command."""
     confirmed: bool = False
-    """Whether a key that prints only chooses it and Enter gives it, since that key may be the
-    first of a text; a function key or one with Ctrl gives it at once."""
+    """True if a key that prints only chooses it and Enter gives it, since that key may be the first
+    of a text; a function key or one with Ctrl gives it at once."""
 
     words: str = ""
-    """What else the palette finds it by."""
+    """Further words that find it in the palette."""
     app_action: str = ""
     """The action of every Textual app that it is; '' where a controller carries it out."""
 

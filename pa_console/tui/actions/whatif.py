@@ -1,4 +1,4 @@
-"""What can be made to happen in the simulation, and how fast it may run."""
+"""The incidents of the simulation, and its speed."""
 
 from collections.abc import Iterator
 
@@ -51,7 +51,7 @@ def what_ifs(world: World) -> Iterator[WhatIf]:
 
 
 def _visitors(world: World, gate: str) -> Iterator[WhatIf]:
-    """What may come to a gate, or happen there."""
+    """The contacts and events at a gate."""
     yield (
         f"What if: defiant vehicle at {gate}, goes on when warned",
         inc.SpawnTrack(gate=gate, when_warned="go_on"),
@@ -76,7 +76,7 @@ def _visitors(world: World, gate: str) -> Iterator[WhatIf]:
 
 
 def _asset_troubles(world: World, asset: str) -> Iterator[WhatIf]:
-    """What may befall an asset, and how it ends."""
+    """The faults of an asset, and their end."""
     post = world.assets[asset].post
     yield f"What if: {asset} fails", inc.FailAsset(asset=asset)
     yield f"What if: {asset} works again", inc.RestoreAsset(asset=asset)

@@ -1,4 +1,4 @@
-"""Tells questions from missions at the prompt, and has them answered."""
+"""Separates questions from missions at the prompt, and has them answered."""
 
 from pa_console.orders.questions.question import Question
 from pa_console.tui.answers.screen import AnswerScreen
@@ -9,9 +9,9 @@ from pa_console.tui.widgets.mission_prompt import MissionPrompt
 
 
 class QuestionController:
-    """Takes what is sent at the prompt: a question is answered, everything else is a mission.
+    """Takes the texts sent at the prompt: a question is answered, any other text is a mission.
 
-    Other plans stand side by side where one of them can be chosen.
+    Other plans stand side by side if one of them can be chosen.
     """
 
     def __init__(

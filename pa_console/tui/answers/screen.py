@@ -17,7 +17,7 @@ LOOKING = "looking at the record, and checking what has to be checked …"
 
 
 class AnswerScreen(ModalScreen[None]):
-    """Shows what was asked and what is answered; nothing can be decided here."""
+    """Shows a question and its answer; no decision is possible here."""
 
     BINDINGS = [
         Binding("escape,enter,q", "dismiss", "Back"),
@@ -26,7 +26,7 @@ class AnswerScreen(ModalScreen[None]):
     ]
 
     def __init__(self, question: str, *, waits: bool) -> None:
-        """`waits` says whether a plan waits for a decision meanwhile."""
+        """Show an answer; `waits` is True if a plan waits for a decision meanwhile."""
         super().__init__()
         self._question, self._waits = question, waits
         self._rows: tuple[Row, ...] = (row("", (LOOKING, QUIET)),)

@@ -36,11 +36,11 @@ MAP_CHOICES = (
     Choice("Farther", does="zoom_out"),
     Choice("What sensors see", does="sensors"),
 )
-"""What can be done with the map where nothing is."""
+"""The choices for an empty place on the map."""
 
 
 def asset_choices(asset: AssetTelemetry) -> list[Choice]:
-    """Return what this asset can be told; one that has failed can only be looked at."""
+    """Return the possible orders to this asset; one that has failed can only be looked at."""
     if asset.status == "failed":
         return [FOLLOW]
     orders = [
@@ -77,7 +77,7 @@ def frame_choices(name: str, world: World) -> list[Choice]:
 
 
 def asset_lines(asset: AssetTelemetry) -> list[str]:
-    """Return what the last report says of an asset."""
+    """Return the last report of an asset in lines."""
     where = f"at {asset.at}" if asset.at else f"to {asset.post}" if asset.post else "between posts"
     return [
         f"{KIND_WORDS[asset.kind]} {where}, {asset.task}",
@@ -86,7 +86,7 @@ def asset_lines(asset: AssetTelemetry) -> list[str]:
 
 
 def track_lines(track: Track) -> list[str]:
-    """Return what the sensors say of a track."""
+    """Return the sensors' evidence on a track in lines."""
     return [
         f"{track.identity} {track.kind}, intent {track.intent}",
         *([track.dispute] if track.dispute else []),
@@ -110,7 +110,7 @@ class Card(ModalScreen[Choice | None]):
         self._title, self._lines, self._choices, self._at = title, lines, choices, at
 
     def compose(self) -> ComposeResult:
-        """Yield what is known and what can be chosen."""
+        """Yield the facts and the choices."""
         with Vertical(id="card"):
             yield Static("\n".join(self._lines), id="card-lines", markup=False)
             yield OptionList(
@@ -123,7 +123,7 @@ class Card(ModalScreen[Choice | None]):
             )
 
     def on_mount(self) -> None:
-        """Name the card and say what choosing does."""
+        """Set the card's title and the effect of choosing."""
         card = self.query_one("#card", Vertical)
         card.border_title = Content(self._title)
         if any(choice.order for choice in self._choices):
@@ -149,7 +149,7 @@ class Card(ModalScreen[Choice | None]):
         )
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
-        """Return what was chosen."""
+        """Return the choice."""
         event.stop()
         self.dismiss(self._choices[event.option_index])
 

@@ -20,7 +20,7 @@ PLAIN_HINT = "↑ ↓ point · Enter chooses · Esc goes back"
 
 
 class Line(NamedTuple):
-    """What can be chosen, and what is said beside it."""
+    """A choice, and the note beside it."""
 
     text: str
     note: str = ""
@@ -74,10 +74,10 @@ class ChooseLine(ModalScreen[str | None]):
         more: Callable[[], Iterator[list[Line]]] | None = None,
         remove: Callable[[str], list[Line]] | None = None,
     ) -> None:
-        """`nothing` is said when there is no line.
+        """Show the lines; `nothing` is shown when there is none.
 
         `more` yields all lines anew, more of them each time; it runs in a thread. `remove` takes a
-        line away and returns those that are left; it raises ValueError or OSError.
+        line away and returns the rest; it raises ValueError or OSError.
         """
         super().__init__()
         self._title, self._lines, self._nothing = title, list(lines), nothing

@@ -16,7 +16,7 @@ MOST_KEPT = 200
 
 
 class _Kept(StrictModel):
-    """What the file says."""
+    """The content of the file."""
 
     orders: tuple[str, ...] = Field(default=(), max_length=MOST_KEPT)
 

@@ -1,4 +1,4 @@
-"""Completes the names that an order may use, and says which slots of a template a name fits."""
+"""Completion of names in an order, and the slots of a template that a name fits."""
 
 import re
 from collections.abc import Iterable
@@ -8,21 +8,21 @@ from pa_console.orders.world_names import WORD
 from pa_console.schema.world import PLAIN_KINDS, World
 
 LEAST_TYPED = 2
-"""So many letters begin a name; fewer begin too much else."""
+"""The number of letters that begin a name; fewer begin too many other words."""
 
 _LAST_WORD = re.compile(r"\w+$")
 _LAST_TWO_WORDS = re.compile(r"\w+ \w+$")
 
 
 class Completion(NamedTuple):
-    """What the `typed` end of a text may become, the likeliest first."""
+    """The completions of the `typed` end of a text, the likeliest first."""
 
     typed: str
     names: tuple[str, ...]
 
     @property
     def rest(self) -> str:
-        """What is missing of the first."""
+        """The missing rest of the first."""
         return self.names[0][len(self.typed) :]
 
 
@@ -48,7 +48,7 @@ class OrderNames:
         self._tracks = tuple(tracks)
 
     def fits(self, name: str, slot: str) -> bool:
-        """Whether `name` can stand in a slot of a template, like `asset`, `drone` or `gate`."""
+        """Return whether `name` fits a slot of a template, like `asset`, `drone` or `gate`."""
         own = frozenset(("track",)) if name in self._tracks else self._slots.get(name, frozenset())
         return slot in own
 

@@ -9,7 +9,7 @@ from pa_console.session.log.chain import LogError
 from pa_console.session.past_sessions import newest_logs, summarise
 
 MOST_SESSIONS = 50
-"""So many sessions are looked through, the newest first."""
+"""The number of sessions that are read, the newest first."""
 
 
 class PastOrder(NamedTuple):
@@ -21,7 +21,7 @@ class PastOrder(NamedTuple):
 
     @property
     def note(self) -> str:
-        """What is known beside the words, in local time."""
+        """The note beside the words, in local time."""
         if self.session_began is None:
             return ""
         return f"{self.session_began.astimezone():%d %b %H:%M}  {self.ended or 'open'}"

@@ -11,7 +11,7 @@ _SLOT = re.compile(r"\{([a-z]+)\}")
 
 
 class Slot(NamedTuple):
-    """Where in a text a slot stands, its braces included, and what belongs there."""
+    """The place of a slot in a text, its braces included, and its kind."""
 
     start: int
     end: int
@@ -34,7 +34,7 @@ def next_slot(text: str, after: int) -> Slot | None:
 
 
 class OrderForm(NamedTuple):
-    """How an order to an asset is put, with the slot `{asset}`, and its name in a menu."""
+    """The wording of an order to an asset, with the slot `{asset}`, and its name in a menu."""
 
     verb: Verb
     name: str

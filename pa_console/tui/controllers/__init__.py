@@ -1,1 +1,1 @@
-"""What the operator can do, one controller a concern; the registry names who carries what out."""
+"""The operator's actions, one controller a concern; the registry names their controllers."""

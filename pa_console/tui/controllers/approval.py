@@ -71,8 +71,8 @@ class ApprovalController:
     def compare(self, question: Question | None = None) -> bool:
         """Show other plans beside the one that waits, as they are found.
 
-        Where a `question` asks for them, they are its answer, and where no plan waits, they stand
-        beside the last one. Returns whether there is a plan to be compared.
+        If a `question` asks for them, they are its answer, and if no plan waits, they stand beside
+        the last one. Returns whether there is a plan to be compared.
         """
         session, trace = self._session, self._session.state.current
         request = trace.approval if trace is not None else None
@@ -201,7 +201,7 @@ class ApprovalController:
         self._session.app.push_screen(editor, closed)
 
     def close_void(self) -> None:
-        """Close what is about a plan that no longer waits: the editor, the comparison."""
+        """Close the editor and the comparison of a plan that no longer waits."""
         current = self._session.state.current
         waiting = current.approval if current else None
         if self._comparing is not None:

@@ -25,7 +25,7 @@ class AttentionController:
         self._title: str | None = None
 
     def look(self) -> None:
-        """Tell of what has begun to wait since the last look."""
+        """Notify of plans that have begun to wait since the last look."""
         session, write = self._session, self._write
         if write is None or session.player is not None or not session.decides:
             return

@@ -23,7 +23,7 @@ class BrowsingController:
         evaluations: Path | None,
         copies: Path | None = None,
     ) -> None:
-        """`evaluations` is the folder of all evaluations, `copies` that of exports.
+        """Open folders: `evaluations` is that of all evaluations, `copies` that of exports.
 
         None is the user's own.
         """

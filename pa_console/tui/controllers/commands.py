@@ -40,7 +40,7 @@ class CommandController:
             self._session.station.typing(text)
 
     def point(self) -> None:
-        """Tell the station what is marked on the map, which *this one* means."""
+        """Report the mark on the map to the station: *this one* means it."""
         shown = self._session.main
         if self._session.station is not None and shown is not None:
             self._session.station.point(shown.query_one(MapView).followed)
@@ -57,7 +57,7 @@ class CommandController:
         self.attempt("Cancel", lambda station: station.cancel())
 
     def acknowledge(self) -> None:
-        """Acknowledge the alarm at the pointer, else the worst that nobody has seen."""
+        """Acknowledge the alarm at the pointer, else the worst unseen one."""
         if self._session.main is None:
             return
         pane = self._session.main.query_one(AlarmPane)
@@ -144,7 +144,7 @@ class CommandController:
             )
 
     def release_stop(self) -> None:
-        """Release the stop, after a question that says who has not confirmed it."""
+        """Release the stop, after a question that names the unconfirmed assets."""
         stop = self._session.state.stop
         if stop is None:
             return

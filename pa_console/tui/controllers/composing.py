@@ -37,7 +37,7 @@ TEMPLATE, FAVOURITE = "template", "favourite"
 
 
 class ComposingController:
-    """Opens what orders are chosen from, and types what was chosen."""
+    """Opens the sources of orders, and types the chosen one."""
 
     def __init__(
         self,
@@ -125,7 +125,7 @@ class ComposingController:
 
     @property
     def _on_session(self) -> bool:
-        """Whether the session is in front, with the field that orders are typed into."""
+        """Return whether the session is in front, with the field that orders are typed into."""
         front = self._app.screen is self._session.shown
         if not front and not isinstance(self._app.screen, ChooseLine | Card):
             self._session.tell("Esc goes back to the session, where orders are typed", "Orders")
@@ -161,10 +161,9 @@ class ComposingController:
             self._browsing.follow(rows.subject)
 
     def picked(self, names: Sequence[str], at: Offset | None, *, menu: bool) -> None:
-        """Fill the open slot of the mission field with what was picked, else open its card.
+        """Fill the open slot of the mission field with the picked name, else open its card.
 
-        Of several that would do, the operator chooses one. Where nothing is there is a menu of the
-        map.
+        If several fit, the operator chooses one. An empty place has a menu of the map.
         """
         if self._app.screen is not self._session.shown:
             return
@@ -187,7 +186,7 @@ class ComposingController:
 
     @property
     def _commands(self) -> bool:
-        """Whether missions can be given here."""
+        """Return whether missions can be given here."""
         now = self._session.situation
         return not (now.replay or now.readonly)
 

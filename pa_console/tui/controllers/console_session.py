@@ -17,7 +17,7 @@ from pa_console.tui.screens.recording import RecordingScreen
 
 
 class ConsoleSession:
-    """What every controller sees: the station or the player, and the screens of the `app`."""
+    """The session for every controller: the station or the player, and the screens of the `app`."""
 
     def __init__(
         self,
@@ -37,10 +37,10 @@ class ConsoleSession:
         self.rate = station.rate if station else 1.0
         self.main: MainScreen | None = None
         self.typed = History()
-        """What was typed into the mission field, in this and in earlier sessions."""
+        """The texts typed into the mission field, in this and in earlier sessions."""
 
         self.folded = SessionState()
-        """What the station's events come to; the player folds its own."""
+        """The fold of the station's events; the player folds its own."""
 
     @property
     def state(self) -> SessionState:
@@ -65,12 +65,12 @@ class ConsoleSession:
 
     @property
     def decides(self) -> bool:
-        """Whether something may be decided here: that is a signature where another was joined."""
+        """True if decisions are possible here: signatures, in a joined session."""
         return bool(self.joined.signer) if self.joined is not None else not self.readonly
 
     @property
     def asks(self) -> bool:
-        """Whether questions are answered here: also where another station's session was joined."""
+        """True if questions are answered here: in a joined session, too."""
         return self.station is not None and (self.joined is not None or not self.readonly)
 
     def is_open(self, kind: type[Screen[Any]]) -> bool:
@@ -86,7 +86,7 @@ class ConsoleSession:
 
     @property
     def situation(self) -> ActionContext:
-        """What decides which actions are legal now; in a recording none that commands is."""
+        """The state that decides which actions are legal now; in a recording no commands are."""
         recorded = self.player is not None or self.recording is not None
         return self._situation_of(self.shown_state, recorded)
 

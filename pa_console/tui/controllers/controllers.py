@@ -15,7 +15,7 @@ from pa_console.tui.controllers.settings import SettingsController
 
 @dataclass(frozen=True)
 class Controllers:
-    """Who carries out what the operator asks for."""
+    """The controllers of the operator's actions."""
 
     browsing: BrowsingController
     composing: ComposingController

@@ -1,4 +1,4 @@
-"""Copies what is shown to the clipboard of the terminal and to a file."""
+"""Copies a pane's text to the clipboard of the terminal and to a file."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Which controller carries out which action of the registry."""
+"""The controller of each action of the registry."""
 
 from collections.abc import Callable, Mapping
 
@@ -65,4 +65,4 @@ HANDLERS: Mapping[str, Callable[[Controllers], None]] = {
     "settings": lambda to: to.settings.show(),
     "quit": lambda to: to.leaving.leave(),
 }
-"""By the id of the action."""
+"""The handlers by the id of the action."""

@@ -27,10 +27,10 @@ class LeavingController:
         self.ended_by = 0
         """The signal that ended the console, 0 for none."""
         self.takes_command = False
-        """Whether the console was left to open again as the one in command."""
+        """True if the console was left to open again as the one in command."""
 
     def watch_terminal(self) -> None:
-        """Leave without a question once nobody is at the terminal to answer it."""
+        """Leave without a question once the terminal is gone."""
         self._loop = asyncio.get_running_loop()
         if self.ended_by:
             self._leave_unasked()
@@ -72,7 +72,7 @@ class LeavingController:
         self._app.push_screen(Confirm(question, yes="Leave", no="Stay"), answered)
 
     def take_command(self) -> None:
-        """Leave to take command, after a question that says what that does."""
+        """Leave to take command, after a question about the consequences."""
         joined = self._session.joined
         if joined is None or joined.command_question is None:
             return
@@ -91,7 +91,7 @@ class LeavingController:
         self._app.push_screen(Confirm(question, yes="Take command", no="Only watch"), answered)
 
     def say_how(self) -> None:
-        """Say how to leave, over every screen; with a text selected, let its copying go on."""
+        """Show how to leave, over every screen; with a text selected, let its copying go on."""
         if getattr(self._app.focused, "selected_text", "") or self._app.screen.get_selected_text():
             raise SkipAction
         keys = shown_keys(action_of("quit"), self._settings.loaded.values.keys)

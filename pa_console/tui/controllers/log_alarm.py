@@ -1,4 +1,4 @@
-"""Tells on every screen that the session log cannot be written, until it can be again."""
+"""Shows on every screen that the session log cannot be written, until it can be again."""
 
 from typing import Any
 
@@ -16,11 +16,11 @@ class LogAlarmController:
         self._shown = ""
 
     def watch_screens(self) -> None:
-        """Tell it on every screen that will be opened, too."""
+        """Show it on every later screen, too."""
         self._app.screen_change_signal.subscribe(self._app, self._opened)
 
     def show(self) -> None:
-        """Tell what has become of the log on all screens, if that is something new."""
+        """Show the state of the log on all screens, if it has changed."""
         problem = self._session.folded.log_problem
         if problem != self._shown:
             self._shown = problem

@@ -32,12 +32,12 @@ class ReplayController:
             self._session.recording.move(lambda deck: deck.step_second(by))
 
     def jump_mission(self, by: int) -> None:
-        """To where the next mission begins, or the one before."""
+        """Jump to the beginning of the next mission, or the one before."""
         if self._session.recording is not None:
             self._session.recording.jump(MISSIONS, by, "mission")
 
     def jump_finding(self, by: int) -> None:
-        """To the next finding, override, alarm, refusal or fault, or the one before."""
+        """Jump to the next finding, override, alarm, refusal or fault, or the one before."""
         if self._session.recording is not None:
             what = "finding, override, alarm, refusal or fault"
             self._session.recording.jump(FINDINGS, by, what)
@@ -59,7 +59,7 @@ class ReplayController:
         self._app.push_screen(AskLine("Where to?", ACCEPTED, read), given)
 
     def search(self) -> None:
-        """Search the recording and go to what was chosen."""
+        """Search the recording and jump to the choice."""
         recording = self._session.recording
         if recording is None:
             return

@@ -28,7 +28,7 @@ class InForce(NamedTuple):
 
 
 class RulesController:
-    """Follows every change of the rule set, and lends the browser what it needs to edit it."""
+    """Follows every change of the rule set, and lends the browser the parts to edit it."""
 
     def __init__(
         self,
@@ -74,7 +74,7 @@ class RulesController:
             await self._session.station.accept_rules()
 
     def take(self, event: ev.Event) -> None:
-        """Note what an event says of the rules, once it is folded."""
+        """Note the rules in an event, once it is folded."""
         if event.data.kind not in _WATCHED:
             return
         self.bench.cases.see(event, self._session.state)

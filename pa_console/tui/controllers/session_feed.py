@@ -15,7 +15,7 @@ from pa_console.tui.refresh import ALL_VIEWS, FRAME_S, is_open, views_of
 from pa_console.tui.screens.main import MainScreen
 
 LOOK_S = 1.0
-"""How often the age of the telemetry is looked at, in wall seconds."""
+"""The interval between two looks at the age of the telemetry, wall seconds."""
 
 
 class SessionFeed:
@@ -78,7 +78,7 @@ class SessionFeed:
         self.changed(views_of(event.data.kind))
 
     def end(self, problem: str) -> None:
-        """Say that nothing new will arrive when that was not asked for."""
+        """Show that no more events will arrive, unless that was requested."""
         if problem:
             self._app.notify(
                 f"The session broke off: {problem}. What was received stays "
@@ -126,7 +126,7 @@ class SessionFeed:
         return main if main is not None and main.is_mounted and is_open(main) else None
 
     def _tell_what_waits(self) -> None:
-        """Tell an operator who looks at another screen that a plan has begun to wait."""
+        """Notify an operator who looks at another screen that a plan has begun to wait."""
         session = self._session
         current = session.state.current
         waits = current is not None and current.approval is not None
@@ -137,7 +137,7 @@ class SessionFeed:
         self._waited = waits
 
     def _show_waiting(self) -> None:
-        """Say on the main screen what is being waited for."""
+        """Show the present wait on the main screen."""
         main = self._main()
         if main is not None:
             main.show_waiting(self.waiting.line(self._session.clock(), self._session.folded))

@@ -12,7 +12,7 @@ class SettingsController:
     """Follows the settings, at the start and whenever the settings screen has saved one."""
 
     def __init__(self, session: ConsoleSession, loaded: Loaded) -> None:
-        """`loaded` is what is in force."""
+        """Edit `loaded`, the settings in force."""
         self._session, self._app = session, session.app
         self.loaded = loaded
         self.keys: Mapping[str, str] = {}

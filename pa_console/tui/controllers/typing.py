@@ -23,7 +23,7 @@ from pa_console.tui.widgets.approval.panel import ApprovalPanel
 from pa_console.tui.widgets.key_line import KeyLine
 
 CHOSEN_S = 5.0
-"""How long a command waits for its Enter, and a notice about keys is shown."""
+"""The time that a command waits for its Enter, and that a notice about keys is shown, seconds."""
 
 KeyTime = Callable[[events.Key], float]
 """When a key was pressed, in seconds that only grow; replaced in tests."""
@@ -50,7 +50,7 @@ class TypingController:
         self._told = False
 
     async def takes(self, event: events.Key) -> bool:
-        """Whether the key was dealt with and goes no further."""
+        """Return whether the key was handled and goes no further."""
         if not self._session.asks:
             return False
         (chosen, self._chosen), self._told = (self._chosen, None), False
@@ -80,7 +80,7 @@ class TypingController:
         return self._chooses(event, time_s)
 
     def _takes_alt_digit(self, event: events.Key) -> bool:
-        """Whether the key is an Alt and a digit, as some terminals send them, that does something.
+        """Return whether the key is an effective Alt and digit, as some terminals send them.
 
         At the approval panel it looks at a reading, in the empty mission field it types an example.
         """

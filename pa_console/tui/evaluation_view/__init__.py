@@ -1,1 +1,1 @@
-"""What the evaluation screen shows: runs, filters, details and tables as rows."""
+"""The content of the evaluation screen: runs, filters, details and tables as rows."""

@@ -29,7 +29,7 @@ LABELS: dict[Kind, str] = {
 
 
 def judge_wrong(record: RunRecord) -> bool:
-    """Whether a verdict of the judge, before or after, contradicts the strict success."""
+    """Return whether a verdict of the judge, before or after, contradicts the strict success."""
     given = (record.judge_plan, record.judge_outcome)
     return any(verdict is not None and (verdict == "Success") != record.strict for verdict in given)
 
@@ -44,7 +44,7 @@ _TESTS: dict[Kind, Callable[[RunRecord], bool]] = {
 
 
 class RunFilter(NamedTuple):
-    """A kind of runs, and words of which each has to be found in what is known of a run."""
+    """A kind of runs, and words that each have to occur in the facts of a run."""
 
     kind: Kind = "all"
     text: str = ""
@@ -65,7 +65,7 @@ def _has(record: RunRecord, words: Sequence[str]) -> bool:
 
 
 class Totals(NamedTuple):
-    """How many runs are shown of how many, and the rates of those that are shown."""
+    """The numbers of shown and of all runs, and the rates of the shown ones."""
 
     shown: int
     runs: int
@@ -231,7 +231,7 @@ def totals_text(totals: Totals, problem: str) -> Content:
 
 
 def nothing_rows(folder: Path, problem: str) -> tuple[Row, ...]:
-    """Say why there is no run and what to do."""
+    """Yield the reason why there is no run, and the remedy."""
     texts = (_UNREADABLE,) if problem else _NO_RUNS
     return tuple(row("", text.format(folder=homely(folder))) for text in texts)
 

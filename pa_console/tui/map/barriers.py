@@ -1,4 +1,4 @@
-"""What no name on the map may lie on or beyond: walls, and the edges of the site and of zones."""
+"""The barriers on the map that no name may lie on or beyond: walls, edges of site and zones."""
 
 from collections import defaultdict
 from collections.abc import Iterator
@@ -30,7 +30,7 @@ class Barriers:
         return [row.copy() for row in self._rows]
 
     def __contains__(self, cell: Cell) -> bool:
-        """Whether a barrier touches the cell."""
+        """Return whether a barrier touches the cell."""
         return cell in self._lines
 
     def part(self, spot: Spot, cell: Cell, beside: Cell) -> bool:
@@ -54,6 +54,6 @@ def _side(start: Spot, end: Spot, spot: Spot) -> float:
 
 
 def _cross(a: Spot, b: Spot, c: Spot, d: Spot) -> bool:
-    """Whether the line from a to b meets the one from c to d; touching counts."""
+    """Return whether the line from a to b meets the one from c to d; touching counts."""
     apart = _side(a, b, c) * _side(a, b, d) > 0.0
     return not (apart or _side(c, d, a) * _side(c, d, b) > 0.0)

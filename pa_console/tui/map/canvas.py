@@ -35,7 +35,7 @@ class Canvas:
         self.roles = [[""] * self.width for _ in range(self.height)]
 
     def copy(self) -> "Canvas":
-        """Return an independent copy of what is drawn and marked, without names."""
+        """Return an independent copy of the drawing and the marks, without names."""
         twin = Canvas(0, 0)
         twin.width, twin.height = self.width, self.height
         twin.glyphs = [row.copy() for row in self.glyphs]
@@ -44,7 +44,7 @@ class Canvas:
         return twin
 
     def holds(self, cell: Cell) -> bool:
-        """Whether the cell lies on the canvas."""
+        """Return whether the cell lies on the canvas."""
         return 0 <= cell[0] < self.width and 0 <= cell[1] < self.height
 
     def put(self, cell: Cell, glyph: str, role: str) -> None:

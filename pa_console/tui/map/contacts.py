@@ -50,7 +50,7 @@ class Contacts:
                 self._drawn.append(_Drawn(at, spot, contact))
 
     def draw(self, canvas: Canvas, labels: Labels | None) -> None:
-        """Draw each where nothing else is, and with `labels` its name where that hides nothing."""
+        """Draw each on an empty cell, and with `labels` its name if that hides nothing."""
         for at, (column, row), _ in self._drawn:
             if canvas.role(at) in _FREE:
                 way = floor(column) - at[0], floor(row) - at[1]

@@ -13,7 +13,7 @@ from pa_console.tui.report_condition import cover_state
 from pa_console.tui.status_words import term
 
 _ADJOINING = 2.0
-"""What a place right beside a marker costs less than, if it hides nothing."""
+"""The discount of a place right beside a marker, if it hides nothing."""
 
 
 class Frames:

@@ -13,7 +13,7 @@ from pa_console.tui.map.strokes import Blocks, Strokes
 FRAME_GLYPHS = {"gate": "◆", "post": "○", "base": "⌂"}
 _COST = {"": 0, "lane": 2, "zone": 3, "leader": 20, "wall": 40, "frame": 60, "label": 60}
 _CROWDED = 10
-"""With more frames than this, a name is left out where it would hide something."""
+"""The number of frames above which a name that would hide something is left out."""
 
 _NO_PLACE = 40.0
 
@@ -120,7 +120,7 @@ def _hatch(canvas: Canvas, view: Projection, barriers: Barriers, polygon: Sequen
 
 
 def inside(point: Point, polygon: Sequence[Point]) -> bool:
-    """Whether a point lies in a polygon (crossings of a ray to the east are odd)."""
+    """Return whether a point lies in a polygon (crossings of a ray to the east are odd)."""
     result = False
     for (x1, y1), (x2, y2) in zip(polygon, [*polygon[1:], polygon[0]], strict=True):
         if (y1 > point[1]) != (y2 > point[1]):

@@ -26,10 +26,10 @@ _HIDING = {
 }  # fmt: skip
 _HIDING_ANYTHING_ELSE = 4.0
 _TOUCHING = 0.8
-"""What a cell right beside another name or marker costs."""
+"""The cost of a cell right beside another name or marker."""
 
 _AMBIGUOUS = 1.5
-"""What another marker beside a leader costs, or below or above a name that has none."""
+"""The cost of another marker beside a leader, or below or above a name without one."""
 
 
 _NEXT_TO_NOTHING = 2.0
@@ -106,7 +106,7 @@ class Labels:
                 return
 
     def _free(self, at: Cell, place: Place, width: int, height: int) -> bool:
-        """Whether a leader and a name would be on the canvas and hide nothing that is kept."""
+        """Return whether a leader and a name fit on the canvas without hiding a kept cell."""
         (x, y), (right, down), taken = at, place.start, self._taken
         left, top = x + right, y + down
         columns, rows = self._canvas.width, self._canvas.height
@@ -138,7 +138,7 @@ class Labels:
     def _parted(
         self, at: Cell, spots: Sequence[Spot], place: Place, width: int, height: int
     ) -> bool:
-        """Whether a barrier or a marker lies across the way from the marker to its name."""
+        """Return whether a barrier or a marker lies between the marker and its name."""
         left, top = at[0] + place.start[0], at[1] + place.start[1]
         way = [at, *((at[0] + x, at[1] + y) for x, y in place.leader)]
         way.append(_nearest(way[-1], left, top, width, height))
@@ -194,7 +194,7 @@ def _corners(here: Cell, there: Cell) -> Iterator[Cell]:
 
 @lru_cache(maxsize=256)
 def _places(width: int, height: int, gap: int) -> tuple[Place, ...]:
-    """Return all ways to write a block of so many cells, the best first."""
+    """Return all ways to write a block of that many cells, the best first."""
     return tuple(sorted(_all_places(width, height, gap)))
 
 

@@ -20,7 +20,7 @@ DETAIL_FROM_COLUMNS = 60
 """A narrower map has no room for batteries that are not low."""
 
 NAMES_FROM_ROWS = 12
-"""A lower map has no room for the names of what is dimmed."""
+"""The height below which a map has no room for the names of dimmed things."""
 
 _BESIDE = 0.1
 """The cost of a place right of a marker that hides nothing."""
@@ -39,7 +39,7 @@ class Marker(NamedTuple):
 
     @property
     def in_list(self) -> str:
-        """How it is named where its cell shows a number."""
+        """Its name in a list, if its cell shows a number."""
         symbol = self.symbol
         if self.is_track:
             return f"{symbol.glyph}{symbol.name}{symbol.note}"
@@ -51,7 +51,7 @@ class Markers:
     """All markers of one picture on one canvas, by their cells."""
 
     def __init__(self, canvas: Canvas, markers: Iterable[Marker], pointed_at: str) -> None:
-        """What lies beyond the canvas is marked at its edge; `pointed_at` gets a pointer."""
+        """Mark things beyond the canvas at its edge; `pointed_at` gets a pointer."""
         self._right, self._bottom = canvas.width - 1, canvas.height - 1
         self._pointed_at = pointed_at
         self._detailed = canvas.width >= DETAIL_FROM_COLUMNS
@@ -159,7 +159,7 @@ class Markers:
     def _name_crowd(
         self, labels: Labels, at: Cell, here: Sequence[Marker], *, crowded: bool
     ) -> list[list[Cell]]:
-        """Write what the number alone does not tell: how many are in trouble, or above nine."""
+        """Write the facts that a number alone hides: assets in trouble, and numbers above nine."""
         symbol, spots, cells = self._symbols[at], [marker.spot for marker in here], list[Cell]()
         if tracks := [marker for marker in here if marker.is_track]:
             cells = labels.place(at, spots, [list(self._listed(tracks))], gap=1)

@@ -14,19 +14,19 @@ from pa_console.tui.map.symbols import Symbol
 from pa_console.tui.plan_preview.preview import CoverChange, PlanPreview
 
 ARRIVAL = "◎"
-"""Where somebody comes to."""
+"""The mark of a destination."""
 
 MOST_NAMED = 3
-"""So many who come to one place are named there, each with the seconds."""
+"""The number of arrivals at one place that are named there, each with the seconds."""
 
 FARTHEST = 4.0
-"""What a text may cost that stands beside its place; a worse one stands behind the name."""
+"""The cost up to which a text stands beside its place; a worse one stands behind the name."""
 
 MOST_SOLID = 16
-"""The ways of more than so many are dotted: drawn in full they would be one spot."""
+"""The number of ways above which they are dotted: drawn in full they would be one spot."""
 
 DIMMED = frozenset(("uav", "ugv", "robot", "crowd", "track-authorized"))
-"""What is dimmed where a plan does not concern it; what is in trouble or a threat never is."""
+"""The style of things that a plan does not concern; trouble and threats are never dimmed."""
 
 _ROUTE_OVER = frozenset(("", "lane", "zone", "asset-field", "camera-field", "trail", "route"))
 
@@ -40,11 +40,11 @@ class PlanLayer:
     time_s: float = 0.0
 
     def dims(self, name: str) -> bool:
-        """Whether the plan does not concern an asset or track."""
+        """Return whether the plan does not concern an asset or track."""
         return name not in self.preview.involved
 
     def draw_routes(self, canvas: Canvas, view: Projection) -> None:
-        """Draw the way that is still to go of everybody who moves, and where it ends."""
+        """Draw the remaining way of every moving asset, and its end."""
         strokes, ends = Strokes(), list[tuple[int, int]]()
         period = 1 if len(self.preview.ways) <= MOST_SOLID else 3
         for name in self.preview.ways:
@@ -79,7 +79,7 @@ class PlanLayer:
                     _ = any(labels.write(behind, line, keep=True) for line in lines)
 
     def _lines(self, change: CoverChange | None, coming: tuple[str, ...]) -> Iterator[list[Run]]:
-        """Yield what is to be written at a place, and shorter ways where there is little room."""
+        """Yield the texts for a place, and shorter ones for little room."""
         yield list(self._line(change, self._coming(coming)))
         if coming:
             yield list(self._line(change, f"+{len(coming)}"))

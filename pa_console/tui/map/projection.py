@@ -1,4 +1,4 @@
-"""From metres to character cells, which are about twice as tall as wide."""
+"""The projection from metres to character cells, which are about twice as tall as wide."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,10 +11,10 @@ from pa_console.tui.map.canvas import Cell, Spot
 
 CELL_ASPECT = 2.0
 MOST_STRETCH = 1.7
-"""How much wider than true the plan may be drawn, so that it fills a wide pane."""
+"""The largest widening of the plan, so that it fills a wide pane."""
 
 LANE_SHARE = 0.14
-"""How much of the site's size the view reaches beyond it along the lanes."""
+"""The share of the site's size that the view reaches beyond it along the lanes."""
 
 LANES_FROM_ROWS = 12
 """A lower map is needed for the site itself."""
@@ -41,7 +41,7 @@ class Projection:
 
     @cached_property
     def _view(self) -> tuple[float, float, float, float]:
-        """West, south, east and north edge of what is shown, in metres."""
+        """Return the west, south, east and north edge of the view, in metres."""
         west, south, east, north = self.whole
         if self.zoom <= 1.0:
             return west, south, east, north
@@ -98,7 +98,7 @@ class Projection:
 
     @property
     def columns_per_metre(self) -> float:
-        """How many columns of the canvas a metre is, from west to east."""
+        """The number of columns of the canvas for a metre, from west to east."""
         return self._scale[0]
 
     def spot(self, point: Point) -> Spot:
@@ -112,7 +112,7 @@ class Projection:
         return floor(column), floor(row)
 
     def shows(self, point: Point) -> bool:
-        """Whether a point in metres lies on the canvas."""
+        """Return whether a point in metres lies on the canvas."""
         column, row = self.cell(point)
         return 0 <= column < self.width and 0 <= row < self.height
 

@@ -31,17 +31,17 @@ ROLES = (
 )  # fmt: skip
 
 CELLS_PER_NAME = 48
-"""With less room than this for each asset, names are left out except those that matter."""
+"""The room for each asset below which only important names are written."""
 
 MOST_RETRIES = 2
-"""How often names are written anew with those first that found no room."""
+"""The number of times that names are written anew, beginning with those that found no room."""
 
 Window = tuple[float, Point | None]
-"""How far the map is zoomed in, and around which point."""
+"""The zoom of the map, and its centre."""
 
 
 def _lines(view: Projection, lines: Iterable[Sequence[Point]], period: int, on: int) -> Strokes:
-    """Return lines in metres, of which `on` dots of each `period` are seen."""
+    """Return lines in metres, with `on` visible dots of each `period`."""
     strokes = Strokes()
     for line in lines:
         strokes.path([view.spot(point) for point in line], period=period, on=on)
@@ -189,7 +189,7 @@ class MapScene:
     def _name_cameras(
         self, canvas: Canvas, labels: Labels, view: Projection, picture: Picture, look: Reliance
     ) -> None:
-        """Say beside a camera that does not work what is wrong with it."""
+        """Write the fault beside a camera that does not work."""
         for at, spot, symbol in self._cameras(view, picture, look):
             if symbol.name:
                 hidden = symbol.glyph if at in canvas.marks else ""

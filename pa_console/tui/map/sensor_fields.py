@@ -1,4 +1,4 @@
-"""What cameras and assets can see in clear weather: range and field of view, cut by walls."""
+"""The fields of view of cameras and assets in clear weather, cut by walls."""
 
 from collections.abc import Iterator
 from functools import lru_cache
@@ -20,7 +20,7 @@ FULL_DEG = 360.0
 
 
 Sensors = Literal["", "cameras", "all"]
-"""Of which sensors the fields of view are shown."""
+"""The sensors whose fields of view are shown."""
 
 
 Line = tuple[Point, Point]

@@ -10,7 +10,7 @@ from pa_console.tui.status_words import term
 _ARROWS = "→↗↑↖←↙↓↘"
 _TRACK_GLYPHS = {"vehicle": "■", "person": "▪"}
 WIDE_UNCERTAINTY_M = 5.0
-"""From here on the position's uncertainty is written beside a track, in metres."""
+"""The uncertainty from which it is written beside a track, metres."""
 
 TROUBLE = frozenset(("down", "stale", "suspect"))
 """The roles of assets that cannot be counted on."""
@@ -20,9 +20,9 @@ MOST_DIGIT = 9
 
 
 class Symbol(NamedTuple):
-    """How one thing is shown: `glyph` where it is, `name` and `note` beside it.
+    """The symbol of one thing: `glyph` at its place, `name` and `note` beside it.
 
-    `warning` and `detail` follow the name of an asset whose report is fresh, the detail only where
+    `warning` and `detail` follow the name of an asset whose report is fresh, the detail only if
     there is room.
     """
 
@@ -83,7 +83,7 @@ def camera_symbol(camera: CameraReport, look: Reliance) -> Symbol:
 
 
 def count_glyph(count: int) -> str:
-    """Return the one glyph for so many in a cell."""
+    """Return the one glyph for that many things in a cell."""
     return str(count) if count <= MOST_DIGIT else "+"
 
 
@@ -103,7 +103,7 @@ def crowd_symbol(roles: Sequence[str]) -> Symbol:
 
 
 def edge_arrow(right: int, down: int) -> str:
-    """Return the arrow towards what lies so many cells beyond the edge, in at least one way."""
+    """Return the arrow towards a thing that many cells beyond the edge, in at least one way."""
     if down:
         return ("↖↑↗" if down < 0 else "↙↓↘")[1 + (right > 0) - (right < 0)]
     return "→" if right > 0 else "←"

@@ -1,4 +1,4 @@
-"""Where assets and tracks have just been, as far as the pictures that were shown tell."""
+"""The recent places of assets and tracks, in the pictures that were shown."""
 
 from collections import deque
 from collections.abc import Iterator
@@ -8,10 +8,10 @@ from pa_console.schema.base import Point
 from pa_console.schema.telemetry import Picture
 
 TRAIL_S = 20.0
-"""How far back a trail reaches, in simulated seconds."""
+"""The length of a trail, simulated seconds."""
 
 GAP_S = 6.0
-"""After a longer gap between two pictures nobody knows the way."""
+"""The gap between two pictures after which the way is unknown, seconds."""
 
 STEP_M = 0.5
 """Less than this is noise of a position."""

@@ -1,6 +1,6 @@
-"""Says what a plan does, a row an action: who, from where to where, how long, at what charge.
+"""The actions of a plan, a row each: agent, places, duration, charge.
 
-`Drone_T04  UAV  Checkpoint → East Gate  7 s  battery 97 → 95 %`. Equal actions share a row.
+`Drone_T04 UAV Checkpoint → East Gate 7 s battery 97 → 95 %`. Equal actions share a row.
 """
 
 import re
@@ -22,7 +22,7 @@ _DOES: Mapping[Verb, str] = {
     "block": "blocks",
     "report": "reports",
 }
-"""What is done at the place; going there and staying there say all of the other commands."""
+"""The verbs at the place; going there and staying there describe all other commands."""
 
 _JOINED = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
@@ -34,7 +34,7 @@ def place_words(name: str) -> str:
 
 @dataclass(frozen=True)
 class _Deed:
-    """What equal actions have in common."""
+    """The common part of equal actions."""
 
     kind: str
     way: str

@@ -1,6 +1,6 @@
-"""What the approval panel says: the order, what will happen, rules, judge, confidence.
+"""The content of the approval panel: order, consequences, rules, judge, confidence.
 
-Whether the order may have been misread comes before what will happen.
+The doubt about the reading comes before the consequences.
 """
 
 from collections.abc import Iterator
@@ -25,9 +25,9 @@ from pa_console.tui.trace.rows import Row, row
 
 
 def approval_rows(trace: MissionTrace, preview: PlanPreview | None = None) -> Iterator[Row]:
-    """Yield all that is to be known of the plan that waits; nothing without one.
+    """Yield all facts of the plan that waits; none without one.
 
-    `preview` is that plan as its rehearsal has shown it, None where there was no rehearsal.
+    `preview` is that plan as its rehearsal has shown it, None without a rehearsal.
     """
     request = trace.approval
     if request is None:
@@ -88,7 +88,7 @@ def typed_words(mission: Mission) -> Iterator[str | tuple[str, str]]:
 
 
 def _because(unmet: str) -> str:
-    """Return what cannot be done and why, which are told apart by a colon, as one sentence."""
+    """Return the impossible part and its reason, separated by a colon, as one sentence."""
     what, colon, why = unmet.partition(": ")
     return f"{what}, because {why}" if colon else what
 
@@ -163,7 +163,7 @@ def objection(feedback: str) -> str:
 
 
 def _confidence(attempt: Attempt) -> Iterator[Row]:
-    """Yield how sure the models are of what was asked, and what in the words speaks against it."""
+    """Yield the models' confidence in the reading, and the words that contradict it."""
     gaps = "; ".join(attempt.gaps)
     if attempt.sure is None:
         if gaps:
@@ -198,7 +198,7 @@ def reading_rows(trace: MissionTrace) -> Iterator[Row]:
 
 
 def looked_at_rows(preview: PlanPreview | None, faults: tuple[str, ...]) -> Iterator[Row]:
-    """Yield what another reading would lead to, and why nobody could approve that."""
+    """Yield the consequences of another reading, and the rules that block it."""
     if preview is None:
         yield row("  ", ("What it leads to is known once it is planned.", QUIET))
         return

@@ -16,7 +16,7 @@ from pa_console.tui.status_words import BAD, GOOD, QUIET, WARN
 from pa_console.tui.trace.rows import Row, row
 
 MOST_BESIDE = 2
-"""So many plans are shown beside the one that waits, and more only where more readings are."""
+"""The number of plans beside the one that waits, and more only if there are more readings."""
 
 OTHER_WAY = "another plan for the same reading, chosen beside the proposed one"
 _LEAD = 11
@@ -72,7 +72,7 @@ def waiting_candidate(trace: MissionTrace, preview: PlanPreview) -> Candidate:
 
 
 def said_of(trace: MissionTrace) -> str:
-    """Return in canonical words what the plan that waits is for, '' where that is not told."""
+    """Return the reading of the waiting plan in canonical words, '' without one."""
     request = trace.approval
     if request is None:
         return ""
@@ -111,7 +111,7 @@ def other_way(
 
 
 def candidate_rows(candidate: Candidate) -> Iterator[Row]:
-    """Yield what is to be compared, always in the same order."""
+    """Yield the facts to compare, always in the same order."""
     preview = candidate.preview
     yield row(_lead("read as"), candidate.reading or ("not told", QUIET))
     yield from action_rows(preview)

@@ -17,7 +17,7 @@ from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.row_views import TextRows
 
 LIST_CELLS = 100
-"""On a narrower terminal the plans stand one below the other."""
+"""The width below which plans stand one below the other."""
 
 
 class CandidateColumn(VerticalScroll, can_focus=True):
@@ -29,7 +29,7 @@ class CandidateColumn(VerticalScroll, can_focus=True):
         self.border_title = candidate.title
 
     def compose(self) -> ComposeResult:
-        """Yield what is to be compared."""
+        """Yield the facts to compare."""
         yield TextRows()
 
     def on_mount(self) -> None:
@@ -69,7 +69,7 @@ class PlanComparison(Screen[Candidate | None]):
         self._first, self._begin, self._ended = first, begin, ended
 
     def compose(self) -> ComposeResult:
-        """Yield the title, the columns and what is still looked for."""
+        """Yield the title, the columns and the present search."""
         yield Static(id="comparison-title", markup=False)
         with Horizontal(id="comparison-plans"):
             yield CandidateColumn(self._first)
@@ -78,7 +78,7 @@ class PlanComparison(Screen[Candidate | None]):
 
     @property
     def columns(self) -> list[CandidateColumn]:
-        """The plans, the one that there is already first."""
+        """The plans, the present one first."""
         return list(self.query(CandidateColumn).results(CandidateColumn))
 
     def on_mount(self) -> None:
@@ -100,7 +100,7 @@ class PlanComparison(Screen[Candidate | None]):
         self.query_one("#comparison-plans", Horizontal).mount(CandidateColumn(candidate))
 
     def tell(self, text: str) -> None:
-        """Say what is looked for, or that nothing is."""
+        """Show the present search, or that there is none."""
         self.query_one("#comparison-note", Static).update(Content(f" {text}"))
         title = f" PLANS SIDE BY SIDE  {count(len(self.columns), 'plan')}"
         self.query_one("#comparison-title", Static).update(Content(title))

@@ -6,10 +6,10 @@ from pa_console.tui.plan_preview.preview import PlanPreview
 from pa_console.tui.protocols import Clock
 
 LONGEST_S = 8.0
-"""A rehearsal is played in at most so many seconds."""
+"""The longest time that a rehearsal is played, seconds."""
 
 STAYS_S = 1.5
-"""So long its end is shown."""
+"""The time that its end is shown, seconds."""
 
 
 @dataclass(frozen=True)
@@ -36,5 +36,5 @@ class Playback:
 
     @property
     def is_over(self) -> bool:
-        """Whether its end has been shown for long enough."""
+        """True if its end has been shown for long enough."""
         return self._played_s >= self._plays_s + STAYS_S

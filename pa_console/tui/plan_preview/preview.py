@@ -15,7 +15,7 @@ from pa_console.schema.world import World
 from pa_console.session.state.mission_trace import MissionTrace
 
 MOVED_M = 1.0
-"""Who ends within so many metres of where he began has not gone anywhere."""
+"""An asset that ends within this distance of its start has not moved, metres."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class CoverChange:
 
     @property
     def loses(self) -> bool:
-        """Whether the gate ends with fewer guards, or is without any for a time."""
+        """True if the gate ends with fewer guards, or has none for a time."""
         return self.after < self.before or self.longest_gap_s > 0.0
 
 
@@ -56,7 +56,7 @@ class PlanPreview:
 
     @cached_property
     def goals(self) -> Mapping[str, str]:
-        """Where every agent that is sent somewhere will be."""
+        """The destination of every agent that is sent to a place."""
         sent = ((action.agent, self.goal(action)) for action in self.plan.actions)
         return {agent: goal for agent, goal in sent if goal}
 
@@ -76,7 +76,7 @@ class PlanPreview:
                 yield name, ((0.0, *asset.position), (self.duration_s, *then.position))
 
     def is_there(self, action: Action) -> bool:
-        """Whether who has the action is already where it leads, or stays where he is."""
+        """Return whether the agent is at the action's place already, or stays in place."""
         goal, asset = self.goal(action), self.before.assets.get(action.agent)
         return not goal or (asset is not None and asset.at == goal)
 
@@ -86,7 +86,7 @@ class PlanPreview:
         return motion.arrived_s.get(agent, motion.ended_s.get(agent))
 
     def finished(self, agent: str) -> bool:
-        """Whether an agent's command ended as done."""
+        """Return whether an agent's command ended as done."""
         line = self.rehearsal.timeline.assets.get(agent)
         return line is not None and line.finished
 

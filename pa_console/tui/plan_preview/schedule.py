@@ -11,10 +11,11 @@ from pa_console.tui.status_words import BAD, CALM, GOOD, NOTE, QUIET
 
 MOST_LABEL = 12
 LEAST_BARS = 12
-"""With fewer columns for its bars a chart tells nothing."""
+"""The number of columns below which a chart's bars mean nothing."""
 
 MOST_AGENTS = 8
-"""So many agents have a bar of their own; the schedule of a larger team is that of its last."""
+"""The number of agents with a bar of their own; the schedule of a larger team is that of its
+last."""
 
 _GOES, _WORKS, _DONE, _FAILS, _NOW = "━", "─", "✔", "✘", "▼"
 _DIGITS = 9

@@ -1,4 +1,4 @@
-"""Drives a recorded session in wall time and says where it stands."""
+"""Drives a recorded session in wall time and reports its position."""
 
 from textual.content import Content
 

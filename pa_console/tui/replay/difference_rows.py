@@ -1,4 +1,4 @@
-"""How the difference between two recordings looks: a heading, the events around it, the values."""
+"""The difference between two recordings as rows: a heading, the events around it, the values."""
 
 from textual.content import Content
 
@@ -13,13 +13,13 @@ SHORT = 40
 """Two values that are no longer than this together stand in one row."""
 
 BEFORE, AFTER = 6, 3
-"""So many events are shown before and after the one that differs."""
+"""The numbers of events shown before and after the one that differs."""
 
 
 def heading(
     found: SessionComparison | None, shown: EventDifference | None, problem: str, *, beyond: bool
 ) -> Content:
-    """Return the line that says where the recordings part."""
+    """Return the heading with the place where the recordings part."""
     parts: list[tuple[str, str] | str] = [(" COMPARE ", "bold reverse $text-warning"), "  "]
     if problem or found is None:
         parts.append((problem, BAD))

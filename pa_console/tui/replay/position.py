@@ -1,4 +1,4 @@
-"""Reads where in a recording somebody wants to go: a time, a step, an event, a part of it."""
+"""Parses a position in a recording: a time, a step, an event, a part of it."""
 
 import re
 from datetime import timedelta
@@ -9,7 +9,7 @@ ACCEPTED = (
     "1:30 into the recording   s1:30 the session's own clock   @14:05:30 the time of day\n"
     "+30 -30 seconds from here   #120 event 120   50% of it   end"
 )
-"""What may be typed, for the one who types."""
+"""The accepted forms, for the operator."""
 
 
 def read_position(text: str, player: Player) -> int:

@@ -137,7 +137,7 @@ def started_of(log: Path) -> SessionStarted:
 
 
 def _rules(player: Player, started: SessionStarted) -> tuple[dict[str, Rule], list[str]]:
-    """Return the rules of a session, and what is not as it was then."""
+    """Return the rules of a session, and their changes since."""
     notes = [str(player.recording.problem)] if player.recording.problem is not None else []
     try:
         book = load_rules(find_data("rules", started.rules, "rules.yaml"))

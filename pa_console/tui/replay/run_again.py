@@ -1,4 +1,4 @@
-"""Runs a recorded session again and says in one line what came of it."""
+"""Runs a recorded session again and reports the result in one line."""
 
 from pathlib import Path
 

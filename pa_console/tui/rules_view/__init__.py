@@ -1,1 +1,1 @@
-"""What the policy browser and the rule editor show of rules, and what they edit them with."""
+"""The content of the policy browser and the rule editor, and their tools."""

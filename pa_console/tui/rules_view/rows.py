@@ -1,4 +1,4 @@
-"""What the policy browser and the rule editor tell of a rule, as rows."""
+"""A rule as rows, for the policy browser and the rule editor."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
@@ -142,7 +142,7 @@ def draft_line(draft: RuleDraft) -> Part:
 
 
 def draft_rows(draft: RuleDraft, trials: Iterable[Trial]) -> Iterator[Row]:
-    """Yield what the examples of a draft come to, and what it would say of known plans."""
+    """Yield the results of a draft's examples, and its findings on known plans."""
     if draft.examples:
         yield row("", (f"examples ({len(draft.examples)})", f"bold {NOTE}"))
     for result in draft.examples:

@@ -1,4 +1,4 @@
-"""What lets one console edit one rule file, shared by the policy browser and the rule editor."""
+"""The tools by which one console edits one rule file, shared by browser and editor."""
 
 from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass, field
@@ -34,5 +34,5 @@ class Workbench:
     drafts: Drafts = field(default_factory=Drafts)
 
     def __post_init__(self) -> None:
-        """Begin with a session of which nothing is known."""
+        """Begin with an empty session."""
         self.cases = SessionCases(self.world)

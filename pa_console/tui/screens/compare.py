@@ -50,7 +50,7 @@ class Side:
 
     @property
     def how_to_see(self) -> str:
-        """What to do for a map of a recording whose world is not here."""
+        """Return the remedy if the world of a recording is not here."""
         return f"pa-console replay {self.name} --world FILE shows it with its map"
 
 

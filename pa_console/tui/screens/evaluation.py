@@ -37,7 +37,7 @@ from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.row_views import TextRows
 
 LOOK_S = 1.0
-"""How often the folder is looked at for runs that were added, in wall seconds."""
+"""The interval between two looks at the folder for new runs, wall seconds."""
 
 
 class EvaluationScreen(Screen[None]):

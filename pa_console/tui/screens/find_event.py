@@ -62,7 +62,7 @@ class FindEvent(ModalScreen[int | None]):
         self._recording, self._here = recording, here
 
     def compose(self) -> ComposeResult:
-        """Yield the field, the list and what was found."""
+        """Yield the field, the list and the number of matches."""
         with Vertical(id="find"):
             yield LineField(compact=True, id="find-words", placeholder="words that an event says")
             yield HitRows(self._recording, id="find-list")
@@ -96,7 +96,7 @@ class FindEvent(ModalScreen[int | None]):
         self.dismiss(None)
 
     async def _search(self, text: str) -> None:
-        """Show what says all the words of `text`, a part of the recording after the other."""
+        """Show the events with all the words of `text`, a part of the recording after the other."""
         hits: list[Hit] = []
         end = len(self._recording)
         try:

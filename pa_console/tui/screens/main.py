@@ -35,7 +35,7 @@ from pa_console.tui.widgets.mission_prompt import MissionPrompt
 from pa_console.tui.widgets.trace_pane import NO_MISSION, TracePane
 
 PLAY_FRAME_S = 0.1
-"""How often another moment of a rehearsal is shown."""
+"""The interval between two moments of a rehearsal, seconds."""
 
 LEAST_SIZE = (60, 18)
 WIDE_SIZE = (100, 30)
@@ -46,7 +46,7 @@ _HELPING_TO_WRITE = (
 )
 """Actions that type an order, as the prompt names them."""
 _KEYS_GO_TO = {"trace": "#trace-body", "assets": "#asset-rows"}
-"""Which part of a view takes the keys, where it is not the view itself."""
+"""The part of a view that takes the keys, if it is not the view itself."""
 
 TOO_SMALL = (
     "PA Console needs 60 x 18 cells.\nThis terminal has {width} x {height}:\nmake it larger."
@@ -75,7 +75,7 @@ class MainScreen(Screen[None]):
         clock: Clock,
         joined: JoinedTo | None = None,
     ) -> None:
-        """`closed` says why no mission is taken here.
+        """Open the screen; `closed` is why no mission is accepted here.
 
         `mode` is LIVE, READ-ONLY, REPLAY or JOINED with the name of the station whose session is
         shown, which is that of `joined`.
@@ -127,7 +127,7 @@ class MainScreen(Screen[None]):
         return "No mission yet." if self._closed_why else NO_MISSION
 
     def replay_line(self) -> ComposeResult:
-        """Yield what says where a recording stands; a live session has none."""
+        """Yield the line with the position of a recording; a live session has none."""
         yield from ()
 
     def on_mount(self) -> None:
@@ -154,7 +154,7 @@ class MainScreen(Screen[None]):
         self.query_one(StatusBar).stale_after_s = stale_s
 
     def name_keys(self) -> None:
-        """Say at the prompt which of the user's keys help to write an order."""
+        """Show at the prompt which of the user's keys help to write an order."""
         if not self._closed_why:
             keys = cast(KeysHost, self.app).keys
             named = (f"{first_own_key(name, keys)} {what}" for name, what in _HELPING_TO_WRITE)
@@ -162,7 +162,7 @@ class MainScreen(Screen[None]):
 
     @property
     def compact(self) -> bool:
-        """Whether one pane is shown at a time."""
+        """True if one pane is shown at a time."""
         return self.has_class("-compact")
 
     def go_to(self, view: str) -> None:
@@ -184,7 +184,7 @@ class MainScreen(Screen[None]):
         return self.query_one(AlarmPane)
 
     def on_view_bar_chosen(self, message: ViewBar.Chosen) -> None:
-        """Go where the pointer said."""
+        """Jump to the pointed place."""
         self.focus_view(message.view)
 
     def selected(self, state: SessionState) -> MissionTrace | None:
@@ -236,7 +236,7 @@ class MainScreen(Screen[None]):
             self._show_approval(state)
 
     def show_waiting(self, text: str) -> None:
-        """Say what is being waited for, empty for nothing; on a screen that is being closed, no."""
+        """Show the present wait, empty for none; not on a screen that is being closed."""
         for prompt in self.query(MissionPrompt):
             prompt.show_waiting(text)
 
@@ -340,7 +340,7 @@ class MainScreen(Screen[None]):
         self.query_one(MissionPrompt).put(message.order)
 
     def action_where_to_decide(self) -> None:
-        """Say where the key of a decision decides something."""
+        """Show where the key of a decision has an effect."""
         if not self._decides:
             self.notify(self._closed_why, title="Decision", severity="warning", markup=False)
         elif self.query_one(ApprovalPanel).display:

@@ -17,15 +17,15 @@ from pa_console.session.replay.recording import CACHED_FROM
 
 Opened = TypeVar("Opened")
 LARGE = CACHED_FROM
-"""The index of logs of so many bytes and more is kept: building it takes a second or longer."""
+"""The size from which the index of a log is kept: building it takes a second or longer."""
 
 
 class _LeftError(Exception):
-    """Nobody waits for the log any more."""
+    """The log is not wanted any more."""
 
 
 def is_large(log: Path) -> bool:
-    """Return whether opening `log` may take so long that it is to be seen; raises OSError."""
+    """Return whether opening `log` may take so long that it should be seen; raises OSError."""
     return log.stat().st_size >= LARGE
 
 
@@ -35,7 +35,7 @@ class OpeningLog(ModalScreen[Opened | None], Generic[Opened]):
     BINDINGS = [Binding("escape,q", "leave", "Stop reading")]
 
     def __init__(self, log: Path, opening: Callable[[Progress], Opened]) -> None:
-        """`opening` is called in a thread with what it has to tell its progress to, in bytes."""
+        """Call `opening` in a thread, with a callback for its progress, in bytes."""
         super().__init__()
         self._log, self._opening, self._left = log, opening, Event()
 

@@ -22,7 +22,7 @@ def plan_json(plan: Plan) -> str:
 
 
 def read_plan(text: str) -> Plan | str:
-    """Return the plan that `text` is, or what is wrong with it and where."""
+    """Return the plan in `text`, or its fault and the place of it."""
     try:
         return Plan.model_validate_json(text)
     except ValidationError as error:
@@ -32,7 +32,7 @@ def read_plan(text: str) -> Plan | str:
 
 
 class PlanText(TextField):
-    """The text of a plan, all of which is selected by one key, to be replaced by another."""
+    """The text of a plan, which one key selects as a whole, to be replaced by another."""
 
     BINDINGS = [Binding("ctrl+a", "select_all", "Select all", show=False)]
 
@@ -72,7 +72,7 @@ class PlanEditor(ModalScreen[Plan | None]):
         self._check()
 
     def on_text_area_changed(self) -> None:
-        """Check what was typed at once."""
+        """Check the typed text at once."""
         self._check()
 
     def _check(self) -> Plan | None:

@@ -172,7 +172,7 @@ class PolicyScreen(Screen[str]):
         self.query_one("#policy-detail", VerticalScroll).scroll_home(animate=False)
 
     def show_detail(self, rule_id: str = "") -> None:
-        """Show a rule, the one at the pointer by default, and what it was to the session so far."""
+        """Show a rule, the one at the pointer by default, and its part in the session so far."""
         name = rule_id or self._selected
         for rule in (rule for rule in self._rules if rule.id == name):
             uses = uses_of(name, self._bench.missions())

@@ -21,12 +21,12 @@ class AskLine(ModalScreen[Answer | None], Generic[Answer]):
     BINDINGS = [Binding("escape", "leave", "Back")]
 
     def __init__(self, question: str, hint: str, read: Callable[[str], Answer]) -> None:
-        """`read` raises ValueError that says what is wrong with a line."""
+        """Ask for a line; `read` raises ValueError with its fault."""
         super().__init__()
         self._question, self._hint, self._read = question, hint, read
 
     def compose(self) -> ComposeResult:
-        """Yield the question, the field, and the hint or what is wrong."""
+        """Yield the question, the field, and the hint or the fault."""
         with Vertical(id="ask"):
             yield Static(self._question, markup=False)
             yield LineField(compact=True, id="ask-folder")
@@ -65,7 +65,7 @@ class AskFolder(ModalScreen[Path | None]):
         self._question, self._given = question, given
 
     def compose(self) -> ComposeResult:
-        """Yield the question, the field and what is wrong with it."""
+        """Yield the question, the field and its fault."""
         with Vertical(id="ask"):
             yield Static(self._question, markup=False)
             yield LineField(self._given, compact=True, id="ask-folder", placeholder="folder")

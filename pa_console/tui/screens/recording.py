@@ -27,11 +27,11 @@ CLOSED = "REPLAY: this is a recording, every command is refused"
 
 
 class _Host(KeysHost, Protocol):
-    """What is needed of the app."""
+    """The app as the screen needs it."""
 
     @property
     def situation(self) -> ActionContext:
-        """What decides which actions are legal now."""
+        """The state that decides which actions are legal now."""
         ...
 
 
@@ -74,7 +74,7 @@ class RecordingScreen(MainScreen):
         yield Scrubber(self.player.recording.timeline, id="scrubber")
 
     def on_mount(self) -> None:
-        """Show where the recording stands, and let it play when it is told to."""
+        """Show the position of the recording, and let it play when requested."""
         self.set_interval(FRAME_S, self._tick)
         self._moved()
 
@@ -91,7 +91,7 @@ class RecordingScreen(MainScreen):
         self.dismiss()
 
     def on_key(self, event: events.Key) -> None:
-        """Say so when a key would have given a command, had this been live."""
+        """Report that a key would have given a command in a live session."""
         command = refused_command(event.key, cast(KeysHost, self.app).keys)
         if command:
             event.stop()

@@ -29,12 +29,12 @@ from pa_console.tui.widgets.fields import TextField
 from pa_console.tui.widgets.row_views import TextRows
 
 SETTLE_S = 0.25
-"""How long nothing must be typed before the rule is checked, in wall seconds."""
+"""The pause in typing before the rule is checked, wall seconds."""
 
 
 @dataclass(frozen=True)
 class Checked:
-    """A draft with what it would say of the plans of the session."""
+    """A draft with its findings on the plans of the session."""
 
     draft: RuleDraft
     trials: tuple[Trial, ...]
@@ -60,7 +60,7 @@ class RuleEditor(Screen[str]):
         self._opened, self._begun = bench.drafts.get(opened.id, (opened, opened.text))
         self._timer: Timer | None = None
         self.checked: Checked | None = None
-        """What was found of the text as it is; None while that is not known."""
+        """The result for the present text; None while it is not known."""
 
     def compose(self) -> ComposeResult:
         """Yield title, text, results, status and keys."""
@@ -83,7 +83,7 @@ class RuleEditor(Screen[str]):
         self._changed()
 
     def on_unmount(self) -> None:
-        """Keep what was typed last, however the editor is left."""
+        """Keep the latest text in any case."""
         self._bench.drafts.keep()
 
     @property
@@ -123,7 +123,7 @@ class RuleEditor(Screen[str]):
         self.run_worker(self._examine(), group="check", exclusive=True)
 
     async def _examine(self) -> Checked:
-        """Check the text beside the screen, and show what was found unless it is another now."""
+        """Check the text beside the screen, and show the result unless the text has changed."""
         text, opened, cases = self.text, self._opened, self._bench.cases.cases()
 
         def examine() -> Checked:
@@ -150,7 +150,7 @@ class RuleEditor(Screen[str]):
             area.focus()
 
     def action_save(self) -> None:
-        """Save the rule, after a question where something is to be known."""
+        """Save the rule, after a question if there is a warning."""
         self.run_worker(self._save(), group="save", exclusive=True)
 
     async def _save(self) -> None:

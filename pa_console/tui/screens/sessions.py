@@ -39,7 +39,7 @@ from pa_console.tui.widgets.session_rows import SessionRows, detail_rows
 
 Log = TypeVar("Log", OpenedLog, ComparedLog)
 MOST = 200
-"""So many sessions are listed, the newest first."""
+"""The number of sessions listed, the newest first."""
 
 
 class SessionsScreen(Screen[None]):
@@ -229,7 +229,7 @@ class SessionsScreen(Screen[None]):
         self.notify(f"{where}; {also}", title="Exported", timeout=10, markup=False)
 
     def action_again(self) -> None:
-        """Run the session again beside the screen, and say whether it came out equal."""
+        """Run the session again beside the screen, and report whether it came out equal."""
         session = self.listing.session
         if session is not None:
             self.notify("the session is being run again", title=session.title[:40], markup=False)

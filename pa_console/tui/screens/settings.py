@@ -38,7 +38,7 @@ class SettingsScreen(Screen[None]):
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (100, "-wide")]
 
     def __init__(self, loaded: Loaded, saved: Callable[[Loaded], None]) -> None:
-        """`saved` is told of the settings in force after each one that was saved."""
+        """Call `saved` with the settings in force after each one that was saved."""
         super().__init__()
         self._loaded, self._tell_saved = loaded, saved
         self._choices = {choice.id: choice for choice in choices()}

@@ -1,4 +1,4 @@
-"""The standing orders of a session, a row each, and what is told of the one at the pointer."""
+"""The standing orders of a session, a row each, and the details of the one at the pointer."""
 
 from collections.abc import Iterator, Mapping
 

@@ -1,4 +1,4 @@
-"""What the approval panel and the list say of a standing order."""
+"""A standing order as rows, for the approval panel and the list."""
 
 from collections.abc import Collection, Iterator
 
@@ -13,7 +13,7 @@ _LEAD = 10
 
 
 def offered_rows(read: StandingOrderRead) -> Iterator[Row]:
-    """Yield all that is to be known of a standing order before it is approved."""
+    """Yield all facts of a standing order before its approval."""
     yield row(("▶ ", NOTE), (f"Standing order {read.order.id}: ", f"bold {NOTE}"),
               "it holds from your approval until you revoke it or the session ends")  # fmt: skip
     yield from order_rows(read.order, read.allowed)
@@ -24,7 +24,7 @@ def offered_rows(read: StandingOrderRead) -> Iterator[Row]:
 
 
 def order_rows(order: StandingOrder, allowed: Collection[str] | None = None) -> Iterator[Row]:
-    """Yield what an order waits for, in words and as CEL, what it starts and who is asked."""
+    """Yield an order's condition, in words and as CEL, its missions and its approvals."""
     yield row(_lead("whenever"), (order.words, "bold"))
     yield row(_lead("in CEL"), (order.condition, CALM))
     yield row(_lead("it starts"), order.order_in_words)

@@ -18,7 +18,7 @@ from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.row_views import TextRows
 
 LOOK_S = 0.5
-"""How often the screen looks for what is new."""
+"""The interval between two looks for changes, seconds."""
 
 
 class StandingOrdersScreen(Screen[None]):
@@ -74,7 +74,7 @@ class StandingOrdersScreen(Screen[None]):
         self.look()
 
     def look(self) -> None:
-        """Show what is new since the last look."""
+        """Show the changes since the last look."""
         if not is_open(self):
             return
         orders = self._state().standing

@@ -45,7 +45,7 @@ def row(lead: Sequence[Part] | Part = "", *body: Part) -> Row:
 
 
 GAP = "  "
-"""What stands between two phrases."""
+"""The separator between two phrases."""
 
 
 def phrased(lead: Sequence[Part] | Part, phrases: Iterable[Part]) -> Row:

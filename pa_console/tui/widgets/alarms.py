@@ -22,7 +22,7 @@ _FILL = {
     CALM: "$on-primary on $primary",
     QUIET: "$on-quiet on $quiet",
 }
-"""A sign that must not be overlooked and what is behind it, by the sign's own colour."""
+"""The background of a sign that must not be overlooked, by the sign's own colour."""
 
 Part = Content | tuple[str, str] | str
 
@@ -115,13 +115,13 @@ def _alarms(alarms: Sequence[OpenAlarm]) -> Iterator[Part]:
 
 
 def _worst(alarms: Sequence[OpenAlarm]) -> OpenAlarm | None:
-    """Return the worst alarm that nobody has seen, else the worst."""
+    """Return the worst unseen alarm, else the worst."""
     fresh = (item for item in alarms if not item.acknowledged)
     return next(fresh, alarms[0] if alarms else None)
 
 
 def _stop(stop: Stop | None) -> Iterator[Part]:
-    """Say that everything is stopped until it is released, and whether the assets have obeyed."""
+    """Yield the stop until it is released, and whether the assets have obeyed."""
     if stop is None:
         return
     told = f"  {stop.held} hold" if stop.orders else ""
@@ -222,7 +222,7 @@ class AlarmPane(VirtualRows):
         self.set_keys(keys)
 
     def row(self, index: int, width: int) -> Content:
-        """Return a line of the list, with a pointer on the one that keys are about."""
+        """Return a line of the list, with a pointer on the one that keys are for."""
         here = bool(self.cursor) and self.keys[index] == self.cursor
         pointer = ("▸ ", "bold $text-accent") if here else "  "
         return Content.assemble(pointer, self._lines[index]).truncate(width, ellipsis=True)
@@ -234,7 +234,7 @@ class AlarmPane(VirtualRows):
 
     @property
     def alarm(self) -> OpenAlarm | None:
-        """The alarm under the cursor, else the worst that nobody has seen."""
+        """The alarm under the cursor, else the worst unseen one."""
         if not self.region.area:
             return next((item for item in self._alarms if not item.acknowledged), None)
         chosen = next((a for a in self._alarms if self.cursor == f"{_ALARM}{a.alarm.id}"), None)
@@ -253,7 +253,7 @@ class AlarmPane(VirtualRows):
         super().point_at(key)
 
     def release(self) -> None:
-        """Let the cursor go back to the worst alarm that nobody has seen."""
+        """Move the cursor back to the worst unseen alarm."""
         self._held = False
 
     def next_alarm(self) -> None:

@@ -215,7 +215,7 @@ class _Item(NamedTuple):
 
 
 class Count(NamedTuple):
-    """How many rows there are, how many are shown, and how many of all need an eye."""
+    """The numbers of rows, of shown ones, and of all that need an eye."""
 
     total: int = 0
     shown: int = 0
@@ -249,7 +249,7 @@ class AssetTable(VirtualRows):
         self.set_keys(["" if item.kind in plain else item.name for item in self._items])
 
     def filter(self, text: str) -> None:
-        """Show only rows that have every word of `text` in what is known of them."""
+        """Show only rows with every word of `text` in their facts."""
         self._wanted = tuple(text.lower().split())
         self.show(self._picture)
 

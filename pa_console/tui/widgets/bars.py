@@ -20,7 +20,7 @@ LEAST = 10
 
 
 class Scrubber(Static):
-    """One cell for each part of the recording, with the worst of what is marked there."""
+    """One cell for each part of the recording, with the worst mark in it."""
 
     class Asked(Message):
         """The bar was clicked; `share` of the recording, 0 to 1, is before that place."""
@@ -37,7 +37,7 @@ class Scrubber(Static):
 
     @property
     def places(self) -> int:
-        """How many cells the bar has."""
+        """The number of cells of the bar."""
         return max(self.content_size.width, LEAST)
 
     def show(self, position: float) -> None:
@@ -79,7 +79,7 @@ VIEWS = (
 
 
 class ViewBar(Static):
-    """Names the views and says which one is shown; a click on a name chooses it."""
+    """The names of the views, with the shown one marked; a click on a name chooses it."""
 
     class Chosen(Message):
         """A view's name was clicked."""
@@ -111,14 +111,14 @@ STALE_AFTER_S = 5.0
 """Wall seconds without telemetry after which the stream is called stale; the user may change it."""
 
 JOINED = "JOINED"
-"""How the mode of a console begins that shows another station's session; its name follows."""
+"""The beginning of the mode of a joined console; the station's name follows."""
 
 RELIEVED = " NOT IN COMMAND: NOTHING IS SENT "
 UNLOGGED = " LOG NOT WRITTEN: NOTHING IS DISPATCHED "
 
 
 class StatusBar(Static):
-    """Says at a glance whether this is live, how old the picture is, and what the model does."""
+    """Shows at a glance whether this is live, the age of the picture, and the model's state."""
 
     stale_after_s = STALE_AFTER_S
 
@@ -156,7 +156,7 @@ class StatusBar(Static):
         self.update(line, layout=False)
 
     def _servers(self, state: SessionState) -> list[tuple[str, str] | Content | str]:
-        """Say how the models on servers are, the worst of them where there are several."""
+        """Return the state of the models on servers, the worst of several."""
         if not state.servers:
             return []
         order = ("away", "probing", "unconstrained", "ready")
@@ -165,7 +165,7 @@ class StatusBar(Static):
         return [("  server ", QUIET), (f"{mark.glyph} {mark.word}", mark.style)]
 
     def _tak(self, tak: TakTrace, *, wide: bool) -> list[tuple[str, str] | Content | str]:
-        """Say how the connection to the TAK server is, and how many contacts it has brought."""
+        """Return the state of the connection to the TAK server, and its number of contacts."""
         if tak.connection is None or tak.since is None:
             return []
         mark, number = term("tak", tak.connection.state), len(tak.contacts)
@@ -219,7 +219,7 @@ class StatusBar(Static):
 
 
 def _rules_alarm(seal: RulesSeal | None) -> str:
-    """Return what is wrong with the rules in force that nobody may overlook, "" for nothing."""
+    """Return the fault of the rules in force that must be seen, "" for none."""
     if seal is None:
         return ""
     if seal.altered:

@@ -16,9 +16,9 @@ from pa_console.tui.trace.rows import Row, layout, row
 
 
 class EventList(ScrollView):
-    """What happened, newest last; long lines wrap.
+    """The events, newest last; long lines wrap.
 
-    What only the simulation knows is left out, unless `all_known` (in a replay).
+    Events that only the simulation knows are left out, unless `all_known` (in a replay).
     """
 
     can_focus = True
@@ -83,7 +83,7 @@ class EventList(ScrollView):
         self.vertical_scrollbar.position = self.scroll_offset.y  # also when it has just come
 
     def render_line(self, y: int) -> Strip:
-        """Return the line at `y` of what is in view."""
+        """Return the visible line at `y`."""
         index, width = y + self.scroll_offset.y, self.size.width
         if index >= len(self._lines):
             return Strip.blank(width, self.rich_style)

@@ -30,7 +30,7 @@ class ExampleLine(Static):
         self._order = order
 
     def on_click(self) -> None:
-        """Tell that it was clicked."""
+        """Post that it was clicked."""
         self.post_message(self.Clicked(self._order))
 
 
@@ -55,6 +55,6 @@ class ExampleOrders(Vertical):
             yield ExampleLine(number, order)
 
     def on_example_line_clicked(self, message: ExampleLine.Clicked) -> None:
-        """Pass on what was clicked."""
+        """Pass the clicked example on."""
         message.stop()
         self.post_message(self.Taken(message.order))

@@ -55,7 +55,7 @@ class LineField(Input):
         await _act(self, event)
 
     def on_paste(self, event: events.Paste) -> None:
-        """Keep every line of what is pasted, one behind the other; nothing of it is unseen."""
+        """Keep every line of pasted text, one behind the other; all of it stays visible."""
         event.text = " ".join(map(visible, event.text.splitlines()))
 
 
@@ -74,7 +74,7 @@ class TextField(TextArea):
         await _act(self, event)
 
     def on_paste(self, event: events.Paste) -> None:
-        """Let nothing of what is pasted be unseen."""
+        """Keep all of pasted text visible."""
         event.text = visible(event.text.replace("\r\n", "\n").replace("\r", "\n"))
 
     def action_to_edge(self, end: bool = False, select: bool = False) -> None:

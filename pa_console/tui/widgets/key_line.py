@@ -1,4 +1,4 @@
-"""The line over the footer that says what a typed key does, or why it does nothing."""
+"""The line over the footer with the effect of a typed key, or why it has none."""
 
 from textual.content import Content
 from textual.widgets import Static
@@ -19,7 +19,7 @@ class KeyLine(Static):
         super().__init__(_content(key, text))
 
     def show(self, key: str, text: str) -> None:
-        """Say something else."""
+        """Show another text."""
         self.update(_content(key, text), layout=False)
 
 

@@ -9,7 +9,7 @@ CLOSED = "LOG NOT WRITTEN: nothing is dispatched, no plan can be approved"
 
 
 class LogAlarm(Widget):
-    """Says what the operator cannot do, and then why the log cannot be written."""
+    """Shows the consequence for the operator, and then why the log cannot be written."""
 
     problem: reactive[str] = reactive("", layout=True)
 

@@ -54,7 +54,7 @@ SCALE_COLUMNS = 7
 """The bar of the scale is about so long."""
 
 PAN_SHARE = 0.25
-"""How much of what is in view one step of panning moves by."""
+"""The share of the view that one step of panning moves."""
 
 
 class MapView(Widget):
@@ -64,9 +64,9 @@ class MapView(Widget):
     COMPONENT_CLASSES = {f"map--{role}" for role in ROLES}
 
     class Picked(Message):
-        """What is in the cell that was clicked, tracks and assets first; nothing is possible.
+        """The content of the clicked cell, tracks and assets first; it may be empty.
 
-        `at` is the cell of the screen; `menu` says that it was the right button.
+        `at` is the cell of the screen; `menu` is True for the right button.
         """
 
         def __init__(self, names: tuple[str, ...], at: Offset, *, menu: bool) -> None:
@@ -214,7 +214,7 @@ class MapView(Widget):
         retitle(self, title)
 
     def on_show(self) -> None:
-        """Draw what was left out while the map was hidden."""
+        """Draw the changes that were left out while the map was hidden."""
         self._draw()
 
     def on_resize(self, _event: events.Resize) -> None:
@@ -266,7 +266,7 @@ class MapView(Widget):
             self.refresh(*changed)
 
     def on_click(self, event: events.Click) -> None:
-        """Tell what is in the cell that was clicked."""
+        """Post the content of the clicked cell."""
         place = event.get_content_offset(self)
         if place is not None and event.chain == 1:
             names = self.names_at((place.x, place.y))
@@ -275,7 +275,7 @@ class MapView(Widget):
                 self.post_message(self.Picked(names, event.screen_offset, menu=menu))
 
     def names_at(self, cell: Cell) -> tuple[str, ...]:
-        """Return what is in a cell: things whose marker or name is there, then the frames."""
+        """Return the content of a cell: things whose marker or name is there, then the frames."""
         canvas = self._canvas
         names = dict.fromkeys(canvas.marks.get(cell, ()))
         for at, written in canvas.labels.items():

@@ -1,6 +1,6 @@
-"""Where missions are typed, in as many lines as they need, with a history and names that complete.
+"""The prompt for missions, with as many lines as they need, a history and completion of names.
 
-What is put here by a menu, an example or an earlier order is only typed: `Enter` sends it, and not
+A text put here by a menu, an example or an earlier order is only typed: `Enter` sends it, and not
 the `Enter` that may have been meant for the menu.
 """
 
@@ -24,19 +24,19 @@ from pa_console.tui.refresh import retitle
 from pa_console.tui.widgets.fields import TextField
 
 ELSEWHERE = "Say in plain words what is to be done; / brings you here"
-"""What the empty prompt says while keys go elsewhere: the first thing that an operator reads."""
+"""The text of the empty prompt while keys go elsewhere: the first line that an operator reads."""
 
 _HERE = "Say in plain words what is to be done; Enter sends it"
 
 _ASK = "Why?   Why not ASSET?   What would you do instead?   Enter asks it"
-"""What the empty prompt says where only questions are taken."""
+"""The text of the empty prompt if only questions are accepted."""
 
 PUT_S = 0.5
 """An `Enter` sooner than this, in seconds, after a text was put here, or after another `Enter` that
 came so soon, does not send it."""
 
 MOST_SHOWN = 6
-"""So many names that fit a slot are shown; the rest are counted."""
+"""The number of names that fit a slot that are shown; the rest are counted."""
 
 
 class _Tried(NamedTuple):
@@ -76,7 +76,7 @@ class MissionInput(TextField):
         here: str = _HERE,
         elsewhere: str = ELSEWHERE,
     ) -> None:
-        """`here` is what the empty field says while keys go to it, `elsewhere` what else."""
+        """Show `here` in the empty field while keys go to it, `elsewhere` otherwise."""
         self._names, self._clock = names, clock
         self._here, self._elsewhere = here, elsewhere
         self._put_at_s: float | None = None
@@ -92,12 +92,12 @@ class MissionInput(TextField):
         self._missions = history
 
     def watch_has_focus(self, focus: bool) -> None:
-        """Say the key that leads here only while keys go elsewhere."""
+        """Show the key that leads here only while keys go elsewhere."""
         self._watch_has_focus(focus)
         self._say()
 
     def say_instead(self, text: str) -> None:
-        """Say `text` in the empty field; with an empty text, what the field is for."""
+        """Show `text` in the empty field; with an empty text, the field's purpose."""
         self._instead = text
         self._say()
 
@@ -119,7 +119,7 @@ class MissionInput(TextField):
             event.prevent_default()
 
     def action_send(self) -> None:
-        """Tell that the text is to be sent; not by a key that is held, or was for something else.
+        """Post the text for sending; not for a key that is held, or was meant for another purpose.
 
         Such a key begins the wait anew.
         """
@@ -176,7 +176,7 @@ class MissionInput(TextField):
     # Names
 
     def update_suggestion(self) -> None:
-        """Show what is missing of the name that is being typed."""
+        """Show the missing rest of the name that is being typed."""
         found = self._completion()
         self.suggestion = found.rest if found is not None else ""
         self.post_message(self.CursorMoved())
@@ -300,7 +300,7 @@ class MissionPrompt(Horizontal):
             yield MissionInput(self._history, self._names, self._clock)
 
     def on_text_area_changed(self, event: TextArea.Changed) -> None:
-        """Tell that a mission is on its way."""
+        """Post that a mission is being typed."""
         event.stop()
         if self.draft.strip():
             self.post_message(self.Typed(self.draft))
@@ -320,15 +320,15 @@ class MissionPrompt(Horizontal):
             self.post_message(self.Given(self.draft))
 
     def on_descendant_focus(self) -> None:
-        """Say what helps to write."""
+        """Show the help for writing."""
         self._say_above()
 
     def on_descendant_blur(self) -> None:
-        """Say nothing of it while keys go elsewhere."""
+        """Hide the help while keys go elsewhere."""
         self._say_above()
 
     def on_mission_input_cursor_moved(self, event: MissionInput.CursorMoved) -> None:
-        """Say what Tab does where the cursor is."""
+        """Show the effect of Tab at the cursor."""
         event.stop()
         field = self.query_one(MissionInput)
         slot = field.slot
@@ -344,7 +344,7 @@ class MissionPrompt(Horizontal):
         self._say_above()
 
     def show_keys(self, text: str) -> None:
-        """Say in the line above which keys help to write, while nothing else is said there."""
+        """Show the keys that help to write in the line above, while it is free."""
         self._keys = text
         self._say_above()
 
@@ -383,7 +383,7 @@ class MissionPrompt(Horizontal):
         self.query_one(MissionInput).text = ""
 
     def show_waiting(self, text: str) -> None:
-        """Say what is being waited for: in the line above, or in the field where there is none.
+        """Show the present wait: in the line above, or in the field if there is none.
 
         A text that is being typed is never covered.
         """
@@ -391,7 +391,7 @@ class MissionPrompt(Horizontal):
         self._say_above()
 
     def _say_above(self) -> None:
-        """Say in the line above what Tab does, else what is waited for."""
+        """Show the effect of Tab in the line above, else the present wait."""
         above = bool(self.styles.border_top[0])
         keys = self._keys if self.has_cursor and not self.draft else ""
         said = self._hint or self._waiting
@@ -402,12 +402,12 @@ class MissionPrompt(Horizontal):
 
     @property
     def draft(self) -> str:
-        """What is typed and not yet sent."""
+        """The typed text that is not sent yet."""
         return self.query_one(MissionInput).text if self._takes else ""
 
     @property
     def has_cursor(self) -> bool:
-        """Whether keys go to the field."""
+        """True if keys go to the field."""
         return self._takes and self.query_one(MissionInput).has_focus
 
     def take_cursor(self) -> None:

@@ -1,4 +1,4 @@
-"""A list in columns with a pointer, which says so when it is moved: for a list with a detail."""
+"""A list in columns with a pointer that posts its moves: for a list with a detail."""
 
 from typing import ClassVar
 
@@ -49,7 +49,7 @@ class PointedRows(VirtualRows):
         return Content.assemble("  ", self.layout_of(width).heading(width))
 
     def point_at(self, key: str) -> None:
-        """Put the pointer on a row and say so."""
+        """Move the pointer to a row and post that."""
         super().point_at(key)
         self.post_message(self.Pointed())
 

@@ -85,7 +85,7 @@ class VirtualRows(ScrollView):
         return None
 
     def selectable(self, key: str) -> bool:
-        """Whether the cursor may stand on `key`."""
+        """Return whether the cursor may stand on `key`."""
         return bool(key)
 
     def set_keys(self, keys: list[str]) -> None:
@@ -129,7 +129,7 @@ class VirtualRows(ScrollView):
         return max(20, self.scrollable_content_region.width or self.size.width)
 
     def render_line(self, y: int) -> Strip:
-        """Return line `y` of what is in view."""
+        """Return the visible line `y`."""
         line = self._line(y)
         self._painted[y] = line
         if not line:
@@ -172,7 +172,7 @@ class VirtualRows(ScrollView):
         self._repaint()
 
     def action_choose(self) -> None:
-        """Tell that the row under the cursor was chosen."""
+        """Post that the row under the cursor was chosen."""
         if self.cursor:
             self.post_message(self.Chosen(self, self.cursor))
 

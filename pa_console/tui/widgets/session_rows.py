@@ -1,4 +1,4 @@
-"""The recorded sessions, a row each, and what is told of the one at the pointer."""
+"""The recorded sessions, a row each, and the details of the one at the pointer."""
 
 from collections.abc import Sequence
 from typing import ClassVar
@@ -51,7 +51,7 @@ class SessionRows(PointedRows):
         self.set_keys(list(self._sessions))
 
     def standing(self, key: str) -> Soundness | None:
-        """Return what is known of the log `key`; None while it is being checked."""
+        """Return the state of the log `key`; None while it is being checked."""
         return self._standings.get(key)
 
     def stand(self, key: str, standing: Soundness) -> None:

@@ -1,4 +1,4 @@
-"""What a button of the approval panel chooses, by its name, and the decision that comes of it."""
+"""The choices of the approval panel's buttons, by name, and their decisions."""
 
 from collections.abc import Sequence
 
@@ -33,7 +33,7 @@ def _named(meanings: Sequence[str], name: str) -> str:
 
 
 def may_modify(request: ApprovalRequested) -> bool:
-    """Whether there is a plan that the operator may change."""
+    """Return whether there is a plan that the operator may change."""
     return request.standing is None and request.state != "not_understood"
 
 
@@ -64,7 +64,7 @@ def decision_of(trace: MissionTrace, choice: str, reason: str) -> Decision | Non
 
 
 def answering(request: ApprovalRequested, answer: str) -> Decision | None:
-    """Return the answer to what is asked about the order; None where a plan waits."""
+    """Return the answer to a question about the order; None if a plan waits."""
     if request.state != "not_understood":
         return None
     return Decision(kind="answer", request_id=request.request_id, asked=answer)

@@ -30,9 +30,9 @@ class DecisionButtons(Horizontal):
 
 
 class Arming:
-    """Whether decisions are taken: it was quiet for long enough, and none was sent yet.
+    """The arming of decisions: after a quiet moment, and until one is sent.
 
-    So no key decides that was meant for something else.
+    So a key meant for another purpose decides nothing.
     """
 
     def __init__(self, clock: Callable[[], float], delay_s: float) -> None:
@@ -40,7 +40,7 @@ class Arming:
         self._clock, self.delay_s = clock, delay_s
         self._quiet_since = 0.0
         self.sent = False
-        """Whether a decision about what is shown was sent."""
+        """True if a decision about the shown plan was sent."""
 
     def disarm(self) -> None:
         """Begin to wait, because something was typed or has appeared."""
@@ -48,10 +48,10 @@ class Arming:
 
     @property
     def armed(self) -> bool:
-        """Whether a decision is taken now."""
+        """True if a decision is accepted now."""
         return not self.sent and self._clock() - self._quiet_since >= self.delay_s
 
 
 def is_free(key: str) -> bool:
-    """Whether a key decides nothing wherever the focus is, so that it need not wait."""
+    """Return whether a key decides nothing at any focus, so that it need not wait."""
     return key in _FREE_KEYS or (key[0] == "f" and key[1:].isdigit())

@@ -1,4 +1,4 @@
-"""What the foot of the approval panel says: why not Approve, or what the next key does."""
+"""The foot of the approval panel: the reason against Approve, or the effect of the next key."""
 
 from collections.abc import Iterable, Sequence
 from typing import Literal
@@ -7,7 +7,7 @@ from pa_console.schema.events.event import ApprovalRequested, DecisionMade
 from pa_console.tui.protocols import JoinedTo
 
 FocusAt = Literal["panel", "reading", "approve", "within", "elsewhere"]
-"""Where the keys go: the panel itself, a reading that is shown, Approve, another of its fields."""
+"""The focus: the panel itself, a reading that is shown, Approve, another of its fields."""
 
 
 def next_key(focus: FocusAt, *, joined: bool, plays: bool) -> str:
@@ -43,7 +43,7 @@ def blocked_reason(request: ApprovalRequested, left: Sequence[str], reason: str)
 
 
 def not_to_sign(joined: JoinedTo, request: ApprovalRequested, made: Iterable[DecisionMade]) -> str:
-    """Return why nothing is to be signed here for another station, empty where something is.
+    """Return why there is nothing to sign for another station, empty if there is.
 
     `made` are the decisions of the mission so far.
     """

@@ -1,4 +1,4 @@
-"""What the operator may have to give with a decision: what was meant, what is accepted, and why."""
+"""The operator's inputs for a decision: the meaning, the accepted points, the reason."""
 
 from collections.abc import Sequence
 
@@ -70,7 +70,7 @@ class ReasonField(LineField):
         self.cursor_blink = False
 
     def ask(self, request: ApprovalRequested) -> None:
-        """Begin anew, and say in the empty field what it is for."""
+        """Begin anew, and show the purpose in the empty field."""
         self.value = ""
         if request.needs_override and not request.blocked_by:
             self.placeholder = "Why override the judge? (required)"
@@ -81,7 +81,7 @@ class ReasonField(LineField):
 
     @property
     def said(self) -> str:
-        """What was written, without blanks around it."""
+        """The written text, without blanks around it."""
         return self.value.strip()
 
     def add(self, text: str) -> None:

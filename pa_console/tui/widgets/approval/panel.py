@@ -80,7 +80,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         """The operator wants to see the rehearsal on the map, or no more of it."""
 
     class CompareAsked(Message):
-        """The operator wants to see other plans beside the one that waits."""
+        """The operator wants to see other plans beside the waiting one."""
 
     class LookedAt(Message):
         """The operator looks at another reading of the order, or with '' at the plan again."""
@@ -96,7 +96,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         decides: bool = True,
         joined: JoinedTo | None = None,
     ) -> None:
-        """Where another station's session was `joined` a plan is countersigned, or it is not."""
+        """Countersign plans if another station's session was `joined`; decide otherwise."""
         shown = "-joined" if joined is not None else ""
         super().__init__(id="approval", classes=shown if decides else "-closed")
         self._decides, self._joined = decides, joined
@@ -156,7 +156,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.call_after_refresh(self._saw)
 
     def _tell(self, trace: MissionTrace, preview: PlanPreview | None) -> None:
-        """Say what is to be known; meanwhile a workflow may have moved on."""
+        """Show the facts; meanwhile a workflow may have moved on."""
         self._body.tell(tuple(approval_rows(trace, preview)))
 
     def show_moment(self, preview: PlanPreview | None, now_s: float | None) -> None:
@@ -173,7 +173,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.refresh_state()
 
     def _recall(self) -> None:
-        """What was on screen before a rehearsal was played counts after it."""
+        """Count the lines that were on screen before a rehearsal was played."""
         self._body.recall()
         self.refresh_state()
 
@@ -202,11 +202,11 @@ class ApprovalPanel(Vertical, can_focus=True):
 
     @property
     def _request(self) -> ApprovalRequested | None:
-        """What waits for a decision."""
+        """The request that waits for a decision."""
         return self._trace.approval if self._trace is not None else None
 
     def on_resize(self, event: events.Resize) -> None:
-        """Begin anew to tell what was on screen where another width has made other lines."""
+        """Count the lines on screen anew if another width has changed them."""
         if event.size.width != self._width:
             self._width = event.size.width
             self._body.begin_anew()
@@ -214,7 +214,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.call_after_refresh(self._saw)
 
     def fit(self) -> None:
-        """Give the plan the rows that the buttons and what is asked for leave it."""
+        """Give the plan the rows that the buttons and inputs leave it."""
         others = [child for child in self.children if child is not self._body and child.display]
         taken = sum(child.outer_size.height + child.styles.margin.height for child in others)
         taken += self.gutter.height
@@ -239,7 +239,7 @@ class ApprovalPanel(Vertical, can_focus=True):
 
     @property
     def _unseen(self) -> bool:
-        """Whether a plan that needs to be read first has not been on screen as a whole."""
+        """Return whether a plan that must be read first has not been on screen as a whole."""
         request = self._request
         sure = request is not None and request.state == "approve"
         return not sure and not self._body.read
@@ -265,7 +265,7 @@ class ApprovalPanel(Vertical, can_focus=True):
 
     @property
     def armed(self) -> bool:
-        """Whether the panel takes decisions: quiet for long enough, and none was sent yet."""
+        """True if the panel accepts decisions: after a quiet moment, and until one is sent."""
         return self._arming.armed
 
     def _disarm(self) -> None:
@@ -274,7 +274,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.refresh_state()
 
     def refresh_state(self) -> None:
-        """Say why Approve is not possible, and enable it when it is."""
+        """Show why Approve is not possible, and enable it when it is."""
         if self._trace is None:
             return
         self._note_seen()
@@ -290,7 +290,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self._tell_state()
 
     def _next_key(self) -> str:
-        """Return what the next key does, where the focus alone does not say it."""
+        """Return the effect of the next key, if the focus alone does not show it."""
         request = self._request
         plays = request is not None and request.standing is None
         return next_key(self._focus_at, joined=self._joined is not None, plays=plays)
@@ -306,9 +306,9 @@ class ApprovalPanel(Vertical, can_focus=True):
         return "within" if self.has_focus_within else "elsewhere"
 
     def on_descendant_focus(self) -> None:
-        """Look at a reading no more whose button has no focus, and say what the next key does.
+        """Leave a reading whose button has lost the focus, and show the effect of the next key.
 
-        A button that the mouse presses stays where it is: what it leads to is not shown then.
+        A button that the mouse presses stays in place: its consequence is not shown then.
         """
         focused = self.screen.focused
         if focused is None or reading_of(self._trace, focused.name or "") != self._looked_at:
@@ -317,7 +317,7 @@ class ApprovalPanel(Vertical, can_focus=True):
 
     @property
     def looks_at_reading(self) -> bool:
-        """Whether another reading than that of the plan is shown."""
+        """True if another reading than that of the plan is shown."""
         return bool(self._looked_at)
 
     def _look(self, asked: str) -> None:
@@ -326,17 +326,17 @@ class ApprovalPanel(Vertical, can_focus=True):
             self.post_message(self.LookedAt(asked))
 
     def on_descendant_blur(self) -> None:
-        """Say no longer what the next key did there; away from here no reading is looked at."""
+        """Remove the effect of the next key; away from here no reading is looked at."""
         if not self.has_focus_within:
             self._look("")
         self.refresh_state()
 
     def on_focus(self) -> None:
-        """Say what the next key does."""
+        """Show the effect of the next key."""
         self.refresh_state()
 
     def _tell_state(self) -> None:
-        """Say in the title and by the colour of the frame what has to be known first."""
+        """Show the most important fact in the title and by the colour of the frame."""
         request = self._request
         state = (request.state if request else None) or "none"
         mark = term("approval", state)
@@ -415,7 +415,7 @@ class ApprovalPanel(Vertical, can_focus=True):
             self._focus_and_look(button)
 
     def action_play(self) -> None:
-        """Play the rehearsal of what is looked at on the map, or stop it."""
+        """Play the rehearsal of the plan on show on the map, or stop it."""
         if self.armed:
             self.post_message(self.PlayAsked())
 
@@ -436,12 +436,12 @@ class ApprovalPanel(Vertical, can_focus=True):
         self._disarm()
 
     def write_reason(self, text: str) -> None:
-        """Go to the reason and add to it what was typed at the buttons."""
+        """Move to the reason and add the text typed at the buttons."""
         self.screen.set_focus(self._reason)
         self._reason.add(text)
 
     def on_paste(self, event: events.Paste) -> None:
-        """Take what is pasted at the buttons for the reason."""
+        """Use text pasted at the buttons as the reason."""
         event.stop()
         if self.armed:
             self.write_reason(" ".join(event.text.split()))
@@ -478,7 +478,7 @@ class ApprovalPanel(Vertical, can_focus=True):
             self._send(decision_of(trace, choice, self._reason.said))
 
     def _answer(self, answer: str) -> None:
-        """Answer what is asked about the order; nothing where a plan waits."""
+        """Answer a question about the order; does nothing if a plan waits."""
         request = self._request
         if request is not None and self.armed:
             self._send(answering(request, answer))

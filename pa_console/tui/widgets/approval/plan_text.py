@@ -1,4 +1,4 @@
-"""What the approval panel says of a plan, in how many rows, and how much of it was on screen."""
+"""The text of a plan in the approval panel: its rows, and how far it was on screen."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -14,13 +14,13 @@ ROWS_ELSEWHERE = 6
 """The lines of the terminal that are neither map nor panel, about."""
 
 WIDE_SHARE, COMPACT_SHARE = 0.7, 0.62
-"""How much of the other lines the panel may take, beside the map and below it."""
+"""The share of the other lines that the panel may take, beside the map and below it."""
 
 LEAST_ROWS, LEAST_PLAN_ROWS = 13, 4
 
 
 class PanelRoom(NamedTuple):
-    """So many rows at most: for the whole panel, and for the plan in it."""
+    """The largest numbers of rows: for the whole panel, and for the plan in it."""
 
     panel: int
     plan: int
@@ -42,7 +42,7 @@ class PlanText(VerticalScroll, can_focus=False):
     def __init__(self) -> None:
         super().__init__(id="approval-body")
         self._seen = 0.0
-        """So many lines have been on screen, from the first on."""
+        """The number of lines that have been on screen, from the first on."""
         self._seen_before_play = 0.0
         self._rows = 0
 
@@ -69,7 +69,7 @@ class PlanText(VerticalScroll, can_focus=False):
         self._seen = 0.0
 
     def fit(self, rows: int) -> bool:
-        """Take at most so many rows of the screen; returns whether they are others than before."""
+        """Take at most that many rows of the screen; returns whether their number has changed."""
         if rows == self._rows:
             return False
         self._rows = self.styles.max_height = rows
@@ -85,7 +85,7 @@ class PlanText(VerticalScroll, can_focus=False):
 
     @property
     def read(self) -> bool:
-        """Whether all lines have been on screen."""
+        """True if all lines have been on screen."""
         return 0 < self.query_one("#approval-text").size.height <= self._seen
 
     def keep(self) -> None:
@@ -93,7 +93,7 @@ class PlanText(VerticalScroll, can_focus=False):
         self._seen_before_play = self._seen
 
     def recall(self) -> None:
-        """Let what was kept count again."""
+        """Restore the kept count."""
         self._seen = max(self._seen, self._seen_before_play)
 
     def scroll_pages(self, pages: int) -> None:
