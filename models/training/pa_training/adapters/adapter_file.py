@@ -1,4 +1,4 @@
-"""Adapter files: what llama.cpp loads beside a base, and where it came from as metadata.
+"""Adapter files: the matrices that llama.cpp loads beside a base, and their origin as metadata.
 
 A linear layer has two matrices, A (rank, inputs) and B (outputs, rank), by llama.cpp's names. In
 memory the rows of B are in the order that the network computes with.
@@ -22,7 +22,7 @@ Matrices = dict[str, tuple[Array, Array]]
 """A and B by the name of their layer, such as `blk.0.attn_q`."""
 
 PREFIX = "pa_console.training"
-"""Begins the metadata keys that say where an adapter comes from."""
+"""Begins the metadata keys about an adapter's origin."""
 CONFIG, BASE, BASE_SHA256, DATA_SHA256, STEPS, SAMPLES, EARLIER = (
     f"{PREFIX}.{key}"
     for key in ("config", "base", "base_sha256", "data_sha256", "steps", "samples", "earlier")
@@ -61,7 +61,7 @@ class AdapterFile:
 
     @property
     def alpha(self) -> float:
-        """What the update is scaled by, times the rank; 0.0 where the file does not say."""
+        """The scale of the update, times the rank; 0.0 where the file does not have it."""
         value = self.metadata.get(gguf.Keys.Adapter.LORA_ALPHA)
         return value if isinstance(value, float) else 0.0
 

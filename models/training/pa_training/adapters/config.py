@@ -1,4 +1,4 @@
-"""What a training run is: everything that decides its result, read from a YAML file."""
+"""The configuration of a training run: everything that decides its result, as a YAML file."""
 
 from pathlib import Path
 from typing import Literal
@@ -18,7 +18,7 @@ def shipped_config(task: str) -> Path:
 
 
 class Lesson(StrictModel):
-    """What another run learnt: the difference that it made to its weights, or a share of that.
+    """The lesson of another run: the difference that it made to its weights, or a share of that.
 
     Differences of weights can be added up (task arithmetic, Ilharco et al. 2023): a judge that has
     begun from an old planner takes over what the planner has learnt since.

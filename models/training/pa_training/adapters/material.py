@@ -1,4 +1,4 @@
-"""What a run learns from: samples as the tokens that the model meets.
+"""Samples as tokens: the material that a run learns from.
 
 Prompts go through the product's own `ChatPrompt`. An answer is tokenised plainly, which is what
 decoding under a grammar comes to: llguidance forces a token only where no other can follow
@@ -56,7 +56,7 @@ class Tokeniser:
         )
 
     def _without_given(self, sample: Sample, answer: list[int]) -> list[int]:
-        """Return `answer` with NOT_LEARNT for every token that lies within what is given."""
+        """Return `answer` with NOT_LEARNT for every token within the given part."""
         if not sample.given:
             return answer
         begin = sample.answer.index(sample.given)
@@ -86,7 +86,7 @@ def rows_to_learn(config: TrainConfig, tokeniser: Tokeniser) -> list[Row]:
 
 
 def rows_held_out(config: TrainConfig, tokeniser: Tokeniser) -> list[Row]:
-    """Return the first samples of the validation file, as many as are wanted.
+    """Return the first samples of the validation file, `validation_samples` at most.
 
     Raises OSError, and ValueError for a file that holds no sample of the task.
     """

@@ -1,4 +1,4 @@
-"""A training run on disk, for whoever goes on with it and for its model card.
+"""The folder of a training run: enough to resume it and to write its model card.
 
 The folder holds `config.json`, `inputs.json` (hashes of base and data), `curve.csv` (a line a
 validation), `earlier.json` (the runs that it began from), `checkpoint-N` and, when the run has

@@ -79,7 +79,7 @@ def start_matrices(
 
 
 def _of_rank(a: Array, b: Array, fresh: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Return matrices of the rank of `fresh` whose product b a is that of A and B, or the nearest.
+    """Return A and B at the rank of `fresh`, with the same product b a or the nearest to it.
 
     The further rows of a higher rank are those of `fresh`, which change nothing.
     """

@@ -60,7 +60,7 @@ ADAM_BETA2 = 0.99
 
 @dataclass(frozen=True)
 class Progress:
-    """Where the run stands after a step; validation figures are of the last validation."""
+    """The state of a run after a step; validation figures are of the last validation."""
 
     step: int
     steps: int
@@ -74,7 +74,7 @@ class Progress:
 
 @dataclass(frozen=True)
 class TrainResult:
-    """What a run came to; not `finished` when it was asked to stop and can be resumed."""
+    """The end of a run; not `finished` when it was asked to stop and can be resumed."""
 
     finished: bool
     last: Progress
@@ -191,7 +191,7 @@ class _Watch(TrainerCallback):
 
     @property
     def finished(self) -> bool:
-        """Whether all steps are done, or the time is up."""
+        """True once all steps are done, or the time is up."""
         return self.done(self.progress.step) >= 1.0
 
     def done(self, step: int) -> float:
@@ -214,7 +214,7 @@ class _Watch(TrainerCallback):
     def on_step_end(
         self, args: TrainingArguments, state: TrainerState, control: TrainerControl, **kwargs: Any
     ) -> None:
-        """Say what is to follow this step."""
+        """Decide whether a validation, a checkpoint or the end follows this step."""
         last = self.done(state.global_step) >= 1.0
         control.should_training_stop = last or self._stop.asked
         control.should_evaluate = control.should_evaluate or (last and self._validates)
