@@ -12,7 +12,7 @@ import pytest
 from tests.golden.command_line_calls import CALLS, Caller, declared
 from tests.golden.stored import compare, read, write
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.timeout(1200)]
 
 FILE = "command_line.json"
 TO_RECORD = "PA_GOLDEN_RECORD"

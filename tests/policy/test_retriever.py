@@ -1,9 +1,11 @@
 """Retrieval by every method: order, pinned rules, bounds, whatever the text."""
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pa_console.policy.retrieval.inverted_index import Floats
 from pa_console.policy.retrieval.related_words import Vocabulary
 from pa_console.policy.retrieval.retriever import DEFAULT_METHOD, METHODS, Retriever
 from pa_console.schema.rule import Rule
@@ -42,7 +44,7 @@ def test_every_rule_is_scored_once_between_0_and_its_parts_best_first(
         assert hit.components
         assert all(value >= 0.0 for value in hit.components.values())
         parts = sum(hit.components.values()) / (2 if method == "paper" else 1)
-        assert hit.score == pytest.approx(parts)
+        assert hit.score == pytest.approx(parts, abs=2e-9)
 
 
 @given(METHOD, TEXT, st.integers(0, 40))
@@ -110,6 +112,21 @@ def test_the_default_method_knows_other_words_and_slips_of_the_keyboard(
     text: str, rule_id: str
 ) -> None:
     assert rule_id in RETRIEVERS[DEFAULT_METHOD].rank(text, 3)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("text", ["Move the drone to the east gate.", "kill him", "batery low"])
+def test_a_processor_with_other_last_digits_gives_the_same_hits(
+    method: str, text: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hits, log1p = Retriever(RULES, method).score_all(text), np.log1p
+    for towards in (-np.inf, np.inf):
+
+        def other(values: Floats, towards: float = towards) -> Floats:
+            return np.nextafter(log1p(values), towards)
+
+        monkeypatch.setattr(np, "log1p", other)
+        assert Retriever(RULES, method).score_all(text) == hits
 
 
 def test_related_words_count_less_than_the_same_word_and_only_if_the_vocabulary_has_them() -> None:

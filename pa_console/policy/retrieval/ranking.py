@@ -16,6 +16,18 @@ Scores = dict[str, Floats]
 """The parts of a score by name; each has one number for each rule, in the order of the rules."""
 
 
+DECIMALS = 9
+
+
+def rounded(scores: Floats) -> Floats:
+    """Return `scores` with the decimals that are the same on every processor.
+
+    Processors differ in the last digits of a logarithm. An order gets the same rules, and its log
+    the same numbers, only if scores are rounded before they are compared.
+    """
+    return np.round(scores, DECIMALS)
+
+
 class Ranking(Protocol):
     """Scores all rules that it was made for, in their order; higher is better."""
 
@@ -91,7 +103,7 @@ class FusionRanking:
     def scores(self, text: str) -> tuple[Floats, Scores]:
         """Return the fused score of each rule, and what each ranking adds to it."""
         parts: Scores = {
-            name: 1.0 / (OFFSET + 1.0 + _better(ranking.scores(text)[0]))
+            name: 1.0 / (OFFSET + 1.0 + _better(rounded(ranking.scores(text)[0])))
             for name, ranking in self._rankings.items()
         }
         return np.asarray(sum(parts.values()), dtype=np.float64), parts

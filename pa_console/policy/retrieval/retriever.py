@@ -13,6 +13,7 @@ from pa_console.policy.retrieval.ranking import (
     RelatedRanking,
     Scores,
     best,
+    rounded,
 )
 from pa_console.policy.retrieval.related_words import Vocabulary, default_vocabulary
 from pa_console.schema.rule import Rule, RuleHit
@@ -68,7 +69,7 @@ class Retriever:
         """
         if k < 0:
             raise ValueError(f"cannot retrieve {k} rules")
-        scores, parts = self._ranking.scores(text)
+        scores, parts = self._scores(text)
         chosen: list[int] = []
         for places, number in (
             (np.flatnonzero(self._pinned), len(self._ids)),
@@ -79,13 +80,18 @@ class Retriever:
 
     def rank(self, text: str, k: int) -> tuple[str, ...]:
         """Return the ids of the `k` rules that score best, pinned or not, best first."""
-        return tuple(self._ids[place] for place in best(self._ranking.scores(text)[0], k))
+        return tuple(self._ids[place] for place in best(self._scores(text)[0], k))
 
     def score_all(self, text: str) -> tuple[RuleHit, ...]:
         """Return every rule with its score and its parts, best first."""
-        scores, parts = self._ranking.scores(text)
+        scores, parts = self._scores(text)
         places = best(scores, len(self._ids))
         return tuple(self._hit(place, scores, parts) for place in places)
+
+    def _scores(self, text: str) -> tuple[Floats, Scores]:
+        """Return the scores and their parts, rounded before any is compared."""
+        scores, parts = self._ranking.scores(text)
+        return rounded(scores), {name: rounded(values) for name, values in parts.items()}
 
     def _hit(self, place: int, scores: Floats, parts: Scores) -> RuleHit:
         return RuleHit(
