@@ -58,7 +58,7 @@ def _counted(names: Iterable[str], world: World) -> str:
 
 
 _REFUSED = frozenset(clause.wrong for clause in CLAUSES if clause.wrong is not None)
-"""What is wrong in such a way that nothing else is said of the ask."""
+"""The faults that leave no other part of the ask to write."""
 _OF_TRACKS = frozenset(clause.task for clause in CLAUSES if "{track}" in clause.words.text)
 """The tasks that can be put with the name of a track."""
 
@@ -105,7 +105,7 @@ def _all(asks: tuple[Ask, ...], world: World) -> str:
 
 
 def _said(ask: Ask, world: World) -> Iterator[tuple[str, str]]:
-    """Yield what an ask says in the slots of clauses, by the slot."""
+    """Yield the content of an ask for the slots of clauses, by the slot."""
     place = ask.place if ask.place in world.frames or ask.place in world.zones else NOWHERE
     if ask.place:
         yield "place", place
@@ -127,7 +127,7 @@ def _said(ask: Ask, world: World) -> Iterator[tuple[str, str]]:
 
 
 def _who(who: Who) -> str:
-    """Return who is meant, '' when it is left open."""
+    """Return the assets of an ask, '' when they are left open."""
     if who.names:
         return ", ".join(who.names)
     if who == ANYBODY:

@@ -43,9 +43,9 @@ from pa_console.schema.world import PLAIN_KINDS, World
 
 _UNDER = r"(if [ !#-9;-\[\]-~]+: )?"
 _NOW = r"now: [ !#-:<-\[\]-~]+"
-"""How a condition stands, which the picture decides."""
+"""The state of a condition, which the picture decides."""
 _PLAIN = r"[a-z]+|[0-9]+|\([A-Z]+-[0-9]+\)"
-"""What is no name: plain words, numbers, a rule in brackets."""
+"""Text without names: plain words, numbers, a rule in brackets."""
 MOST_CLAUSES = 8
 _WORD = re.compile(r"[A-Za-z0-9_]+")
 _NUMBER = re.compile(r"\d+")
@@ -99,9 +99,9 @@ def _guards(told: Iterable[str], digest: Digest, gates: str) -> Iterator[str]:
 
 
 def _teams(digest: Digest, said: Iterable[str]) -> str:
-    """Return the expression for so many of a kind, or of any, from where somebody is.
+    """Return the expression for a number of assets of a kind, or of any, with their origin.
 
-    That none of the kind is there must be sayable.
+    A kind without assets must be expressible, too.
     """
     there = (exactly(frame) for frame, names in standing(digest).items() if names)
     slots = {
@@ -152,9 +152,9 @@ _ORDER = r"([A-Zabcdefghj-z0-9_]|i[A-Zabcdeg-z0-9_])[A-Za-z0-9_,; ]*"
 """The same in names, numbers and plain words alone."""
 _WORDS = f"{WORD}{{1,160}}"
 ASKED_ONCE = f"{ASKED}({_WORDS}|if {_WORDS}: {_WORDS}, else: {_WORDS}; now: {_WORDS}(: {_WORDS})?)"
-"""A regular expression for what was asked at a moment of which there is no digest any more."""
+"""A regular expression for a reading of a moment whose digest is gone."""
 MOST_PARTS = 24
-"""What commas and semicolons part in a reason: clauses, names, facts."""
+"""The largest number of clauses, names and facts in a reason, divided by commas and semicolons."""
 MOST_PLAIN = 80
 """The longest fact in the model's own words, in characters."""
 _UNCONDITIONAL = rf"([ !#-+\--9<-\[\]-hj-~]|i[ !#-+\--9<-\[\]-eg-~]){_PART}{{0,{MOST_PLAIN}}}"
@@ -166,9 +166,9 @@ _END = r"( \([A-Z]+-[0-9]+\))?( takes over| stays)?"
 
 
 def asked_now(world: World, digest: Digest, asked: str) -> str:
-    """Return what was `asked` at some moment as it is said in the picture that `digest` tells.
+    """Return the reading `asked` of some moment in the words for the picture of `digest`.
 
-    Of an order under a condition: with how that stands now, where the digest decides it.
+    A condition is written with its present state, if the digest decides it.
     """
     meant, under, then = asked.partition("; now: ")
     for condition in conditions(world, digest) if under else ():
@@ -194,7 +194,7 @@ def grounded_reason(world: World, digest: Digest, words: str, asked: str = "") -
 
 
 def grounded_asked(world: World, digest: Digest, words: str, asked: str = "") -> tuple[str, ...]:
-    """Return the same for what a judge of a plan says was asked, in words like those of orders.
+    """Return the same for a judge's reading, in words like those of orders.
 
     Facts of the picture, which come with colons, brackets and rule ids, have no place in it.
     """
@@ -204,7 +204,7 @@ def grounded_asked(world: World, digest: Digest, words: str, asked: str = "") ->
 
 
 def _asked(world: World, digest: Digest, unconditional: str) -> str:
-    """Return what was asked; `digest` decides each condition that it may be under."""
+    """Return the reading; `digest` decides its conditions."""
     under = (
         f"{escape(in_words(condition))}: {WORD}+, else: {WORD}+; "
         f"now: {escape(evidence(condition, digest))}, {_SO[holds(condition, DigestFacts(digest))]}"

@@ -14,23 +14,23 @@ from pa_console.orders.word_form import WordForm
 from pa_console.schema.world import PLAIN_KINDS, AssetKind
 
 ASKED = "asked: "
-"""How a reason or a feedback begins that says what was asked."""
+"""The beginning of a reason or a feedback with a reading."""
 NOTHING = "nothing"
-"""Stands for the clauses of a case in which nothing is to be done."""
+"""Stands for the clauses of a case with nothing to do."""
 OTHERS_STAY = "others stay"
-"""Ends what is asked where nobody else may move."""
+"""The end of a reading that lets no other asset move."""
 NOWHERE = "unknown place"
-"""What a place is called that the world has not."""
+"""The name of a place that the world does not have."""
 SOMEBODY = "somebody"
 TEAM = WordForm("({every}|{count} {kind}{plural})[ from {origin}]")
-"""How those are put who are not named; in plain words they come in the same order."""
+"""The wording of assets without names; in plain words they come in the same order."""
 TEAM_SLOTS: Mapping[str, str] = {
     "every": "all|any",
     "count": "[0-9]+|all",
     "kind": "|".join(PLAIN_KINDS.values()),
     "plural": "s?",
 }
-"""What can stand in its slots but for the origin, as regular expressions without groups."""
+"""The contents of its slots but for the origin, as regular expressions without groups."""
 MOST_NAMES = 12
 """Assets that one clause can name."""
 KIND_FORMS: Mapping[str, AssetKind] = {
@@ -107,7 +107,7 @@ CLAUSES: tuple[Clause, ...] = (
 
 
 class Aggravation(NamedTuple):
-    """What makes of any clause one that no order may have done."""
+    """The addition that turns any clause into one that no order may have done."""
 
     wrong: Wrong
     words: str
@@ -126,9 +126,9 @@ _DEFAULTS: Mapping[str, str] = {"place": NOWHERE, "gate": NOWHERE, "who": SOMEBO
 
 
 def written(task: Task, said: Mapping[str, str], wrong: Wrong | None = None) -> str:
-    """Return the clause for a task with what is `said` in its slots.
+    """Return the clause for a task with its slots filled from `said`.
 
-    `wrong` picks the form of what is refused. A place that is needed and not said is unknown.
+    `wrong` picks the form of a refused ask. A place that is needed and missing is unknown.
     """
     forms = [clause.words for clause in CLAUSES if clause.task == task and clause.wrong == wrong]
     form = next((form for form in forms if form.fits(said)), forms[0])
@@ -136,27 +136,27 @@ def written(task: Task, said: Mapping[str, str], wrong: Wrong | None = None) -> 
 
 
 def counted(kind: AssetKind, count: int | str) -> dict[str, str]:
-    """Return so many of a kind by the slots of `TEAM`."""
+    """Return a number of assets of a kind by the slots of `TEAM`."""
     plural = "" if count == 1 else "s"
     return {"count": str(count), "kind": PLAIN_KINDS[kind], "plural": plural}
 
 
 class NamePatterns(NamedTuple):
-    """What the names in clauses can be: a regular expression for each sort of them."""
+    """The possible names in clauses: a regular expression for each sort of them."""
 
     asset: str
     place: str
-    """Where an asset can be sent."""
+    """A destination of assets."""
     gate: str
-    """Where something can come, and a guard stand."""
+    """A place with an approach and a guard's post."""
     team: str
     """Assets that are not named, with where they come from."""
     track: str
     """A track with where it is: "T at G"."""
     guard: str
-    """Who is relieved or lost, with where: "A at G"."""
+    """An asset to be relieved or lost, with its place: "A at G"."""
     stranger: str = " vehicle| person"
-    """What is unknown; with the blank before it."""
+    """The unknown contact, with the blank before it."""
 
 
 def _unnamed(_slot: str, pattern: str) -> str:

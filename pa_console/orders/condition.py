@@ -1,6 +1,6 @@
-"""What an order may depend on: in canonical and in plain words, and whether it is so.
+"""The conditions of orders: in canonical and in plain words, and their truth.
 
-What a condition comes to is no matter of judgement. It is decided on facts that a picture gives as
+The truth of a condition is no matter of judgement. It is decided on facts that a picture gives as
 well as its digest (`picture_facts.py`, `digest_facts.py`).
 """
 
@@ -28,12 +28,12 @@ Fact = Literal[
     "free",
     "none_free",
 ]
-"""What an order may depend on, as far as the picture tells it."""
+"""A fact that an order may depend on, as far as the picture shows it."""
 TrackKind = Literal["vehicle", "person", ""]
 
 
 class Condition(StrictModel):
-    """What must be so for the order to apply."""
+    """The condition under which the order applies."""
 
     fact: Fact
     subject: str = Field(default="", description="a gate for tracks and cover, else an asset")
@@ -53,7 +53,7 @@ def _form(words: str, plain: str) -> ConditionForm:
 
 
 def _known(fact: Fact) -> ConditionForm:
-    """Return how is said what is known of who is there."""
+    """Return the words for the known identity of a contact."""
     return _form(
         f"({{track}}|track) at {{subject}} {fact}",
         f"(the {{track}} at {{subject}}|what is at {{subject}}) is {fact}",
@@ -88,7 +88,7 @@ def in_words(condition: Condition) -> str:
 
 
 class TrackFacts(Protocol):
-    """What is known of a track."""
+    """The known facts of a track."""
 
     @property
     def kind(self) -> str:
@@ -97,7 +97,7 @@ class TrackFacts(Protocol):
 
     @property
     def identity(self) -> str:
-        """Return authorized or unauthorized, something else while nobody knows."""
+        """Return authorized or unauthorized, another word while it is unknown."""
         ...
 
     @property
@@ -107,7 +107,7 @@ class TrackFacts(Protocol):
 
 
 class Facts(Protocol):
-    """What a condition can depend on, None where it is not told."""
+    """The facts that a condition can depend on, None if they are unknown."""
 
     def tracks(self, gate: str) -> Iterable[TrackFacts]:
         """Return the tracks at a gate that do not leave."""
@@ -131,7 +131,7 @@ class Facts(Protocol):
 
 
 def holds(condition: Condition, facts: Facts) -> bool | None:
-    """Return whether the condition is so, None where the facts do not tell."""
+    """Return whether the condition is true, None if the facts do not decide it."""
     subject = condition.subject
     match condition.fact:
         case "track_at":
@@ -158,5 +158,5 @@ def there(condition: Condition, facts: Facts) -> list[TrackFacts]:
 
 
 def decides(condition: Condition, track: TrackFacts) -> bool:
-    """Whether a track makes a condition about who is there true."""
+    """Return whether a track makes a condition about a contact true."""
     return condition.fact in (track.identity, track.intent)

@@ -64,7 +64,7 @@ _FROM = frozenset(
 )
 """Words before a place that is not where an asset is sent."""
 _BESIDES = frozenset(("relieve", "relieves", "replace", "replaces", "with", "for", "like", "as"))
-"""Words before an asset that is not the one that is sent."""
+"""Words before an asset other than the one that is sent."""
 _IT = frozenset(("it", "him", "her", "them", "they", "he", "she"))
 _MODAL = frozenset(("must", "should", "shall", "may", "is", "are", "can", "do", "does"))
 _KNOWN = frozenset(
@@ -165,12 +165,12 @@ class Demand:
 
     @property
     def stays(self) -> bool:
-        """Whether assets are to stay where they are."""
+        """True if assets have to stay in place."""
         return STAYING in self.acts and not self.goals
 
 
 class Demands(NamedTuple):
-    """What an order demands and forbids, and whether it says what comes after what."""
+    """The demands and prohibitions of an order, and whether it gives a sequence."""
 
     clauses: tuple[Demand, ...] = ()
     in_turn: bool = False
@@ -200,7 +200,7 @@ class _Clause:
     question: bool = False
     conditional: bool = False
     joined: bool = False
-    """Whether it goes on with the sentence of the clause before it."""
+    """True if it continues the sentence of the clause before it."""
 
 
 class _Reading:
@@ -245,7 +245,7 @@ class _Reading:
             yield clause
 
     def _is_whole(self, clause: _Clause) -> bool:
-        """Return whether a clause has what it needs, so that what follows is no list in it."""
+        """Return whether a clause is complete, so that the next words are no list in it."""
         words = [token.word for token in clause.tokens]
         acts = {_FORMS[word] for word in words if word in _FORMS}
         ends = words[-1:] == ["anywhere"] or (len(words) > 1 and words[-1] in _FORMS)
@@ -362,7 +362,7 @@ class _Reading:
         return tuple(dict.fromkeys(found))
 
     def _is_split(self, words: Sequence[str]) -> bool:
-        """Return whether places are joined by *and*, with nothing else between them."""
+        """Return whether places are joined by *and* alone."""
         places = [at for at, word in enumerate(words) if word in self._places]
         if len(places) < 2:
             return False

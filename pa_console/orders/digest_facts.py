@@ -1,7 +1,6 @@
-"""What a digest tells: of its tracks, of its assets, and of the conditions that an order can have.
+"""The facts in a digest: tracks, assets, and the conditions that an order can have.
 
-The words are those in which a trained planner says what it has understood; a reason can state
-nothing else.
+The words are those of a trained planner's reading; a reason can state nothing else.
 """
 
 from collections.abc import Iterable, Iterator
@@ -14,7 +13,7 @@ from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
 
 @dataclass(frozen=True)
 class DigestTrack:
-    """A track as its line in the digest tells of it; `facts` are what follows the distance."""
+    """A track as in its line of the digest; `facts` follow the distance."""
 
     id: str
     kind: str
@@ -24,12 +23,12 @@ class DigestTrack:
 
     @property
     def here(self) -> bool:
-        """Whether it does not leave."""
+        """True if it does not leave."""
         return self.status != "leaving"
 
     @property
     def identity(self) -> str:
-        """Return authorized or unauthorized, '' while nobody knows."""
+        """Return authorized or unauthorized, '' while it is unknown."""
         return next((one for one in ("authorized", "unauthorized") if one in self.facts), "")
 
     @property
@@ -51,14 +50,14 @@ class DigestTrack:
 
     @property
     def known(self) -> str:
-        """Return in words who it is, as far as anybody knows."""
+        """Return the known identity in words."""
         if self.identity:
             return f"{self.identity}, intent {self.intent}"
         return f"not identified{', intent hostile' if self.intent == 'hostile' else ''}"
 
 
 def tracks_of_digest(lines: Iterable[str]) -> list[DigestTrack]:
-    """Return the tracks of a digest, those that are hostile first, else in their order."""
+    """Return the tracks of a digest, hostile ones first, else in their order."""
     return sorted(_read(lines), key=lambda contact: contact.intent != "hostile")
 
 
@@ -84,7 +83,7 @@ def asset_state(digest: Digest, name: str) -> str:
 
 
 def standing(digest: Digest) -> dict[str, list[str]]:
-    """Return who stands at each gate, and at each other frame where somebody does."""
+    """Return the assets at each gate, and at each other occupied frame."""
     stands: dict[str, list[str]] = {gate: [] for gate in digest.covered}
     for name in digest.posts:
         frame = stands_at(digest, name)
@@ -99,14 +98,14 @@ def stands_at(digest: Digest, name: str) -> str:
 
 
 def told_assets(world: World, digest: Digest) -> list[str]:
-    """Return the assets of which `digest` tells: of a large world, those that were selected."""
+    """Return the assets in `digest`: those of a large world that were selected."""
     if digest.selection is None:
         return list(world.assets)
     return [name for name in world.assets if name in digest.posts or name in digest.down]
 
 
 def told_frames(world: World, digest: Digest) -> Iterable[str]:
-    """Return the frames of which `digest` tells: of a large world, those that were selected."""
+    """Return the frames in `digest`: those of a large world that were selected."""
     if digest.selection is None:
         return world.frames
     return dict.fromkeys((*digest.covered, *digest.selection.frames))
@@ -121,7 +120,7 @@ _SPARE: tuple[Fact, ...] = ("free", "none_free")
 
 
 def conditions(world: World, digest: Digest) -> Iterator[Condition]:
-    """Yield every condition about the gates and assets of which `digest` tells."""
+    """Yield every condition about the gates and assets in `digest`."""
     for gate in digest.covered:
         for fact in (*_PRESENCE, *_KNOWN):
             for kind in _TRACKS:
@@ -143,12 +142,12 @@ class DigestFacts:
     digest: Digest
 
     def tracks(self, gate: str) -> list[DigestTrack]:
-        """Return the tracks at a gate that do not leave, those that are hostile first."""
+        """Return the tracks at a gate that do not leave, hostile ones first."""
         every = tracks_of_digest(self.digest.tracks)
         return [track for track in every if track.gate == gate and track.here]
 
     def is_covered(self, gate: str) -> bool | None:
-        """Return whether a gate has a guard, None for what is no gate here."""
+        """Return whether a gate has a guard, None for a place that is no gate here."""
         return gate not in self.digest.uncovered if gate in self.digest.covered else None
 
     def is_low(self, asset: str) -> bool | None:
@@ -165,10 +164,10 @@ class DigestFacts:
 
 
 def evidence(condition: Condition, digest: Digest) -> str:
-    """Return what the compact picture tells of the condition, as far as that decides it.
+    """Return the facts in the compact picture that decide the condition.
 
-    What the picture says comes before whether it is so: a small model reads a line again far better
-    than it decides from memory.
+    The facts come before the conclusion: a small model reads a line again far better than it
+    decides from memory.
     """
     subject, facts = condition.subject, DigestFacts(digest)
     match condition.fact:
@@ -192,7 +191,7 @@ def evidence(condition: Condition, digest: Digest) -> str:
 
 
 def guard(gate: str, digest: Digest) -> str:
-    """Return who stands at a gate, the first of several, or that nobody does."""
+    """Return the first guard at a gate, or that there is none."""
     sole = digest.sole_cover.get(gate)
     return sole or next(iter(standing(digest).get(gate, ())), "nobody")
 

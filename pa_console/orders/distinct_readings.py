@@ -1,4 +1,4 @@
-"""Which readings of an order ask for something else, and which only say the same otherwise."""
+"""The distinct readings of an order: those that lead to other orders."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -22,16 +22,15 @@ def distinct(own: str, others: Iterable[str], base: str = "") -> tuple[str, ...]
 
 
 def agree(one: str, other: str, base: str = "") -> bool:
-    """Whether both readings ask for the same, however it was put; not where one is unreadable."""
+    """Return whether both readings ask for the same; not if one is unreadable."""
     first = _comparable(read_asked(one), base)
     return first is not None and first == _comparable(read_asked(other), base)
 
 
 def _asks(said: str, base: str) -> Reading | None:
-    """Return what is asked for now, however it was put; None where nothing is gained by asking.
+    """Return the asks for now, in any wording; None if asking back gains nothing.
 
-    So it is where that cannot be read, or is all what no order may have, and where somebody is sent
-    to where he comes from.
+    That is so if they cannot be read, or may not be had at all, or send an asset to its own origin.
     """
     reading = read_asked(said)
     if reading is None or not reading.readable:
@@ -66,7 +65,7 @@ def _plainly(ask: Ask, base: str) -> Ask:
 
 
 def _one_by_one(ask: Ask) -> Iterator[Ask]:
-    """Yield what each of those who are named is asked for; those who swap do it together."""
+    """Yield the asks of each named asset; those that swap act together."""
     if ask.task == "swap":
         yield replace(ask, who=replace(ask.who, names=tuple(sorted(ask.who.names))))
     elif len(ask.who.names) > 1:

@@ -1,7 +1,7 @@
-"""Whether an ask can be carried out, as far as places, names, kinds and states tell.
+"""The feasibility of an ask by places, names, kinds and states.
 
-The console says so of what was read, and the teacher of what was drawn; each has its own words for
-it. Whether a gate can spare somebody is not looked at here.
+The console uses it for readings, and the teacher for drawn orders; each has its own words for it.
+Whether a gate can spare its guard is not decided here.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -25,7 +25,7 @@ PLACED: frozenset[Task] = frozenset(("go", "look", "identify", "warn", "block", 
 
 
 class Obstacle(NamedTuple):
-    """Why an ask cannot be carried out: what is the matter, and with which place, asset or kind."""
+    """The reason why an ask cannot be carried out, with its place, asset or kind."""
 
     problem: Literal["closed", "no place", "no asset", "down", "low", "poor link", "wrong kind"]
     subject: str = ""
@@ -34,7 +34,7 @@ class Obstacle(NamedTuple):
 
 
 Find = Callable[[str], Obstacle | None]
-"""Returns what is the matter with an asset by name."""
+"""Returns the fault of an asset by name."""
 
 
 def obstacle(ask: Ask, world: World, find: Find) -> Obstacle | None:
@@ -76,6 +76,6 @@ def asset_obstacles(name: str, ask: Ask, world: World, picture: Picture) -> Iter
 
 
 def can_do(kind: AssetKind, task: Task) -> bool:
-    """Whether assets of a kind have the command that a task is carried out with."""
+    """Return whether assets of a kind have the command for a task."""
     verb = VERB_FOR.get(task)
     return verb is None or kind in COMMANDS[verb].kinds

@@ -29,7 +29,7 @@ _KIND_WORDS: dict[AssetKind, re.Pattern[str]] = {
     ),
     "robot": re.compile(r"\b(?:robot\w*|legs?|legged|walk\w*|mechanical|human\w*|machines?)\b"),
 }
-"""What says a kind without naming it, in lower case."""
+"""The words for a kind without naming it, in lower case."""
 _SOMEBODY = re.compile(
     r"\b(?:vehicles?|cars?|trucks?|lorr(?:y|ies)|vans?|bus|bike|motorcycle|persons?|people|man|men"
     r"|woman|women|guy|driver|visitors?|intruders?|strangers?|individuals?|tracks?|contacts?|it|him"
@@ -49,7 +49,7 @@ _EVERY = re.compile(
 )
 _PAIR = re.compile(r"\b(?:both|couple|pair|two|twin|2)\b")
 _GATES = re.compile(r"\b(?:gates|everywhere|anywhere|somewhere)\b")
-"""What names places without their names, in lower case."""
+"""The words for places without their names, in lower case."""
 _NAME = re.compile(r"[A-Za-z0-9_]+")
 
 
@@ -61,7 +61,7 @@ class Accounted(NamedTuple):
 
 
 class Unsupported(NamedTuple):
-    """What a reading names, as a sort of thing, and nothing in the order supports."""
+    """A part of a reading, with its sort, that the order does not support."""
 
     sort: Sort
     named: str
@@ -73,18 +73,18 @@ class MentionCheck(NamedTuple):
     mentions: tuple[Accounted, ...]
     unsupported: tuple[Unsupported, ...] = ()
     moves: bool = False
-    """Whether the plan moves anybody."""
+    """True if the plan moves an asset."""
     unfounded: bool = False
-    """Whether the order has no name in it, and nothing bears out the places of the reading."""
+    """True if the order has no name in it, and no word supports the places of the reading."""
 
     @property
     def baseless(self) -> bool:
-        """Whether somebody is moved for what no word of the order asks or names."""
+        """True if an asset is moved although no word of the order asks for it or names it."""
         return self.moves and (self.empty or self.unfounded)
 
     @property
     def empty(self) -> bool:
-        """Whether the order names no place, no asset, no track and nothing to do."""
+        """True if the order names no place, no asset, no track and no task."""
         return all(one.mention.sort in ("kind", "number", "numeral") for one in self.mentions)
 
     @property
@@ -100,18 +100,17 @@ class MentionCheck(NamedTuple):
 
 
 NOTHING_SAID = MentionCheck(())
-"""What is said of a plan that is not for a reading of the order."""
+"""The result for a plan without a reading of the order."""
 
 
 def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
     world: World, picture: Picture, text: str, asked: str, plan: Plan, unmet: Sequence[str] = ()
 ) -> MentionCheck:
-    """Compare the words of an order, as they are read, with what was `asked` by the planner.
+    """Compare the words of an order with the planner's reading `asked`.
 
-    `asked` is in canonical words; '' where the planner says nothing of the sort: only what the plan
-    lacks is looked for then, as a plan may well do more than was asked. `unmet` are the lines on
-    what of the order is not carried out. A refusal of the whole order moves nobody, and lacks
-    nothing.
+    `asked` is in canonical words; '' without a reading: then only missing parts are looked for, as
+    a plan may well do more than the order. `unmet` are the lines on parts of the order that are not
+    carried out. A refusal of the whole order moves no asset, and lacks nothing.
     """
     mentions = find_mentions(world, text, picture.tracks)
     moves = any(action.verb not in _STAYS for action in plan.actions)
@@ -127,7 +126,7 @@ def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
 
 
 class _Made:
-    """What was made of an order: what its reading, its plan and the unmet lines name."""
+    """The result of an order: the names in its reading, its plan and the unmet lines."""
 
     def __init__(
         self, world: World, picture: Picture, asked: str, plan: Plan, unmet: Sequence[str]
@@ -137,7 +136,7 @@ class _Made:
         self.asks = tuple(_asks(said)) if asked else ()
         under = re.match(r"asked: if ([^:]+):", said)
         self.subjects = _NAME.findall(under[1]) if under is not None else []
-        """The names on which it depends what is to be done."""
+        """The names that the action depends on."""
         self.refused = bool(self.asks) and all(w.task == "refused" for w in self.asks)
         self._others_stay = OTHERS_STAY in said or OTHERS_STAY in evidence
         self._may_hold = self._others_stay or f"else: {NOTHING}" in said or not self.asks
@@ -152,14 +151,13 @@ class _Made:
         self._assets = [name for name in world.assets if name in self._names]
         read = set(_NAME.findall(said)) if asked else self._names
         self._stood = {_at(picture, name) for name in self._assets if name in read}
-        """Where those stand whom the reading names: *the one at the north gate*."""
+        """The places of the assets that the reading names: *the one at the north gate*."""
         self._acting = len({action.agent for action in acting})
 
     def is_unfounded(self, lacking: Sequence[Unsupported]) -> bool:
-        """Whether every place of the reading is `lacking` in the words of the order.
+        """Return whether every place of the reading is `lacking` in the words of the order.
 
-        Of a reading that names no place it is who is named, and of one that names nothing it is
-        what is to be done.
+        For a reading without a place its assets are compared, and for one without names its tasks.
         """
         missing = {one.named for one in lacking}
         placed = [ask for ask in self.asks if ask.place not in ("", NOWHERE)]
@@ -172,7 +170,7 @@ class _Made:
         return named <= missing
 
     def accounts_for(self, one: Mention) -> bool:
-        """Whether what the order names by `one` is here."""
+        """Return whether the mention `one` of the order has its part here."""
         match one.sort:
             case "place":
                 return one.means in self._names or one.means in self._stood
@@ -191,7 +189,7 @@ class _Made:
                 return self._has_task(one.tasks)
 
     def _meant(self, name: str) -> bool:
-        """Whether `name` is one of all that are meant, or whom somebody replaces."""
+        """Return whether `name` is one of all assets meant, or one that is replaced."""
         place, spec = _at(self._picture, name), self._world.assets.get(name)
         if not self.asks and place in self._names:
             return True
@@ -225,7 +223,7 @@ class _Made:
 
 
 class _Words:
-    """What the words of an order support of a reading."""
+    """The parts of a reading that the words of an order support."""
 
     def __init__(
         self, world: World, picture: Picture, text: str, mentions: Sequence[Mention]
@@ -279,7 +277,7 @@ class _Words:
         )
 
     def _told(self, name: str) -> bool:
-        """Whether the words tell of `name` by what is the matter with it."""
+        """Return whether the words describe `name` by its fault."""
         asset = self._picture.assets.get(name)
         if asset is None:
             return False
@@ -287,7 +285,7 @@ class _Words:
         return low or (not asset.available and _DOWN.search(self._text) is not None)
 
     def _has_asset(self, name: str) -> bool:
-        """Whether `name` is named, told of, or its number is said where no name was found.
+        """Return whether `name` is named or described, or its number stands without a name.
 
         *The drone* names the only one that there is.
         """
@@ -296,7 +294,7 @@ class _Words:
         return name in self._names or numbered or self._told(name) or self._is_the_only(name)
 
     def _is_the_only(self, name: str) -> bool:
-        """Whether `name` is the only asset of its kind, and that kind is spoken of."""
+        """Return whether `name` is the only asset of its kind, and the kind is mentioned."""
         spec = self._world.assets.get(name)
         if spec is None or spec.kind not in self._kinds:
             return False
@@ -346,7 +344,7 @@ class _Words:
 
 
 def _asks(asked: str) -> Iterator[Ask]:
-    """Yield what is asked in every case of a condition."""
+    """Yield the asks in every case of a condition."""
     words = asked.removeprefix(ASKED)
     case = re.fullmatch(r"if [^:]+: (.+?), else: (.+)", words)
     for part in (case[1], case[2]) if case is not None else (words,):

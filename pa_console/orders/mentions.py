@@ -42,9 +42,9 @@ KINDS: dict[str, AssetKind] = {
     **dict.fromkeys(("ugv", "rover", "buggy", "buggie"), "ugv"),
     **dict.fromkeys(("robot", "bot", "humanoid", "android", "walker", "biped", "droid"), "robot"),
 }
-"""What a kind is called; a vehicle may as well be one that comes to a gate."""
+"""The words for kinds; a vehicle may as well be one that comes to a gate."""
 ASSETS = frozenset(("asset", "unit", "machine", "device", "platform"))
-"""What any asset is called."""
+"""The words for any asset."""
 _ALL = frozenset(("all", "every", "each", "both", "everyone", "everybody", "everything"))
 _NAMES = frozenset(("place", "asset", "track", "kind"))
 _OF_SITES = re.compile(
@@ -55,7 +55,7 @@ _OF_SITES = re.compile(
     r"|strangers?|visitors?|tracks?|birds?|aerial|scouts?|cameras?|battery|batteries"
     r"|(?:all|each|every one) of (?:you|them)|[a-z]{1,3}-?\d{1,2})\b"
 )
-"""What sites have by whatever name, in lower case."""
+"""Parts of sites under any name, in lower case."""
 _LONGEST = 3
 """Words of a name that are looked at together."""
 _SPELT = {
@@ -90,7 +90,7 @@ _RULED_OUT = re.compile(
     re.IGNORECASE,
 )
 _STATION = re.compile(r"\s*this is\b", re.IGNORECASE)
-"""How a radio message goes on after the call signs of those that it is addressed to."""
+"""The words of a radio message after the call signs of its addressees."""
 _MOST_ADDRESSED = 3
 """Words of a call sign."""
 _STAYS_ON = re.compile(
@@ -107,9 +107,9 @@ _IF = re.compile(
 
 
 class Mention(NamedTuple):
-    """Words of an order as they were `said`, and what they mean: a name, a kind, a number, a verb.
+    """Words of an order as `said`, and their meaning: a name, a kind, a number, a verb.
 
-    `asked` is False where they are only told, quoted or ruled out, or call a place by radio.
+    `asked` is False for words that are reported, quoted or ruled out, or call a place by radio.
     """
 
     sort: Sort
@@ -117,9 +117,9 @@ class Mention(NamedTuple):
     means: str
     asked: bool = True
     tasks: frozenset[Task] = frozenset()
-    """What a verb goes with."""
+    """The tasks that a verb goes with."""
     supports: frozenset[Task] = frozenset()
-    """What a verb means."""
+    """The tasks that a verb means."""
 
 
 class _Clause(NamedTuple):
@@ -129,10 +129,10 @@ class _Clause(NamedTuple):
     asks: bool
     quoted: bool = False
     addressed: bool = False
-    """Whether it is a call sign at the start of a radio message."""
+    """True if it is a call sign at the start of a radio message."""
 
     def asks_about(self, start: int, sort: Sort) -> bool:
-        """Whether it asks about what is of this `sort` and begins at `start`."""
+        """Return whether it asks about a mention of this `sort` that begins at `start`."""
         called = self.addressed and sort == "place"
         return self.asks and not called and not _RULED_OUT.search(self.text[:start])
 
@@ -147,9 +147,9 @@ def find_mentions(world: World, text: str, tracks: Iterable[str] = ()) -> tuple[
 
 
 def speaks_of_site(world: World, text: str, tracks: Iterable[str] = ()) -> bool:
-    """Whether `text` names anything that a site has: a place, an asset, a kind, a post, a visitor.
+    """Return whether `text` mentions a part of a site: place, asset, kind, post, visitor.
 
-    It may be named by the way: this tells only what speaks of something else altogether.
+    A passing mention counts: this only separates texts about other matters.
     """
     low, names = text.lower(), WorldNames.of(world)
     if _OF_SITES.search(low) or any(names.team(word) for word in re.findall("[a-z]+", low)):
@@ -229,7 +229,7 @@ def _squashed(name: str) -> str:
 
 
 def _clauses(text: str) -> list[_Clause]:
-    """Return the clauses of `text`, those that are quoted first."""
+    """Return the clauses of `text`, quoted ones first."""
     quoted = [_Clause(found[0], asks=False, quoted=True) for found in _QUOTED.finditer(text)]
     parts = [found[0] for found in _CLAUSE.finditer(_QUOTED.sub(" , ", text)) if found[0].strip()]
     addressed = _addressed(parts)
@@ -254,7 +254,7 @@ def _addressed(parts: Sequence[str]) -> int:
 
 
 def _asks(clause: str) -> bool:
-    """Whether a clause asks for something: it has a verb for it, or nothing that makes it told."""
+    """Return whether a clause asks for an action: it has a verb for it, or no sign of a report."""
     if _REQUEST.search(clause) or any(verb.plain for verb in find_verbs(clause)):
         return True
     return not _TOLD.search(clause)
@@ -305,13 +305,13 @@ def _numeral(word: str) -> str:
 
 
 def _counts(words: Sequence[tuple[str, int]], at: int) -> bool:
-    """Whether the word at `at` says how many there are of what stands behind it."""
+    """Return whether the word at `at` is the number of the next noun."""
     after = [word.lower().removesuffix("s") for word, _ in words[at + 1 : at + 4]]
     return words[at][0].isalpha() and any(word in KINDS or word in ASSETS for word in after)
 
 
 def _is_name(word: str) -> bool:
-    """Whether a word looks like an asset's name: letters, an underscore and a number."""
+    """Return whether a word looks like an asset's name: letters, an underscore and a number."""
     return re.fullmatch(r"[A-Za-z]+_[A-Z]?\d+", word) is not None
 
 

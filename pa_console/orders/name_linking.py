@@ -37,7 +37,7 @@ _DETERMINERS = frozenset(
 _TOKEN = re.compile(rf"{WORD.pattern}|[,&/+]")
 _ARTICLES = re.compile(r"\b(?:the )+$")
 _JOINTS = frozenset(("", " ", "-", "_", " #", "#"))
-"""What may stand between the words of one name; a dot only after an abbreviation."""
+"""The marks between the words of one name; a dot only after an abbreviation."""
 _LONGEST = 4
 """Words of a place's name that are looked at together."""
 _MOST_DIGITS = 4
@@ -63,9 +63,9 @@ def link_names(world: World, text: str) -> str:
 
 
 class LinkedText(NamedTuple):
-    """A text with names for what is named, and where each stood in the `original`.
+    """A text with names in place of their descriptions, and their places in the `original`.
 
-    `names` are characters of the original, from where to where, each with the name.
+    `names` are ranges of characters of the original, each with the name.
     """
 
     original: str
@@ -116,10 +116,10 @@ class _Linker:
             for found in _TOKEN.finditer(text)
         ]
         self._linked = 0
-        """Where what was linked last ends."""
+        """The end of the latest link."""
 
     def links(self) -> Iterator[_Link]:
-        """Yield what is to be replaced, from left to right."""
+        """Yield the replacements, from left to right."""
         at = 0
         while at < len(self._tokens):
             found = [*self._gates(at)] or [*self._place(at)] or [*self._assets(at)]
@@ -194,7 +194,7 @@ class _Linker:
             yield _Link(at, at + 1, plain)
 
     def _number(self, at: int) -> tuple[int, int | None]:
-        """Return where the number that is said from token `at` ends, and what it is, if any."""
+        """Return the end and the value of the number at token `at`, if there is one."""
         while self._word(at) in _BEFORE_NUMBER and self._together(at - 1, at + 1):
             at += 1
         word, said = self._word(at), ""
@@ -210,7 +210,7 @@ class _Linker:
         return at, int(said) if fits else None
 
     def _counted(self, at: int) -> bool:
-        """Whether it is said before token `at` how many are meant, as in `two drones`."""
+        """Return whether a number stands before token `at`, as in `two drones`."""
         before = self._word(at - 1)
         return at != self._linked and (before in NUMBERS or before.isdigit())
 
@@ -225,7 +225,7 @@ class _Linker:
         return self._tokens[at].word if 0 <= at < len(self._tokens) else ""
 
     def _together(self, first: int, end: int) -> bool:
-        """Whether nothing but blanks or marks of a name stands between the tokens."""
+        """Return whether only blanks or marks of a name stand between the tokens."""
         pairs = pairwise(self._tokens[first:end])
         return end <= len(self._tokens) and all(self._joined(*pair) for pair in pairs)
 

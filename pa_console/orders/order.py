@@ -1,8 +1,8 @@
-"""What an operator asks for: one type for orders that are drawn, written and read.
+"""The orders of an operator: one type for orders that are drawn, written and read.
 
 The generator draws an `Order`, the teacher plans from it and never from words, and the canonical
-words say it. A `Reading` is made of the same asks: what a model has understood of somebody's words.
-Names may be wrong: an order can speak of what is not there.
+words express it. A `Reading` is made of the same asks: a model's understanding of an order's words.
+Names may be wrong: an order can mention things that do not exist.
 """
 
 from collections.abc import Mapping
@@ -31,12 +31,12 @@ Task = Literal[
     "refused",  # only read: what no order may have done, whoever gives it (`wrong` says what)
     "unreadable",  # only read: words that are none of the language
 ]
-"""What an order can ask for."""
+"""The tasks that an order can ask for."""
 TASK_OF: Mapping[Verb, Task] = {
     "hold": "hold", "move_to": "go", "observe": "look", "identify": "identify", "warn": "warn",
     "block": "block", "return_to_base": "home", "report": "report",
 }  # fmt: skip
-"""What somebody is asked for who is given a command."""
+"""The task that each command carries out."""
 Wrong = Literal[
     "force",  # shoot, ram, run over (ROE-01)
     "skip_identification",  # warn or block at once, explicitly without finding out who (ROE-02)
@@ -52,12 +52,12 @@ Wrong = Literal[
     "incapable",  # a kind that cannot do it: a drone warns, a robot flies (CAP-01..03)
     "none_left",  # a kind of which none is free
 ]
-"""Why an ask cannot be carried out as it is meant."""
+"""The reasons why an ask cannot be carried out as meant."""
 
 
 @dataclass(frozen=True, slots=True)
 class Who:
-    """Who is to do it: names, or a kind and how many, or anybody."""
+    """The assets for a task: names, or a kind and a number, or any."""
 
     names: tuple[str, ...] = ()
     kind: AssetKind | None = None
@@ -71,7 +71,7 @@ ANYBODY = Who()
 
 @dataclass(frozen=True, slots=True)
 class Ask:
-    """One thing that is to be done; `wrong` says why it must not or cannot be."""
+    """One task of an order; `wrong` is why it must not or cannot be done."""
 
     task: Task
     who: Who = ANYBODY
@@ -98,7 +98,7 @@ class Order:
     otherwise: tuple[Ask, ...] = ()
     """When `condition` does not hold."""
     others_stay: bool = False
-    """The words say that nobody else moves."""
+    """True if the words let no other asset move."""
     injected: bool = False
     """The words carry text that is no order of the operator."""
     harmless: bool = False
@@ -106,9 +106,9 @@ class Order:
 
 
 class Reading(NamedTuple):
-    """What words are understood to ask for now: of an order under a condition, the case that is so.
+    """A reading of the present asks of an order: under a condition, of the case that is true.
 
-    Of what no order may have done, only that is read.
+    Parts that no order may have done are only read.
     """
 
     asks: tuple[Ask, ...]
@@ -116,12 +116,12 @@ class Reading(NamedTuple):
 
     @property
     def readable(self) -> bool:
-        """Whether every clause is one that the console understands."""
+        """True if the console understands every clause."""
         return all(ask.task != "unreadable" for ask in self.asks)
 
 
 def are_twins(first: Ask, second: Ask) -> bool:
-    """Whether two asks are the same of anybody at two places, so that one clause can say both."""
+    """Return whether two tasks differ only in their place and can share one clause."""
     open_to_all = first.who == ANYBODY and first.wrong is None and not first.track_id
     apart = bool(first.place) and bool(second.place) and first.place != second.place
     return open_to_all and apart and first == replace(second, place=first.place)

@@ -1,4 +1,4 @@
-"""What a picture tells of the facts on which orders depend: who is free, which track is where."""
+"""The facts in a picture that orders depend on: free assets, and the places of tracks."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from pa_console.schema.world import AssetKind
 
 
 def is_free(asset: AssetTelemetry, sole_covers: Collection[str]) -> bool:
-    """Whether an asset may be sent somewhere without uncovering a gate or leaving its task."""
+    """Return whether an asset may leave without uncovering a gate or giving up its task."""
     busy = asset.task in ("identifying", "warning", "blocking", "charging")
     return asset.available and not busy and not asset.low_battery and asset.id not in sole_covers
 

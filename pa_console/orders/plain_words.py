@@ -1,7 +1,7 @@
-"""Says in plain words what an order was read as, for people who do not think in clauses.
+"""The plain words of a reading, for people who do not think in clauses.
 
-A reading is logged in the canonical words that planner and judge write. What is none of them, or is
-plain already, is told as it is written.
+A reading is logged in the canonical words that planner and judge write. Words that are none of
+them, or plain already, stay as they are written.
 """
 
 import re

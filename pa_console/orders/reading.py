@@ -1,8 +1,8 @@
-"""What a trained model has understood of an order, read from the canonical words of its reason.
+"""A trained model's reading of an order, parsed from the canonical words of its reason.
 
-A reason begins with what was asked, clause by clause, in a fixed word order and with the world's
-own names (`clauses.py`; `canonical_words.py` writes the same words). A clause that is not one of
-these is kept as it is and means nothing to the console.
+A reason begins with the reading, clause by clause, in a fixed word order and with the world's own
+names (`clauses.py`; `canonical_words.py` writes the same words). A clause that is not one of these
+is kept as it is and means nothing to the console.
 """
 
 import re
@@ -54,7 +54,7 @@ _UNDER = re.compile(
 
 
 def read_reason(reason: str) -> Reading | None:
-    """Return what `reason` says was asked, None when it does not begin with that.
+    """Return the reading in `reason`, None when it does not begin with one.
 
     A reason that goes on ends with the facts that decide, after the last semicolon.
     """
@@ -74,14 +74,14 @@ def asked_words(reason: str) -> str:
 
 
 def read_asked(words: str) -> Reading | None:
-    """Return what `words` say was asked; nothing comes after it."""
+    """Return the reading in `words`; no other words follow it."""
     return _read(words, with_facts=False)
 
 
 def clause_of(words: str) -> tuple[Clause, Mapping[str, str]] | None:
-    """Return the form of a lawful clause and what it says by slot, None for what is no clause.
+    """Return the form of a lawful clause and its slots, None if it is no clause.
 
-    The slots are those of the plain form, and those of `TEAM` where nobody is named.
+    The slots are those of the plain form, and those of `TEAM` if no asset is named.
     """
     for clause, pattern in _CLAUSES:
         found = pattern.fullmatch(words)
@@ -91,7 +91,7 @@ def clause_of(words: str) -> tuple[Clause, Mapping[str, str]] | None:
 
 
 def _slots(found: re.Match[str]) -> Iterator[tuple[str, str]]:
-    """Yield what a clause says by slot, whatever the form has called it."""
+    """Yield the slots of a clause, with the names of every form."""
     for slot, said in found.groupdict().items():
         if said:
             yield _SLOTS.get(slot, slot), said.strip()

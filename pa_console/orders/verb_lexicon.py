@@ -1,8 +1,8 @@
-"""Which words of English ask for which task of an order: a small lexicon, by groups of synonyms.
+"""English words for the tasks of an order: a small lexicon, by groups of synonyms.
 
-It decides nothing. It tells whether an order has any word for what it was read as, and whether what
-it asks for in so many words has any part in that reading. Words that mean several things are in
-several groups; forms of a word are listed where English makes them otherwise than by an ending.
+It decides nothing. It shows whether an order has any word for its reading, and whether its explicit
+tasks have any part in that reading. Words that mean several things are in several groups; forms of
+a word are listed where English makes them otherwise than by an ending.
 """
 
 import re
@@ -178,7 +178,7 @@ class VerbMention(NamedTuple):
     tasks: frozenset[Task]
     means: frozenset[Task]
     plain: bool
-    """Whether it can hardly be there for anything else."""
+    """True if the word has hardly any other use."""
 
 
 def find_verbs(text: str) -> Iterator[VerbMention]:

@@ -15,14 +15,14 @@ NO_DEFAULTS: Mapping[str, str] = {}
 
 @dataclass(frozen=True)
 class _Slot:
-    """A place in a form where something is said that is not always the same."""
+    """A variable place in a form."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class _Choice:
-    """Of several ways to go on one is said; with `optional`, none need be."""
+    """An alternative of several continuations; with `optional`, none is required."""
 
     ways: "tuple[_Parts, ...]"
     optional: bool
@@ -42,14 +42,14 @@ class WordForm:
         return _pattern(self._parts, slots)
 
     def fits(self, said: Mapping[str, str]) -> bool:
-        """Whether everything that the form cannot do without is `said`."""
+        """Return whether every required slot of the form is in `said`."""
         return _fits(self._parts, said)
 
     def write(self, said: Mapping[str, str], defaults: Mapping[str, str] = NO_DEFAULTS) -> str:
-        """Return the form with what is `said` in its slots, by name.
+        """Return the form with `said` in its slots, by name.
 
-        Of several ways the one is taken that says most. What the form needs and nobody said is
-        taken from `defaults`; where they have it neither, KeyError is raised.
+        Of several ways the one with most of it is taken. A required slot that is missing is taken
+        from `defaults`; if it is not there either, KeyError is raised.
         """
         return _written(self._parts, said, defaults)
 
@@ -124,7 +124,7 @@ def _written(parts: _Parts, said: Mapping[str, str], defaults: Mapping[str, str]
 
 
 def _says(parts: _Parts, said: Mapping[str, str]) -> int:
-    """Return how many of the slots in `parts` are filled by what is `said`."""
+    """Return the number of slots in `parts` that `said` fills."""
     number = 0
     for part in parts:
         match part:

@@ -17,7 +17,7 @@ KIND_WORDS: dict[str, AssetKind] = {
     "vehicle": "ugv",
     "robot": "robot",
 }
-"""What an asset of a kind is called whatever its name is; the first of a kind is the plainest."""
+"""The words for an asset of a kind, under any name; the first of a kind is the plainest."""
 GATE = "gate"
 DIGITS = ("zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
 _TEENS = ("thirteen", "fourteen", "fifteen", "sixteen", "seventeen", "eighteen", "nineteen")
@@ -26,7 +26,7 @@ WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _COMPASS = {"n": "north", "e": "east", "s": "south", "w": "west"}
 _NUMBERED = re.compile(r"(.*?)(\d+)\D*")
 _LONG = 5
-"""Words of so many letters may be misspelt by any slip, of one less by a swap only."""
+"""The length from which a word may be misspelt by any slip; of one letter less, by a swap only."""
 
 
 class WorldNames:
@@ -62,7 +62,7 @@ class WorldNames:
         return _made((*world.frames, *world.zones), assets)
 
     def is_place(self, name: str) -> bool:
-        """Whether `name` is a frame or a zone of more than one word."""
+        """Return whether `name` is a frame or a zone of more than one word."""
         return name in self._places.values()
 
     def place(self, words: Sequence[str]) -> str | None:
@@ -139,7 +139,7 @@ def _parts_of(name: str) -> list[str]:
 
 
 def _nearly(word: str, other: str) -> bool:
-    """Whether one slip of the hand makes `other` of `word`."""
+    """Return whether one slip of the hand makes `other` of `word`."""
     shorter = min(len(word), len(other))
     if shorter < _LONG - 1 or abs(len(word) - len(other)) > 1 or OSA.distance(word, other) != 1:
         return False

@@ -24,7 +24,7 @@ MOST_WORDS = 24
 """A longer text is no question of these."""
 
 _SUGGESTING = ("do", "does")
-"""With *not*, it may be an order: *Why don't you stop?*"""
+"""Verbs that with *not* may be an order: *Why don't you stop?*"""
 
 
 class _Asked(NamedTuple):
@@ -66,7 +66,7 @@ class _Grammar:
         return None
 
     def _ended(self) -> bool:
-        """Whether nothing more is said."""
+        """Return whether the text ends here."""
         self._reader.skip(words.CLOSING)
         return self._reader.over
 
@@ -98,7 +98,7 @@ class _Grammar:
         return _Asked("plan") if reader.take(*words.DONE_TO_PLAN) else None
 
     def _at_end(self) -> bool:
-        """Whether nothing more is said; what is said is not passed over."""
+        """Return whether the text ends here; further words are not passed over."""
         start = self._reader.at
         ended = self._ended()
         self._reader.at = start
@@ -175,7 +175,7 @@ class _Grammar:
         return _Asked("other_asset", subjects) if subjects else None
 
     def _task(self) -> None:
-        """Read what somebody is sent for, as far as it is only a place."""
+        """Read the purpose of sending an asset, if it is only a place."""
         reader = self._reader
         reader.take("instead")
         self._place()
@@ -191,9 +191,9 @@ class _Grammar:
             reader.at = start
 
     def _assets(self) -> tuple[str, ...]:
-        """Read who is meant: a name, what is marked, a description, or a kind.
+        """Read the assets: a name, the mark, a description, or a kind.
 
-        Of a kind everybody may be meant; none where nobody is.
+        A kind may mean all of it; none if there is none.
         """
         reader, scene = self._reader, self._scene
         if name := asset_at(scene, reader):

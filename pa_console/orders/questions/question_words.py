@@ -5,7 +5,7 @@ OPENING = (
     *("tell me", "can you tell me", "could you tell me", "can you explain", "could you explain"),
     *("can you say", "may i ask", "i wonder", "i want to know", "i would like to know", ","),
 )
-"""What stands before a question and changes nothing."""
+"""The words before a question that change nothing."""
 CLOSING = frozenset(
     ("?", ".", "!", ",", "please", "then", "though", "now", "exactly", "anyway", "again", "at all")
 )
@@ -16,13 +16,13 @@ WHY = (
     *("what is the reason", "what was the reason", "what 's the reason", "what speaks for"),
 )
 AGAINST = ("what speaks against", "what stands against", "what is wrong with", "what 's wrong with")
-"""What asks for all that is against somebody."""
+"""The words that ask for all reasons against an asset."""
 THAT = (
     *("that plan", "this plan", "the plan", "your plan", "that decision", "this decision"),
     *("the decision", "your decision", "that proposal", "this proposal", "the proposal"),
     *("your proposal", "the verdict", "that verdict", "yourself", "that", "this", "it", "so"),
 )
-"""What stands for all that was proposed or done."""
+"""The words for the whole plan, proposed or executed."""
 AUXILIARIES = frozenset(
     (
         *(
@@ -44,14 +44,14 @@ AUXILIARIES = frozenset(
     )
 )
 SPEAKERS = ("you", "we", "they", "the console", "the planner", "the model", "i")
-"""Who plans, as the operator sees it."""
+"""The planner, in the operator's words."""
 PLAN_SUBJECTS = (
     *("you", "we", "i", "it", "that", "this", "they", "nobody", "nothing", "no one", "everybody"),
     *("the plan", "this plan", "that plan", "the order", "my order", "the mission", "the judge"),
     *("the console", "the planner", "the model", "the command", "there", "this mission"),
 )
 NOTHING_ELSE = ("not", "still", "just", "only", "even", "always", "suddenly", "so")
-"""What may stand before the verb of a question about a plan."""
+"""The words that may precede the verb of a question about a plan."""
 DONE_TO_PLAN = (
     *("say so", "say that", "say no", "do that", "do this", "do it", "do so", "plan that"),
     *("plan this", "plan it", "decide that", "decide so", "choose that", "choose this"),
@@ -86,7 +86,7 @@ DONE_TO_PLAN = (
     *("planned", "understood", "not understood", "understand me", "understand that"),
     *("understand it", "understand", "move", "moving", "moved", "go", "going", "work", "working"),
 )
-"""What is said to have been done with a plan, or by it."""
+"""The verbs of a plan's making, or of its effect."""
 SENDING = frozenset(
     (
         *("send", "sent", "sending", "pick", "picked", "picking", "choose", "chose", "chosen"),
@@ -97,7 +97,7 @@ SENDING = frozenset(
         *("proposing", "planning", "wanted", "leaving", "returning", "coming", "recalled"),
     )
 )
-"""What is done with somebody."""
+"""The verbs of sending."""
 INSTEAD_OF = ("and not", "instead of", "rather than", "but not", "over")
 NOBODY = ("nobody", "no one", "no guard", "no guards", "no cover", "none", "nothing", "no asset")
 GUARDED = ("covered", "guarded", "watched", "manned", "protected")
@@ -114,7 +114,7 @@ OPTIONS = frozenset(
     )
 )
 ALTERNATIVES = frozenset(("alternative", "alternatives", "options", "choices"))
-"""What means other plans by itself."""
+"""The words for other plans by themselves."""
 ARTICLES = ("any", "an", "a", "some", "the", "our", "my", "your", "all", "what", "which")
 IS_THERE = (
     *("is there", "are there", "do you have", "do we have", "do i have", "have you got"),

@@ -1,1 +1,1 @@
-"""What an order points at instead of naming it: found in the picture and in what was ordered."""
+"""References in an order that stand for names: found in the picture and in earlier orders."""

@@ -146,7 +146,7 @@ def _plain(condition: Condition) -> str:
 
 
 def _order(scene: Scene, rest: str, tokens: Sequence[Token], asked: AskedCondition) -> str:
-    """Return what is to be done, with names for *it*, *its gate* and *there*."""
+    """Return the action, with names for *it*, *its gate* and *there*."""
     subject = asked.subject
     is_gate, is_asset = subject in scene.gates, subject in scene.world.assets
     gate = subject if is_gate else scene.guarded_by(subject) if is_asset else ""

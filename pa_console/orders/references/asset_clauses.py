@@ -1,4 +1,4 @@
-"""What is said of an asset after its noun: *at the base, that guards a gate, I sent last*."""
+"""Clauses about an asset after its noun: *at the base, that guards a gate, I sent last*."""
 
 from collections.abc import Callable
 
@@ -29,11 +29,11 @@ from pa_console.orders.references.words import (
 )
 
 NounTraits = Callable[[], list[Trait]]
-"""Reads another noun phrase and returns what it says; nothing where none is here."""
+"""Reads another noun phrase and returns its traits; none if there is none here."""
 
 
 class AssetClauses:
-    """Reads one clause after another into what was `told`."""
+    """Reads one clause after another into `told`."""
 
     def __init__(self, told: Told, noun_traits: NounTraits) -> None:
         self._told, self._noun_traits = told, noun_traits
@@ -66,7 +66,7 @@ class AssetClauses:
         return self._told.say(trait, no=self._no)
 
     def _excluded(self) -> bool:
-        """Read who is left out: *but the guards*, *except Drone_T04 and Robot_T01*."""
+        """Read the excluded assets: *but the guards*, *except Drone_T04 and Robot_T01*."""
         names: set[str] = set()
         while name := asset_at(self._scene, self._reader):
             names.add(name)
@@ -98,7 +98,7 @@ class AssetClauses:
         return True
 
     def _guarding(self) -> bool:
-        """Read what is guarded: *guarding the west gate*, *cover a gate*."""
+        """Read the guarded gate: *guarding the west gate*, *cover a gate*."""
         reader, start = self._reader, self._reader.at
         if not reader.take_in(GUARDING):
             return False
@@ -147,7 +147,7 @@ class AssetClauses:
         )
 
     def _located(self) -> bool:
-        """Read where somebody is: *at the base*, *at a gate*, *from the hub*."""
+        """Read the place of an asset: *at the base*, *at a gate*, *from the hub*."""
         reader, told = self._reader, self._told
         start = reader.at
         if told.ranking is not None and not self._related:
@@ -165,7 +165,7 @@ class AssetClauses:
         return self._say(lambda s, n: s.place_of(n) == place)
 
     def _state(self) -> bool:
-        """Read how somebody is, after *that* or *not*: *that is low*, *not answering*."""
+        """Read the state of an asset, after *that* or *not*: *that is low*, *not answering*."""
         if not self._related and not self._no:
             return False
         reader = self._reader
@@ -201,7 +201,7 @@ class AssetClauses:
 
 
 def sent(told: Told, place: str = "", *, early: bool) -> None:
-    """Take who was sent last, or first, to `place` if given, for who is meant."""
+    """Choose the asset sent last, or first, to `place` if given."""
     told.past = told.of_assets = True
     moves = [move for move in told.scene.moved if place in ("", move.target)]
     last = told.scene.last

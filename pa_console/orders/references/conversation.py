@@ -38,7 +38,7 @@ _IT = ("that one", "this one", "it", "that thing")
 _THEM = ("both of them", "the both of them", "the two of them", "they both", "them both")
 _THEY = ("them", "they", "these two", "those two", "both")
 _WELL = frozenset(("ok", "okay", "doing", "well", "status", "fine"))
-"""What is asked after somebody."""
+"""The words that ask about an asset's condition."""
 _HOME = frozenset(("home", "base"))
 _SHORT = 9
 """An order of more words is put in full by itself."""
@@ -48,7 +48,7 @@ _WEATHER = frozenset(
         *("wet", "icy", "seems", "looks", "weather", "time"),
     )
 )
-"""What *it* is that is nobody."""
+"""The verbs and nouns of an *it* that is no asset."""
 _OWN_TASKS = frozenset(("report", "identify", "warn", "block", "look", "hold", "relieve", "swap"))
 _PUTTING = frozenset(("go", "mass", "cover", "home"))
 
@@ -148,13 +148,13 @@ class _Turn:
 
     @property
     def _does(self) -> bool:
-        """Whether the words ask for a task of their own, other than to go somewhere."""
+        """Return whether the words ask for a task of their own, other than to go to a place."""
         verbs = find_verbs(self._text.lower().replace("hold on", ""))
         return any(v.plain and v.tasks & _OWN_TASKS and not v.means & _PUTTING for v in verbs)
 
     @property
     def _asks(self) -> bool:
-        """Whether the words ask for anything: in small talk *it* means nobody."""
+        """Return whether the words ask for an action: in small talk *it* is no asset."""
         words = set(self._words)
         if self._places or words & (_HOME | {"back"}) or ("?" in words and words & _WELL):
             return True
@@ -164,7 +164,7 @@ class _Turn:
 
     @property
     def _there(self) -> str:
-        """Where the last mission has sent somebody; '' for several places."""
+        """The destination of the last mission; '' for several places."""
         return self._theres[0] if len(self._theres) == 1 else ""
 
     @property
@@ -183,7 +183,7 @@ class _Turn:
         return Retold(order, (whole,), undoes, corrects)
 
     def _order(self, agent: str, move: Move, place: str = "") -> str:
-        """Return in words that `agent` does what was ordered by `move`, at `place` if given."""
+        """Return in words that `agent` does the order of `move`, at `place` if given."""
         target = place or self._target(move)
         if target == self._scene.world.base:
             return f"{agent} home"

@@ -8,9 +8,9 @@ from pa_console.orders.references.scene import Scene
 
 Sort = Literal["gate", "asset"]
 Trait = Callable[[Scene, str], bool]
-"""Whether a thing of that name is as it was said."""
+"""Returns whether a thing of that name has the trait."""
 By = Literal["near", "far", "full", "flat"]
-"""What a superlative goes by: how near to a place, how far from it, or how full a battery is."""
+"""The measure of a superlative: distance to a place, or from it, or the battery."""
 _TIE: dict[By, float] = {"near": 3.0, "far": 3.0, "full": 1.0, "flat": 1.0}
 """Two that are so little apart, in metres or percent, answer to a superlative equally well."""
 
@@ -21,11 +21,11 @@ class Ranking:
 
     by: By
     place: str = ""
-    """From where distances are told: a frame or an asset; '' where it is not said from where."""
+    """The origin of distances: a frame or an asset; '' if it is not given."""
 
     @property
     def distance(self) -> bool:
-        """Whether it is about distances."""
+        """True if it is about distances."""
         return self.by in ("near", "far")
 
     def measure(self, scene: Scene, name: str) -> float:
@@ -59,7 +59,7 @@ class Description:
     any_will_do: bool = False
     place: str = ""
     partitive: bool = False
-    """Whether it only says among which one is meant that is described later."""
+    """True if it only gives the group for a later description."""
 
 
 def fitting(scene: Scene, description: Description) -> tuple[str, ...]:

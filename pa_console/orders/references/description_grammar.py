@@ -85,9 +85,9 @@ class _Parser:
         self._number = 1
         self._any = self._definite = False
         self._bare = False
-        """Whether there is no determiner."""
+        """True if there is no determiner."""
         self._vague = False
-        """Whether the noun is *one*, which may be a visitor as well as an asset."""
+        """True if the noun is *one*, which may be a visitor as well as an asset."""
 
     def description(self) -> Description | None:
         """Return the description that begins here, None where none does."""
@@ -169,7 +169,7 @@ class _Parser:
         return False
 
     def _noun_phrase(self) -> bool:
-        """Read a determiner, adjectives, a noun and what is said after it."""
+        """Read a determiner, adjectives, a noun and its clauses."""
         reader = self.reader
         start = reader.at
         self._determiner()
@@ -182,7 +182,7 @@ class _Parser:
         return True
 
     def noun_traits(self) -> list[Trait]:
-        """Read a noun phrase and return what it says; nothing where none is here."""
+        """Read a noun phrase and return its traits; none if there is none here."""
         return self._told.traits if self._noun_phrase() else []
 
     def _determiner(self) -> None:
@@ -236,7 +236,7 @@ class _Parser:
         return True
 
     def _state(self) -> bool:
-        """Read an adjective that says how somebody is."""
+        """Read an adjective of an asset's state."""
         reader, told = self.reader, self._told
         for words, trait in (
             (IDLE, is_idle),
@@ -295,7 +295,7 @@ class _Parser:
         return True
 
     def _means_contact(self) -> bool:
-        """Whether the vehicle here is one that comes to a gate: one is there, or is dealt with."""
+        """Return whether the vehicle here comes to a gate: one is there, or is dealt with."""
         before = self.reader.word(-2) if self._definite else self.reader.word(-1)
         return before in _DEALT_WITH or bool(self._scene.visitors("vehicle"))
 
@@ -319,7 +319,7 @@ class _Parser:
     # ------------------------------------------------------------------ after the noun
 
     def _after(self) -> None:
-        """Read what is said after the noun, as long as it is understood."""
+        """Read the clauses after the noun, as long as they are understood."""
         reader, told = self.reader, self._told
         told.from_where()
         assets = AssetClauses(told, self._other_noun)
@@ -335,7 +335,7 @@ class _Parser:
                 return
 
     def _other_noun(self) -> list[Trait]:
-        """Read another noun phrase here and return what it says."""
+        """Read another noun phrase here and return its traits."""
         inner = _Parser(self._scene, self.reader.tokens, self._text, self.reader.at)
         traits = inner.noun_traits()
         self.reader.at = inner.reader.at

@@ -1,4 +1,4 @@
-"""What is said of a gate after its noun: *with only one guard*, *where the truck is*."""
+"""Clauses about a gate after its noun: *with only one guard*, *where the truck is*."""
 
 from pa_console.orders.references.description import Trait
 from pa_console.orders.references.traits import (
@@ -27,7 +27,7 @@ _ON_IT = ("on it", "there", "at all", "looking after it", "watching it")
 
 
 class GateClauses:
-    """Reads one clause after another into what was `told`."""
+    """Reads one clause after another into `told`."""
 
     def __init__(self, told: Told) -> None:
         self._told = told
@@ -115,7 +115,7 @@ class GateClauses:
         return -1
 
     def _teams(self) -> tuple[frozenset[str], ...]:
-        """Read of which kinds, or who: *a robot and a drone*, *Drone_T01*."""
+        """Read kinds, or names: *a robot and a drone*, *Drone_T01*."""
         reader, found = self._reader, list[frozenset[str]]()
         while True:
             name = asset_at(self._scene, reader)

@@ -1,4 +1,4 @@
-"""What became of the words of an order: what stands for what, and what has to be asked."""
+"""The result of resolving an order's references: replacements, and questions to ask."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Meant:
-    """Words as they were `said`, from one character of the text up to another, and their meaning.
+    """Words as `said`, from one character of the text up to another, and their meaning.
 
-    `becomes` is what is written instead, where that is more than the names that are meant.
+    `becomes` is the replacement, if it is more than the names.
     """
 
     start: int
@@ -19,7 +19,7 @@ class Meant:
 
     @property
     def written(self) -> str:
-        """What stands in the order instead of what was said."""
+        """The replacement in the order."""
         return self.becomes or self.means
 
 
@@ -33,7 +33,7 @@ class Unclear:
 
 
 def substituted(text: str, meant: Sequence[Meant]) -> str:
-    """Return `text` with everything that is `meant` instead of what was said; none overlap."""
+    """Return `text` with every reference in `meant` replaced; none overlap."""
     parts, done = list[str](), 0
     for one in sorted(meant, key=lambda each: each.start):
         parts += [text[done : one.start], one.written]

@@ -41,7 +41,7 @@ def _word(said: str) -> str:
 
 
 def _without_halves(tokens: Sequence[Token]) -> list[Token]:
-    """Return the tokens but those that a `not` before them has swallowed."""
+    """Return the tokens without those that a `not` before them includes."""
     kept: list[Token] = []
     for token in tokens:
         if not kept or token.start >= kept[-1].end:
@@ -66,7 +66,7 @@ class Reader:
 
     @property
     def over(self) -> bool:
-        """Whether nothing is left."""
+        """True if no token is left."""
         return self.at >= len(self.tokens)
 
     def take(self, *ways: str) -> str:

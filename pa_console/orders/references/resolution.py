@@ -1,8 +1,8 @@
-"""Writes names into an order for what it points at, before any model reads it.
+"""Resolves references in an order to names, before any model reads it.
 
-*The gate with only one guard* becomes `EastGate`, *bring it back* who was sent last. Nothing is
-guessed: where two things fit the words, or none, that is asked. The same words in the same picture
-after the same missions always become the same.
+*The gate with only one guard* becomes `EastGate`, *bring it back* the asset sent last. No reference
+is guessed: if two things fit the words, or none, a question is asked. The same words in the same
+picture after the same missions always become the same.
 """
 
 import re
@@ -26,9 +26,9 @@ from pa_console.orders.references.state_report import (
 from pa_console.orders.references.words import asset_at, place_at
 
 MOST_CHOICES = 6
-"""So many things that fit can be chosen from; of more it is only asked which is meant."""
+"""The number of fitting things to choose from; of more, the question is open."""
 _QUOTED = re.compile(r"\"[^\"]*\"|“[^”]*”")
-"""What others have said, which points at nothing here."""
+"""Quoted words, which refer to nothing here."""
 _STAYING = frozenset(("stay", "stays", "remain", "remains", "keep", "keeps"))
 _THERE = frozenset(("there", "it"))
 _NO_MOVE = frozenset(
@@ -50,11 +50,11 @@ class Resolved:
 
 
 Answers = Mapping[str, str]
-"""What was meant by words that were asked about, as the operator has answered."""
+"""The operator's answers about unclear words."""
 
 
 def resolve(scene: Scene, text: str, answers: Answers | None = None) -> Resolved | Unclear:
-    """Return `text` with names for what it points at, or what has to be asked first."""
+    """Return `text` with its references replaced by names, or the question to ask first."""
     answered = dict(answers or {})
     linked = LinkedText.of(scene.world, _with_answers(text, answered))
     described = _described(scene, linked, reported_state(linked.text))
@@ -81,7 +81,7 @@ def resolve(scene: Scene, text: str, answers: Answers | None = None) -> Resolved
 
 
 def _with_answers(text: str, answers: Answers) -> str:
-    """Return `text` with what was answered for the words that were not clear."""
+    """Return `text` with the answers in place of its unclear words."""
     for said, means in answers.items():
         pattern = rf"(?<!\w){re.escape(said)}(?!\w)"
         text = re.sub(pattern, lambda _, means=means: means, text, count=1, flags=re.IGNORECASE)
@@ -177,7 +177,7 @@ def _can_come(place: str) -> Trait:
 
 
 def _likelier(scene: Scene, names: tuple[str, ...], state: State | None) -> tuple[str, ...]:
-    """Return those of `names` that are in the reported state, or else those that work, if any."""
+    """Return the `names` that are in the reported state, or else the working ones, if any."""
     if state is not None:
         so = tuple(name for name in names if in_state(scene, name, state))
     else:
@@ -247,7 +247,7 @@ def _there_named(
 
 
 def _reported(scene: Scene, text: str, state: State) -> str | Unclear:
-    """Return what is due for the asset whose state is reported; '' where none is named.
+    """Return the order due for the asset in a reported state; '' if none is named.
 
     *One of the drones* is the one that telemetry shows in that state.
     """
@@ -290,7 +290,7 @@ def chosen(scene: Scene, answer: str, choices: Sequence[str]) -> str:
 
 
 def names_something(scene: Scene, answer: str) -> bool:
-    """Whether an answer names or describes a place or an asset at all."""
+    """Return whether an answer names or describes a place or an asset at all."""
     tokens = read_tokens(link_names(scene.world, answer))
     readers = [Reader(tokens, at) for at in range(len(tokens))]
     if any(asset_at(scene, each) or place_at(scene, each) for each in readers):

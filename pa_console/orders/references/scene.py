@@ -1,6 +1,6 @@
-"""What words can point at: the picture as it is, and what was ordered before.
+"""The referents of words: the present picture, and earlier orders.
 
-Everything that a description needs is asked here: who guards a gate, who is free, how far it is.
+Every fact that a description needs is asked here: guards, free assets, distances.
 """
 
 import math
@@ -19,7 +19,7 @@ from pa_console.schema.world import AssetKind, World
 
 @dataclass(frozen=True)
 class Move:
-    """What one asset was ordered, and the frame at which it was `before`; '' for none."""
+    """The order of one asset, and the frame at which it was `before`; '' for none."""
 
     agent: str
     verb: Verb
@@ -34,7 +34,7 @@ class PastMission:
     text: str
     moves: tuple[Move, ...]
     undid: bool = False
-    """Whether it took back what the one before had ordered."""
+    """True if it took back the order before it."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Scene:
         return self.world.gates
 
     def asset(self, name: str) -> AssetTelemetry:
-        """Return what is known of an asset; raises KeyError for an unknown one."""
+        """Return the known facts of an asset; raises KeyError for an unknown one."""
         return self.picture.assets[name]
 
     def place_of(self, name: str) -> str:
@@ -110,7 +110,7 @@ class Scene:
         return place if place in self.world.gates else ""
 
     def is_free(self, name: str) -> bool:
-        """Whether an asset may be sent away without uncovering a gate or leaving its task."""
+        """Return whether an asset may leave without uncovering a gate or giving up its task."""
         return is_free(self.asset(name), self.sole)
 
     def spot(self, name: str) -> tuple[float, float]:
@@ -129,13 +129,13 @@ class Scene:
 
     @property
     def moved(self) -> list[Move]:
-        """What was ordered so far that moves somebody, the latest last; what takes back is not."""
+        """The orders so far that move an asset, the latest last, without withdrawals."""
         done = (mission.moves for mission in self.past if not mission.undid)
         return [move for moves in done for move in moves if move.verb not in STILL]
 
     @property
     def last(self) -> PastMission | None:
-        """The last mission that moved somebody for more than to take back another."""
+        """The last mission that moved an asset, other than a withdrawal."""
         moving = (p for p in self.past if any(m.verb not in STILL for m in p.moves))
         return next((p for p in reversed([*moving]) if not p.undid), None)
 
@@ -171,7 +171,7 @@ def _teams(
 
 
 STILL: frozenset[Verb] = frozenset(("hold", "report"))
-"""What is ordered without anybody moving."""
+"""Orders that move no asset."""
 
 
 def after(past: Sequence[PastMission], mission: PastMission, *, corrects: bool) -> PastMission:

@@ -77,7 +77,7 @@ def reported_state(text: str) -> State | None:
 
 
 def in_state(scene: Scene, name: str, state: State) -> bool:
-    """Whether telemetry bears it out that an asset is in `state`."""
+    """Return whether telemetry shows an asset in `state`."""
     asset = scene.asset(name)
     failed = asset.status == "failed"
     if state == "low":
@@ -88,9 +88,10 @@ def in_state(scene: Scene, name: str, state: State) -> bool:
 
 
 def what_is_due(scene: Scene, names: Iterable[str], state: State) -> str | Unclear:
-    """Return as an order what is due for an asset that is said to be in `state`.
+    """Return the order due for an asset that is reported in `state`.
 
-    `names` are those that the words may mean; those that telemetry shows in that state are meant.
+    `names` are the assets that the words may mean; those that telemetry shows in that state are
+    chosen.
     """
     meant = list(names)
     so = [name for name in meant if in_state(scene, name, state)]

@@ -1,4 +1,4 @@
-"""What can be said of a gate or an asset: whether it is so, and what was said so far."""
+"""The traits of a gate or an asset, and those read so far."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -11,7 +11,7 @@ from pa_console.orders.references.words import CHARGE, FAR, LEAST, MOST, NEAR, a
 
 @dataclass
 class Told:
-    """What a description has told so far, while it is read."""
+    """The traits of a description so far, while it is read."""
 
     scene: Scene
     reader: Reader
@@ -21,13 +21,13 @@ class Told:
     place: str = ""
     """A frame that is named inside of it."""
     describes: bool = False
-    """Whether the words say more than a bare noun."""
+    """True if the words are more than a bare noun."""
     past: bool = False
-    """Whether it says who was sent before."""
+    """True if it refers to an earlier order."""
     of_assets: bool = False
-    """Whether something was said that only an asset can be."""
+    """True if a trait is one of assets alone."""
     bare_location: bool = False
-    """Whether a place is named without saying that somebody is there: *everybody at the hub*."""
+    """True if a place is named without a word that an asset is there: *everybody at the hub*."""
 
     def say(self, trait: Trait, *, no: bool = False) -> bool:
         """Add a trait, or with `no` its opposite; returns True."""
@@ -51,7 +51,7 @@ class Told:
         return True
 
     def from_where(self) -> None:
-        """Read from where a distance is told: *to the base*, *away from Drone_T01*, or nothing."""
+        """Read the origin of a distance: *to the base*, *away from Drone_T01*, or nothing."""
         reader, scene, ranking = self.reader, self.scene, self.ranking
         if ranking is None or not ranking.distance or ranking.place:
             return
@@ -86,52 +86,52 @@ class Told:
         return False
 
     def _among(self) -> None:
-        """Read of whom one is meant: *among the drones*."""
+        """Read the group of one asset: *among the drones*."""
         if team := self.scene.members(self.reader.word()):
             self.reader.at += 1
             self.traits.append(lambda _, name: name in team)
 
 
 Way = Callable[[], bool]
-"""Reads one thing that can be said, and says whether it was there."""
+"""Reads one trait, and returns whether it was there."""
 
 
 def works(scene: Scene, name: str) -> bool:
-    """Whether an asset is in order."""
+    """Return whether an asset is in order."""
     return scene.asset(name).available
 
 
 def is_idle(scene: Scene, name: str) -> bool:
-    """Whether an asset has nothing to do: it is free and belongs to no gate."""
+    """Return whether an asset is idle: free and without a gate."""
     return scene.is_free(name) and not scene.guarded_by(name)
 
 
 def may_leave(scene: Scene, name: str) -> bool:
-    """Whether an asset may be sent away without uncovering a gate or leaving its task."""
+    """Return whether an asset may leave without uncovering a gate or giving up its task."""
     return scene.is_free(name)
 
 
 def is_low(scene: Scene, name: str) -> bool:
-    """Whether the battery of an asset is low."""
+    """Return whether the battery of an asset is low."""
     return scene.asset(name).low_battery
 
 
 def has_failed(scene: Scene, name: str) -> bool:
-    """Whether an asset has failed."""
+    """Return whether an asset has failed."""
     return scene.asset(name).status == "failed"
 
 
 def is_silent(scene: Scene, name: str) -> bool:
-    """Whether nothing is heard of an asset that is not known to have failed."""
+    """Return whether an asset that is not known to have failed is silent."""
     asset = scene.asset(name)
     return asset.status != "failed" and (asset.comms == "lost" or asset.stale)
 
 
 def is_guard(scene: Scene, name: str) -> bool:
-    """Whether an asset belongs to a gate."""
+    """Return whether an asset belongs to a gate."""
     return bool(scene.guarded_by(name))
 
 
 def is_bare(scene: Scene, gate: str) -> bool:
-    """Whether nobody covers a gate."""
+    """Return whether a gate has no guard."""
     return not scene.guards(gate)

@@ -33,7 +33,7 @@ COPULA = frozenset(
     ("is", "are", "'s", "'re", "was", "stands", "stand", "standing", "sits", "sitting", "waits")
 )
 SAYING = COPULA - {"standing", "sitting"} | {"hovers", "stays"}
-"""What begins a statement, where no *that* or *who* stands before it."""
+"""The beginnings of a statement without *that* or *who* before it."""
 STANDING = COPULA | {
     *("waiting", "hovers", "hovering", "parked", "posted", "stationed", "hanging", "stays"),
     *("around", "right", "now", "currently", "still", "up", "about", "just", "idling", "parking"),
@@ -47,13 +47,13 @@ SENT = frozenset(("sent", "moved", "dispatched", "ordered", "send"))
 AFTER_ONE = frozenset(
     (*STANDING, *NEAR, *FAR, *IN, "with", "without", "that", "which", "who", "i", "we", "you")
 )
-"""What follows *the one* where it stands for a noun."""
+"""The words after *the one* if it stands for a noun."""
 CONTACTS: Mapping[str, str] = {
     **dict.fromkeys(("car", "truck", "van", "lorry", "vehicle", "jeep", "pickup"), "vehicle"),
     **dict.fromkeys(("person", "man", "woman", "stranger", "pedestrian", "walker"), "person"),
     **dict.fromkeys(("visitor", "contact", "intruder", "track"), ""),
 }
-"""What comes to gates, and what sort of track it is; '' for either."""
+"""The words for contacts, and their sort of track; '' for either."""
 COMING = frozenset(
     (
         *("is", "'s", "has", "walking", "heading", "driving", "coming", "going", "approaching"),

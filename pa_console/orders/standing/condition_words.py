@@ -68,7 +68,7 @@ class ReadCondition:
 
 @dataclass
 class _Said:
-    """What was read so far: the subject in words, what it is and what is so, in CEL."""
+    """The parts read so far: the subject in words, its kind and its state, in CEL."""
 
     each: SubjectKind = "asset"
     who: str = ""
@@ -77,7 +77,7 @@ class _Said:
 
 
 def read_condition(scene: Scene, tokens: Sequence[Token]) -> ReadCondition | None:
-    """Return the condition that `tokens` say, None where a word of them is not understood."""
+    """Return the condition in `tokens`, None if a word of them is not understood."""
     reader = Reader(tokens)
     there_is = bool(reader.take("there is", "there are", "there 's"))
     said = _subject(scene, reader)
@@ -100,7 +100,7 @@ def read_condition(scene: Scene, tokens: Sequence[Token]) -> ReadCondition | Non
 
 
 def _subject(scene: Scene, reader: Reader) -> _Said | None:
-    """Read who or what it is about; None where that is not understood."""
+    """Read the subject; None if it is not understood."""
     charge_of = bool(reader.take("the battery of", "the charge of"))
     name = asset_at(scene, reader)
     if name:
@@ -139,7 +139,7 @@ def _asset_noun(scene: Scene, reader: Reader, *, article: bool) -> _Said | None:
 
 
 def _other_noun(reader: Reader) -> _Said | None:
-    """Read *gate*, and *unknown vehicle* with what is known of it."""
+    """Read *gate*, and *unknown vehicle* with its known identity."""
     if reader.take("gate", "gates", "post", "entrance"):
         return _Said("gate", "a gate")
     said = _Said("track")
@@ -178,7 +178,7 @@ def _place(scene: Scene, reader: Reader, said: _Said) -> None:
 
 
 def _of_asset(scene: Scene, reader: Reader, said: _Said) -> str:
-    """Read what is so of an asset, and return it in words; '' where it is not understood."""
+    """Read the state of an asset, and return it in words; '' if it is not understood."""
     start = reader.at
     if reader.take("'s") and not reader.take_in(CHARGE):
         reader.at = start
@@ -303,7 +303,7 @@ def _is_track(scene: Scene, reader: Reader, said: _Said) -> str:
 
 
 def _target(scene: Scene, reader: Reader, said: _Said, joint: str) -> str:
-    """Read to which gate somebody comes: *to the east gate*, *at any gate*; '' for nothing."""
+    """Read the destination of a contact: *to the east gate*, *at any gate*; '' for none."""
     start = reader.at
     reader.take("to", "at", "towards", "toward", "for", "in front of", "near", "outside")
     if not said.where and (place := place_at(scene, reader)) in scene.gates:
@@ -334,4 +334,4 @@ EXAMPLES = (
     "a drone is below 20 %", "an asset has failed", "a gate has no guard",
     "an unknown vehicle comes to a gate", "a vehicle ignores a warning",
 )  # fmt: skip
-"""What a standing order can wait for."""
+"""Examples of conditions of standing orders."""

@@ -1,8 +1,8 @@
-"""Tells a standing order from an order for now, and reads its parts.
+"""Separates standing orders from orders for now, and reads their parts.
 
 *Whenever CONDITION, ORDER*, also *each time*, *every time*, *if ... ever ...*, or the order first.
-In the order, *it*, *that drone*, *its gate* and *there* stand for what the condition was true of.
-What is not understood is asked back about; nothing is guessed.
+In the order, *it*, *that drone*, *its gate* and *there* stand for the subject of the condition.
+Unclear words are asked back about; none are guessed.
 """
 
 import re
@@ -24,14 +24,14 @@ _OPENING = re.compile(
 )
 _IF_EVER = re.compile(r"\s*(?:please[\s,]+)?if\b(?P<before>[^,]*?)\bever\b", re.IGNORECASE)
 _TALK = re.compile(r"\b(?:i|me|my|would|were|could|might)\b", re.IGNORECASE)
-"""What stands before an *ever* that is no condition: *if it were up to me nothing would ever*."""
+"""The words before an *ever* that is no condition: *if it were up to me nothing would ever*."""
 _WITHIN = re.compile(r"\b(?:whenever|each time|every time|if ever)\b", re.IGNORECASE)
 _NO_CONDITION = re.compile(
     r"\s*(?:i|i'm|i'd|we|you|he|she|they|people|it suits|possible|convenient|ready"
     r"|it(?:'s| is| gets) (?:ready|convenient|possible|free|time))\b",
     re.IGNORECASE,
 )
-"""What follows *whenever* in talk and politeness: nothing that a picture shows."""
+"""The words after *whenever* in talk and politeness: no fact of a picture."""
 _UNASKED = re.compile(
     r",?\s*\bwithout asking(?: (?:me|us|anybody|anyone|first|again|me first))?\b", re.IGNORECASE
 )
@@ -74,7 +74,7 @@ class ReadStanding:
 
 
 def read_standing(scene: Scene, text: str) -> ReadStanding | Unclear | None:
-    """Return a standing order, what to ask about one, or None for what is none."""
+    """Return a standing order, the question about one, or None for a text that is none."""
     linked = link_names(scene.world, text)
     unasked, limit = _UNASKED.search(linked), _LIMIT.search(linked)
     most = MOST_STARTS
