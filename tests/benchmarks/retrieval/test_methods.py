@@ -73,8 +73,9 @@ def test_made_up_rules_share_their_words_with_the_real_ones() -> None:
 def test_the_bench_measures_every_method_at_every_size() -> None:
     queries = load_queries(QUERIES, RULES).queries[:40]
     told: list[str] = []
-    rows = bench_retrieval(RULES, queries, METHODS, (30, 300), told.append)
-    assert [(row.rules, row.method) for row in rows] == [(n, m) for n in (30, 300) for m in METHODS]
+    sizes = (len(RULES), 300)
+    rows = bench_retrieval(RULES, queries, METHODS, sizes, told.append)
+    assert [(row.rules, row.method) for row in rows] == [(n, m) for n in sizes for m in METHODS]
     assert len(told) == len(rows)
     for small, large in zip(rows[: len(METHODS)], rows[len(METHODS) :], strict=True):
         assert [q.queries for q in small.quality if not q.style] == [20, 20]
