@@ -28,8 +28,11 @@ from pa_console.orchestrator.station.station import Station
 from pa_console.orchestrator.station.ticking import DevicesClock
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
+from pa_console.schema.scenario import Scenario
 from pa_console.schema.world import World
 from pa_console.session.log.writer import LogWriter, read_log
+from pa_console.sim.worlds.scenario_file import open_scenario
+from pa_console.sim.worlds.world_file import open_world
 from tests.fleets.conftest import joined, running
 from tests.fleets.keyring import KEYS, PUBLIC, TO_NORTH
 from tests.fleets.test_shared_session import RATE, Watched, messages, two_people, until
@@ -119,14 +122,14 @@ class Begun(NamedTuple):
 
 @asynccontextmanager
 async def north_commands(
-    world: World, address: BrokerAddress, folder: Path
+    world: World, address: BrokerAddress, folder: Path, scenario: Scenario | None = None
 ) -> AsyncGenerator[Begun]:
     """North's session, with Ann at it, as soon as it has a picture."""
     site = two_people(folder)
     vehicles = Vehicles(world.assets, PUBLIC["owner"], (), time.time)
     authority = StationAuthority(keys("north", "ann", site))
     with (
-        running(world, address, rate=RATE, verify=vehicles.verify, take=vehicles.take),
+        running(world, address, scenario, rate=RATE, verify=vehicles.verify, take=vehicles.take),
         joined(world, address, authority) as fleet,
     ):
         async with shared(site, authority, fleet, folder) as (station, watched, log):
@@ -246,6 +249,21 @@ async def test_whom_the_first_station_had_stopped_stays_stopped(
                 south.submit(TEXT)
             told = [notice.text for notice in cleo.state.notices]
             assert "north had stopped everybody: they stay stopped until you release them" in told
+
+
+async def test_command_is_taken_and_the_team_stopped_while_a_contact_is_in_view(
+    world: World, address: BrokerAddress, tmp_path: Path
+) -> None:
+    _, path = open_world("checkpoint")
+    scenario = open_scenario(world, path, "situation-2").scenario
+    async with north_commands(world, address, tmp_path, scenario) as begun:
+        await until(lambda: begun.watched.state.picture and begun.watched.state.picture.tracks)
+        async with in_its_place(world, address, begun.site) as (south, cleo):
+            await until(lambda: cleo.state.picture and cleo.state.picture.tracks)
+            south.stop_all("cleo")
+            await until(lambda: cleo.state.stop and cleo.state.stop.held == len(world.assets))
+            assert not cleo.state.ended
+            assert south.failure == ""
 
 
 def test_an_older_takeover_that_is_retained_is_replaced(
