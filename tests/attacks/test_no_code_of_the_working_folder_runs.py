@@ -31,7 +31,7 @@ from pa_console.signing import KEY_VARIABLE
 from pa_console.tui.terminal import edit_outside, editor_command
 from tests.cli.inside import caller
 from tests.cli.test_serve_web import served
-from tests.training.lora.tiny import write_tiny
+from tests.training.adapters.tiny import write_tiny
 
 PACKAGES = ("pip", "pa_console", "multiprocessing", "distributed", "numpy")
 MODULES = ("json", "runpy", "re", "sitecustomize", "usercustomize", "huggingface_hub", "llama_cpp")

@@ -25,7 +25,7 @@ from pa_console.llm.models.catalogue import LocalModel
 from pa_console.llm.worker import seccomp
 from pa_console.llm.worker.confinement import Restriction, clean_environment, try_out
 from tests.attacks.dangerous_calls import DANGEROUS
-from tests.training.lora.tiny import write_tiny
+from tests.training.adapters.tiny import write_tiny
 
 LINUX = sys.platform == "linux" and os.uname().machine in seccomp.MACHINES
 linux_only = pytest.mark.skipif(not LINUX, reason="this system has no filter of system calls")

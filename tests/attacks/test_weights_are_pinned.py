@@ -20,7 +20,7 @@ from pa_console.llm.models.adapters import LocalAdapter
 from pa_console.llm.models.cache import CACHE_VARIABLE, hash_file
 from pa_console.llm.models.catalogue import Catalog, LocalModel
 from pa_console.signing import KEY_VARIABLE, load_signer
-from tests.training.lora.tiny import write_tiny
+from tests.training.adapters.tiny import write_tiny
 
 NAME = "tiny"
 ASK = Request(

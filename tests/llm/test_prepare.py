@@ -16,7 +16,7 @@ from pa_console.llm.models.preparing import (
     prepare,
     prepared_path,
 )
-from tests.training.lora.tiny import write_tiny
+from tests.training.adapters.tiny import write_tiny
 
 Q8 = Preparation("q8_0")
 NEVER = ("-c", "raise SystemExit('must not be made again')")

@@ -13,7 +13,7 @@ FEWEST = 3
 HEADING = """\
 # Words that operators use, most frequent first: a misspelt word of a mission is read as the
 # likeliest of them, of the world's own names or of an English dictionary. Counted in the phrases
-# that the default model's adapters are trained on (models/training/pa_training/phrasing/operator_words.py),
+# that the default model's adapters are trained on (pa_training/phrasing/operator_words.py),
 # without what it keeps from training. Add the words of your site anywhere, one a line: a word that
 # stands here is never taken for a slip.
 """
