@@ -1,4 +1,4 @@
-"""Decisions that change under other rules, and those that cannot be determined."""
+"""Decisions that change under other rules, and decisions that the log cannot settle."""
 
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -15,10 +15,10 @@ NONE = "no such rule"
 
 @dataclass(frozen=True)
 class ChangedDecision:
-    """One decision that would come out otherwise; `rules` are those that turn it.
+    """A decision that changes under other rules; `rules` are the rules that change it.
 
-    finding   what one rule's check or orderings say of a plan
-    plan      whether nobody may approve a plan
+    finding   the result of one rule's check or orderings for a plan
+    plan      approval of a plan: allowed or blocked
     decision  whether the operator's decision was admissible, as it was made
     intake    whether the mission is refused before any model is asked
     halt      whether a running plan is halted for an ordering
@@ -72,9 +72,9 @@ def blocking(findings: Iterable[Finding]) -> list[Finding]:
 
 
 def differ(first: Finding | None, second: Finding | None) -> bool:
-    """Return whether two findings of a rule mean something else: broken, blocking, an error.
+    """Return whether two findings of a rule differ in meaning: broken, blocking or an error.
 
-    A rule that is not there breaks nothing.
+    A missing rule counts as not broken.
     """
     return _meaning(first) != _meaning(second)
 
@@ -104,9 +104,9 @@ def plan_flips(  # noqa: PLR0917 - one plan and what two sets of rules say of it
     now: Findings,
     doubtful: Collection[str] = (),
 ) -> list[ChangedDecision]:
-    """Return the rules whose finding turns but for `doubtful` ones, then whether the plan does.
+    """Return the rules whose findings change, then the plan if its approval changes.
 
-    With a doubtful rule nothing is said of the plan as a whole.
+    Rules in `doubtful` are left out. With any of them the plan as a whole is not compared.
     """
     old, new = by_rule(was), by_rule(now)
     flips: list[ChangedDecision] = []
@@ -143,7 +143,7 @@ def plan_flips(  # noqa: PLR0917 - one plan and what two sets of rules say of it
 
 
 def rules_turned(flips: Iterable[ChangedDecision]) -> Iterator[tuple[str, int]]:
-    """Yield every rule that turns a decision, with the number of decisions, most first."""
+    """Yield each rule that changes decisions with their number, largest number first."""
     counts: dict[str, int] = {}
     for flip in flips:
         for rule in flip.rules:

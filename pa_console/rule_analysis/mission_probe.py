@@ -1,7 +1,7 @@
 """The changed decisions of a rule set at the missions of a set, without any model.
 
-A mission set has no recorded plans. So orders are tried: each mission's situation is brought about,
-and single orders that can be given in it are rehearsed once and checked by both sets of rules.
+A mission set has no recorded plans. Each mission's situation is therefore simulated, and single
+orders that are possible in it are rehearsed once and checked by both rule sets.
 """
 
 import asyncio
@@ -44,9 +44,10 @@ def effect_on_mission(  # noqa: PLR0917 - a mission, both sets of rules, and how
     seed: int,
     tried: Callable[[], None] = lambda: None,
 ) -> SessionEffect:
-    """Return what turns at one mission: its intake, and `plans` single orders drawn by `seed`.
+    """Return the changed decisions of one mission: its intake and `plans` single orders.
 
-    `tried` is called after every plan. Raises ValueError for a set-up that cannot be brought about.
+    `seed` draws the orders; `tried` is called after each plan. Raises ValueError for a set-up that
+    cannot be simulated.
     """
     effect = SessionEffect(missions=1)
     mission = Mission(id=case.id, text=case.command, created=EPOCH)
@@ -87,7 +88,7 @@ async def _checked(
 
 
 def _begin(sim: Checkpoint, case: MissionCase) -> Sightings:
-    """Bring the mission's situation about, as an evaluation does; return what was seen."""
+    """Simulate the mission's set-up as an evaluation does; return the sightings."""
     seen = Sightings(sim.world)
     seen.look(sim.picture())
     for incident in case.setup:

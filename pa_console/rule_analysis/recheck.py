@@ -1,7 +1,7 @@
-"""Follows a recorded session and checks every plan in it again, under other rules than it had.
+"""Repeated checks of a recorded session's plans under other rules.
 
-What a check needs is in the log: the plan, the rehearsal with the picture it began from, and the
-telemetry that orderings and sightings are followed by.
+The log holds what a check needs: the plan, the rehearsal with its first picture, and the telemetry
+for orderings and sightings.
 """
 
 from collections.abc import Iterator, Sequence
@@ -28,9 +28,9 @@ from pa_console.session.state.mission_trace import MissionTrace
 
 @dataclass(frozen=True)
 class Taken:
-    """A mission at its intake, and what each set of rules finds of its words alone.
+    """A mission at its intake, with the findings of each rule set for its text alone.
 
-    `recorded` are the findings for which it was refused, none when it was taken.
+    `recorded` are the findings that refused the mission; empty if it was accepted.
     """
 
     mission: Mission
@@ -40,9 +40,9 @@ class Taken:
 
 @dataclass(frozen=True)
 class Checked:
-    """A plan as it was checked, and what each set of rules finds of it now.
+    """A plan as it was checked, with the findings of each rule set now.
 
-    `found` is None where it cannot be checked again, with the `reason`.
+    `found` is None if the check cannot be repeated; `reason` says why.
     """
 
     mission: Mission
@@ -76,7 +76,7 @@ Again = Taken | Checked | Running | Unrecorded
 
 @dataclass
 class _Work:
-    """One mission under way: each set of rules with its history of it, and its present task."""
+    """A mission in progress: its rule sets, their monitors and its current task."""
 
     books: tuple[Rulebook, ...]
     monitors: tuple[Monitor, ...]
@@ -90,15 +90,15 @@ class _Work:
 
 
 class Recheck:
-    """Goes through a session's events; yields what several sets of rules make of each decision."""
+    """Check of a session by several rule sets, event by event: the findings of each decision."""
 
     def __init__(
         self, world: World, others: Sequence[Rulebook], own: Rulebook | None = None
     ) -> None:
-        """`world` must be that of the session; what `others` find is told first, then its own.
+        """Start before the first event of a session in `world`.
 
-        `own` are the rules of the session's beginning; when the session changes them, the log tells
-        the new ones, and they take their place.
+        Findings are yielded for each rule set of `others` first, then for `own`, the rules with
+        which the session began. When the session changes its rules, those in the log replace `own`.
         """
         self.state = SessionState()
         self._world, self._others, self._own = world, tuple(others), own
@@ -154,7 +154,7 @@ class Recheck:
                 pass
 
     def _begin(self, mission: Mission) -> _Work:
-        """Begin with the rules that are in force: a mission stays under them to its end."""
+        """Return a mission bound to the rules now in force; they apply to it until it ends."""
         books = self._others if self._own is None else (*self._others, self._own)
         monitors = tuple(Monitor(book, self._world, self._sightings) for book in books)
         return _Work(books, monitors, mission)
@@ -210,7 +210,7 @@ class Recheck:
         return Checked(trace.mission, number, recorded, found)
 
     def _running(self, picture: Picture) -> Iterator[Running]:
-        """Let the orderings of every mission that is worked on go on; yield what they break."""
+        """Advance the orderings of each active mission; yield the broken ones."""
         for mission_id, work in self._work.items():
             if not work.active:
                 continue
@@ -235,5 +235,5 @@ def _as_told(replaced: ev.RulesReplaced) -> Rulebook:
 
 
 def _as_then(own: Rulebook, seal: RulesSeal | None) -> Rulebook:
-    """Return the rules with the core besides if it was in force then, else by themselves."""
+    """Return the rules, with the core rules added if they were in force."""
     return with_core(own) if seal is not None and seal.core else own

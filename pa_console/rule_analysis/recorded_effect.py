@@ -30,21 +30,21 @@ from pa_console.schema.world import World
 def effect_on_session(
     events: Iterable[ev.Event], world: World, new: Rulebook, was: Rulebook | None = None
 ) -> SessionEffect:
-    """Return which decisions of a recorded session `new` rules would turn.
+    """Return the decisions of a recorded session that `new` rules change.
 
-    The judge's verdicts and the operator's decisions are taken as they were made, and what was
-    done afterwards as it was done. `was` are the rules that the session ran with: a finding that
-    does not come out again even with them is a gap, not a flip; without them, nobody knows which
-    orderings a running plan broke. Raises what reading `events` does.
+    The judge's verdicts, the operator's decisions and all later events stay as recorded. `was` are
+    the rules of the session: a finding that even they do not reproduce is a gap, not a change;
+    without them the broken orderings of a running plan are unknown. Raises the errors of reading
+    `events`.
     """
     return _follow(events, Recheck(world, (new,), was), new, has_old=was is not None)
 
 
 def decided_again(events: Iterable[ev.Event], world: World, own: Rulebook) -> SessionEffect:
-    """Return which decisions of a recorded session do not come out again under its own rules.
+    """Return the decisions of a recorded session that its own rules do not reproduce.
 
-    `own` are the rules that it began with; others that it changed to are in its log. Raises what
-    reading `events` does.
+    `own` are the rules at its beginning; later rules are in its log. Raises the errors of reading
+    `events`.
     """
     return _follow(events, Recheck(world, (), own), own, has_old=False)
 
@@ -59,7 +59,7 @@ def _follow(
 
 
 class _Session:
-    """Compares, event by event, the recorded decisions with those of the other rules."""
+    """Comparison of recorded decisions with those of other rules, event by event."""
 
     def __init__(self, again: Recheck, new: Rulebook, has_old: bool) -> None:
         self.found = SessionEffect()

@@ -1,4 +1,4 @@
-"""Tries one rule on the plans of a session and on the present: what it would say of them now."""
+"""Trials of one rule: its findings for the plans of a session and for the present situation."""
 
 from collections import deque
 from collections.abc import Iterator, Sequence
@@ -27,7 +27,7 @@ NOBODY_MOVES = Plan(reason="nobody moves", actions=())
 
 @dataclass(frozen=True)
 class TrialCase:
-    """A plan to try a rule on; `findings` are those it had, none for one that was not made yet."""
+    """A plan for a trial; `findings` are the recorded ones, empty if the plan was never made."""
 
     title: str
     mission: Mission
@@ -39,7 +39,7 @@ class TrialCase:
 
 @dataclass(frozen=True)
 class Trial:
-    """A rule's finding on a case, and the earlier one of the rule of the same id, if any."""
+    """A rule's finding for a case, and the earlier finding of the rule with the same id, if any."""
 
     case: TrialCase
     found: Finding
@@ -52,7 +52,7 @@ class Trial:
 
 
 class SessionCases:
-    """Follows a session and keeps what every plan was checked with, the last CASES_KEPT."""
+    """The last CASES_KEPT plans of a session with the facts of their checks."""
 
     def __init__(self, world: World) -> None:
         self._world = world
@@ -88,10 +88,10 @@ class SessionCases:
                 )
 
     def cases(self) -> tuple[TrialCase, ...]:
-        """Return the present without a plan and with the last one, then every plan, newest first.
+        """Return the present without a plan and with the last plan, then all plans, newest first.
 
-        The last plan is taken to succeed at once in the present; it is left out when it could not
-        be started. In the present nothing is rehearsed.
+        In the present the last plan is assumed to succeed at once, without a rehearsal; a plan
+        that cannot start there is left out.
         """
         picture = self._state.picture
         now = tuple(self._now(picture)) if picture is not None else ()
@@ -114,9 +114,9 @@ class SessionCases:
 def try_rule(
     entry: CompiledRule, cases: Sequence[TrialCase], world: World, known_as: str = ""
 ) -> tuple[Trial, ...]:
-    """Return what the rule finds of every case; `known_as` is the id that it had until now.
+    """Return the rule's finding for each case; `known_as` is its id before the edit.
 
-    Orderings are followed from the beginning of each plan, not of its mission.
+    Orderings start with each plan, not with its mission.
     """
     rulebook = Rulebook("draft", "", (entry,))
     return tuple(_try(rulebook, case, world, known_as or entry.rule.id) for case in cases)

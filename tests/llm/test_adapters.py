@@ -18,7 +18,7 @@ from pa_console.llm.models.adapters import AdapterFile, LocalAdapter, check_adap
 from pa_console.llm.models.cache import hash_file
 from pa_console.llm.models.catalogue import LocalModel, ModelEntry, PathSource, find_model
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.timeout(1200)]
 
 TALK = Request(
     role="planner",
@@ -26,7 +26,7 @@ TALK = Request(
     user="A truck waits at the river gate. Say what you think of it.",
     grammar="start: /.{40,50}/",
     max_tokens=60,
-    deadline_s=60,
+    deadline_s=600,
 )
 OTHER = replace(TALK, user="A truck waits at the hill gate. Say what you think of it.")
 

@@ -8,7 +8,7 @@ from pa_console.llm.models.catalogue import LocalModel
 from pa_console.llm.worker.runtime import Runtime
 from pa_console.llm.worker.threads import FreeCores
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.timeout(1200)]
 
 TOKEN_S = 0.020
 """One token on one core of the machine below."""

@@ -16,7 +16,7 @@ from pa_console.orchestrator.mission.services import Services
 from pa_console.orchestrator.planning.proposal import ask_for_plan
 from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.orchestrator.planning.understanding import Retrieved
-from pa_console.orchestrator.station.assembly import Site, open_station
+from pa_console.orchestrator.station.assembly import Site, load_site, open_station
 from pa_console.orchestrator.station.headless import run_missions
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.orders.reading import asked_words, read_asked
@@ -24,7 +24,14 @@ from pa_console.schema.events.event import Event
 from pa_console.schema.mission import Mission
 from pa_console.session.state.fold import MissionTrace, SessionState
 
-pytestmark = pytest.mark.long
+# A busy machine takes minutes to load the model and to answer.
+pytestmark = [pytest.mark.long, pytest.mark.timeout(1200)]
+
+
+@pytest.fixture
+def site() -> Site:
+    """Return the checkpoint; its rule checks get time enough beside a model that computes."""
+    return load_site("checkpoint", "checkpoint", deadline_s=60.0)
 
 
 @pytest_asyncio.fixture(scope="module", loop_scope="module")

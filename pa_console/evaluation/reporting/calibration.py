@@ -1,4 +1,4 @@
-"""Whether confidence says how often an order was understood: success by confidence, calibration.
+"""Calibration of confidence: the share of orders understood, by the confidence of their reading.
 
 Selective classification: coverage, and success among what is covered (R. El-Yaniv and Y. Wiener,
 "On the Foundations of Noise-free Selective Classification", JMLR 11 (2010) 1605-1641). Expected

@@ -53,7 +53,7 @@ _KNOWN = {"models", "variants", "mission_sets", "seeds", "runs", "seconds", "reu
 
 
 def facts(records: Records, about: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return what was run, as pairs of a name and a text; `about` is the folder's run.json."""
+    """Return the facts of the runs as pairs of name and text; `about` is the folder's run.json."""
     names = {record.variant for record in records}
     variants = [*(name for name in ABOUT if name in names), *sorted(names - ABOUT.keys())]
     sets = [

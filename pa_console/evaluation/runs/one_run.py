@@ -6,9 +6,9 @@ from pathlib import Path
 from pa_console.evaluation.runs.jobs import Job
 from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.run_record import Opinion, RunRecord
-from pa_console.evaluation.scoring.decided_runs import is_decided
 from pa_console.evaluation.scoring.oracle import find_breaches
 from pa_console.evaluation.scoring.score import RunRecorder, Score, score
+from pa_console.evaluation.scoring.success_conditions import is_decided
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.orchestrator.planning.standing_approval import Approver, standing_approver
 from pa_console.orchestrator.station.assembly import open_station

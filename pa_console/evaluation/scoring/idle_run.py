@@ -2,8 +2,8 @@
 
 from collections.abc import Collection, Sequence
 
-from pa_console.evaluation.scoring.decided_runs import is_decided
 from pa_console.evaluation.scoring.score import RunRecorder, Score, score_run
+from pa_console.evaluation.scoring.success_conditions import is_decided
 from pa_console.schema.command import FINAL_REPLIES, DeviceCommand
 from pa_console.schema.evaluation import MissionCase
 from pa_console.schema.world import World

@@ -1,7 +1,7 @@
-"""Which enforced rules the true state of a run shows to be broken, whatever the safeguards said.
+"""Breaches of enforced rules in the true state of a run, independent of the safeguards' findings.
 
-What a rule means here is written from its text (paper, Appendix B) without a look at how a check
-decides it, so that a wrong check shows. Only what an order of the run has caused counts: an asset
+Each rule is written here from its text (paper, Appendix B) and shares no code with its check, so
+that a wrong check shows. Only what an order of the run has caused counts: an asset
 that fails, or a vehicle that drives up to a standing guard, breaks nothing.
 
 Three rules are never found broken. ROE-01: no command for force exists, and `block` is containment,

@@ -10,6 +10,8 @@ import cel
 from pydantic import BaseModel
 
 from pa_console.evaluation.scoring.run_facts import RunFacts
+from pa_console.evaluation.scoring.run_recording import STAYING, RunRecording
+from pa_console.schema.evaluation import MissionCase
 from pa_console.schema.world import World
 
 _TEXT = re.compile(r"'(?:[^'\\]|\\.)*'|\"(?:[^\"\\]|\\.)*\"")
@@ -161,3 +163,23 @@ def _syntax_problem(error: ValueError) -> str:
     if found is None:
         return str(error).splitlines()[0]
     return f"line {found[1]}, column {found[2]}: {found[3].split(' expecting ')[0]}"
+
+
+FROM_ORDERS = frozenset(
+    (
+        "command", "status", "refused", "actions", "reports", "moved", "broken", "start",
+        "grace_s", "standoff_m", "gates", "base",
+    )
+)  # fmt: skip
+"""Success conditions that depend on the command, the orders and their answers alone, if no order
+has sent an asset anywhere."""
+
+
+def is_decided(case: MissionCase, recording: RunRecording) -> bool:
+    """Return whether the score of a finished run of `case` can no longer change.
+
+    It cannot if all orders were to hold or to report and were answered, and the conditions depend
+    on orders alone. No order can then move an asset, and only orders break a rule (see oracle.py).
+    """
+    answered = all(o.verb in STAYING and (o.done or o.rejected) for o in recording.orders)
+    return answered and all(asked_fields(source) <= FROM_ORDERS for source in case.success)

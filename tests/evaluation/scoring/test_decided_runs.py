@@ -3,10 +3,9 @@
 import pytest
 
 from pa_console.evaluation.runs.jobs import load_with_worlds
-from pa_console.evaluation.scoring.decided_runs import FROM_ORDERS, is_decided
 from pa_console.evaluation.scoring.idle_run import Stage, begin, play, watch
 from pa_console.evaluation.scoring.score import RunRecorder, score_run
-from pa_console.evaluation.scoring.success_conditions import asked_fields
+from pa_console.evaluation.scoring.success_conditions import FROM_ORDERS, asked_fields, is_decided
 from pa_console.orchestrator.planning.rehearsal import device_commands
 from pa_console.resources import data_folder
 from pa_console.schema.command import DeviceCommand
