@@ -52,7 +52,7 @@ def test_an_altered_set_fails_the_check(call: Call, signed: Path) -> None:
     assert call("rules", "check", str(signed)).code == 0
 
 
-@pytest.mark.parametrize("verb", [("mission", "hello"), ("eval",), ("bench",)])
+@pytest.mark.parametrize("verb", [("mission", "hello"), ("eval",)])
 def test_an_altered_set_is_not_put_in_force(
     call: Call, signed: Path, verb: tuple[str, ...]
 ) -> None:
