@@ -17,7 +17,6 @@ from pa_console.policy.ordering.monitor import Monitor
 from pa_console.policy.rulebook import Rulebook
 from pa_console.rule_analysis.changed_decisions import (
     ChangedDecision,
-    Findings,
     SessionEffect,
     blocking,
     by_rule,
@@ -25,6 +24,7 @@ from pa_console.rule_analysis.changed_decisions import (
     orders_of,
     plan_flips,
 )
+from pa_console.rule_analysis.recheck import Findings
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.evaluation import MissionCase
 from pa_console.schema.mission import Mission

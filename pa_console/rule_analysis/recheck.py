@@ -15,8 +15,8 @@ from pa_console.policy.ordering.moments import moment
 from pa_console.policy.ordering.monitor import Monitor
 from pa_console.policy.rulebook import Rulebook, compile_rule
 from pa_console.policy.trust.core_rules import with_core
-from pa_console.rule_analysis.changed_decisions import Findings
 from pa_console.schema.events import event as ev
+from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission
 from pa_console.schema.moment import Moment
 from pa_console.schema.rule import RulesSeal
@@ -24,6 +24,8 @@ from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.session.state.fold import SessionState
 from pa_console.session.state.mission_trace import MissionTrace
+
+Findings = tuple[Finding, ...]
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.evaluation.runs.jobs import load_missions
-from pa_console.evaluation.runs.one_run import enforced_rules
-from pa_console.evaluation.scoring.idle_run import begin, idle_run
+from pa_console.evaluation.runs.runner import enforced_rules
+from pa_console.evaluation.scoring.score import begin, idle_run
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import data_folder
 from pa_console.schema.evaluation import GeneratedWorld, MissionCase

@@ -9,7 +9,7 @@ from pa_console.evaluation.runs.jobs import ABOUT, VARIANTS, Job, LoadedSet, fin
 from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.run_record import EvaluationFolder, RunRecord, read_runs
 from pa_console.evaluation.runs.runner import CHUNK, Runner, chunks
-from pa_console.evaluation.scoring.idle_run import SETTLE_S
+from pa_console.evaluation.scoring.score import SETTLE_S
 from pa_console.orchestrator.station.assembly import Site
 from pa_console.orchestrator.station.headless import SETUP_SETTLE_S
 from pa_console.schema.evaluation import MissionCase, MissionSet

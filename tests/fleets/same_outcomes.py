@@ -9,7 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from unittest.mock import Mock, patch
 
-from pa_console.evaluation.runs import one_run
+from pa_console.evaluation.runs import runner
 from pa_console.evaluation.runs.jobs import (
     Job,
     chosen_missions,
@@ -21,7 +21,7 @@ from pa_console.evaluation.runs.jobs import (
 )
 from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.run_record import RunRecord
-from pa_console.evaluation.scoring.idle_run import idle_run
+from pa_console.evaluation.scoring.score import idle_run
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.orchestrator.station.assembly import load_site
@@ -36,15 +36,15 @@ def on_the_bus(job: Job, broker: Broker, number: int) -> Generator[None]:
     with (
         running(world, address, seed=job.seed, paced=True) as service,
         joined(world, address) as fleet,
-        patch.object(one_run, "Checkpoint", Mock(return_value=service.site.checkpoint)),
-        patch.object(one_run, "SimulatedFleet", Mock(return_value=fleet)),
+        patch.object(runner, "Checkpoint", Mock(return_value=service.site.checkpoint)),
+        patch.object(runner, "SimulatedFleet", Mock(return_value=fleet)),
     ):
         yield
 
 
 async def made(job: Job, engine: MemoEngine) -> RunRecord:
-    enforced = one_run.enforced_rules(job.site.rulebook)
-    return await one_run.make_run(
+    enforced = runner.enforced_rules(job.site.rulebook)
+    return await runner.make_run(
         job, engine, lambda: idle_run(job.case, job.site.world, job.seed, enforced), None
     )
 

@@ -7,9 +7,8 @@ from datetime import UTC, datetime
 
 from pydantic import ValidationError
 
-from pa_console.evaluation.scoring.idle_run import play, watch
 from pa_console.evaluation.scoring.oracle import find_breaches
-from pa_console.evaluation.scoring.score import RunRecorder
+from pa_console.evaluation.scoring.score import RunRecorder, play, watch
 from pa_console.orchestrator.planning.safeguards import examine
 from pa_console.orchestrator.station.assembly import load_site
 from pa_console.policy.rulebook import Rulebook

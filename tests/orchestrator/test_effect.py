@@ -13,8 +13,13 @@ from pa_console.orchestrator.station.headless import run_missions
 from pa_console.orchestrator.station.session_site import SessionSites
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.policy.rulebook import CompiledRule, Rulebook, compile_rule, load_rules
-from pa_console.rule_analysis.changed_decisions import ChangedDecision, SessionEffect, rules_turned
-from pa_console.rule_analysis.recorded_effect import decided_again, effect_on_session
+from pa_console.rule_analysis.changed_decisions import (
+    ChangedDecision,
+    SessionEffect,
+    decided_again,
+    effect_on_session,
+    rules_turned,
+)
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import SpawnTrack

@@ -6,7 +6,7 @@ import pytest
 
 from pa_console.evaluation.runs.jobs import Job
 from pa_console.evaluation.runs.memo_engine import MemoEngine
-from pa_console.evaluation.runs.one_run import make_run
+from pa_console.evaluation.runs.runner import make_run
 from pa_console.evaluation.scoring.score import Score
 from pa_console.orchestrator.station.assembly import Site
 from pa_console.policy.rulebook import load_rules

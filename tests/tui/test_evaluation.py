@@ -9,8 +9,8 @@ from textual.containers import ScrollableContainer
 from textual.pilot import Pilot
 from textual.widgets import Input, Select, Static
 
-from pa_console.evaluation.reporting import tables
-from pa_console.evaluation.reporting.table import Table
+from pa_console.evaluation.reporting import report
+from pa_console.evaluation.reporting.statistics import Table
 from pa_console.orchestrator.station.assembly import Site, load_site
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.openings import evaluation_console
@@ -388,7 +388,7 @@ def test_looks(
     def built(_: object) -> tuple[Table, ...]:
         return runs.TABLES
 
-    monkeypatch.setattr(tables, "build_tables", built)
+    monkeypatch.setattr(report, "build_tables", built)
     run = looked_at(*LOOKS[name])
     assert snap_compare(evaluation(folder, site), terminal_size=SIZES[size], run_before=run)
 

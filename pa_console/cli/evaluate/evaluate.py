@@ -36,7 +36,7 @@ from pa_console.cli.output import (
 from pa_console.cli.progress_bars import LiveBar
 from pa_console.cli.settings_defaults import settings_of
 from pa_console.evaluation.machine import describe_machine
-from pa_console.evaluation.reporting.table import Table
+from pa_console.evaluation.reporting.statistics import Table
 from pa_console.evaluation.runs.jobs import (
     ABOUT,
     Job,
@@ -344,8 +344,10 @@ def _about(
 
 def _report(folder: Path, *, json: bool) -> None:
     """Write both reports and print the tables, or everything as JSON."""
-    from pa_console.evaluation.reporting.report import write_report  # noqa: PLC0415 - plotting is slow
-    from pa_console.evaluation.reporting.tables import build_tables  # noqa: PLC0415
+    from pa_console.evaluation.reporting.report import (  # noqa: PLC0415 - plotting is slow
+        build_tables,
+        write_report,
+    )
 
     records = read_runs(folder)
     if not records:

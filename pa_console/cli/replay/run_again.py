@@ -12,8 +12,7 @@ from pa_console.cli.progress_bars import read_recording
 from pa_console.cli.replay.play import started_of
 from pa_console.evaluation.runs.twin import Resimulation, resimulate
 from pa_console.orchestrator.station.session_site import SessionSites
-from pa_console.rule_analysis.changed_decisions import SessionEffect
-from pa_console.rule_analysis.recorded_effect import decided_again
+from pa_console.rule_analysis.changed_decisions import SessionEffect, decided_again
 from pa_console.schema.document import DocumentError
 from pa_console.schema.events.event import Event, SessionStarted
 from pa_console.schema.scenario import Scenario

@@ -17,9 +17,9 @@ from pa_console.rule_analysis.changed_decisions import (
     ChangedDecision,
     Gap,
     SessionEffect,
+    effect_on_session,
     rules_turned,
 )
-from pa_console.rule_analysis.recorded_effect import effect_on_session
 from pa_console.schema.document import DocumentError
 
 

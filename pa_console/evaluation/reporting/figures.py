@@ -1,56 +1,255 @@
 """The figures of a report: the paper's Figs. 3 to 5 and Table I, the ablation and the stages."""
 
+import io
+import re
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
 from functools import partial
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from pa_console.evaluation.reporting.calibration import confidence_and_success, reliability_diagram
-from pa_console.evaluation.reporting.figure_drawing import (
-    BLUE,
-    GREEN,
-    GRID,
-    HATCHES,
-    INK,
-    ORANGE,
-    SERIES,
-    SKY,
-    Drawn,
-    Interval,
-    Series,
-    draw_bars,
-    draw_paper_letter,
-    draw_paper_mark,
-    label_groups,
-    legend,
-    name_paper,
-    new_figure,
-    percent_axis,
-    percent_interval,
-    slot_offset,
-)
-from pa_console.evaluation.reporting.published import (
+from pa_console.evaluation.reporting.records import (
     HYBRID_BY_CATEGORY,
     MODELS,
     Quantity,
-    published,
-)
-from pa_console.evaluation.reporting.record_groups import (
     Records,
     ablated_models,
     by_model,
     comparable_runs,
     grouped,
     main_runs,
+    published,
 )
-from pa_console.evaluation.reporting.statistics import spread
-from pa_console.evaluation.reporting.tables import ABLATION, JUDGE, LATENCY, SUCCESS
-from pa_console.evaluation.reporting.tables_judgement import Judgement, confusion
-from pa_console.evaluation.reporting.tables_latency import QUANTITIES as TABLES_LATENCY_QUANTITIES
-from pa_console.evaluation.reporting.tables_latency import STAGES, stage_name, stage_seconds
-from pa_console.evaluation.reporting.tables_outcomes import SuccessKind, success_rate, variants_of
+from pa_console.evaluation.reporting.statistics import Rate, spread
+from pa_console.evaluation.reporting.tables_judgement import (
+    Judgement,
+    confidence_and_success,
+    confusion,
+    reliability,
+)
+from pa_console.evaluation.reporting.tables_outcomes import (
+    LATENCIES,
+    STAGES,
+    SuccessKind,
+    stage_name,
+    stage_seconds,
+    success_rate,
+    variants_of,
+)
+from pa_console.schema.text.visible_text import visible
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.typing import RcKeyType
+
+SUCCESS, LATENCY, JUDGE, ABLATION, FAILURES = (
+    "Success", "Latency", "Judgements and refusals", "Ablation", "Failures and repair",
+)  # fmt: skip
+"""The sections of a report, in order."""
+
+INK = "#1f2328"
+"""Text and axes; in a page it becomes the colour of the page's own text."""
+
+GRID = "#9aa4b0"
+BLUE, ORANGE, GREEN, VERMILION, SKY, PURPLE, YELLOW = (
+    "#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7", "#F0E442",
+)  # fmt: skip
+"""The colours of Okabe and Ito (2008), which colour-blind readers can distinguish."""
+
+SERIES = (BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILION, YELLOW)
+HATCHES = ("", "//", "..", "xx", "--", "\\\\", "oo")
+"""Patterns beside the colours, for prints without any."""
+
+
+class Drawn(NamedTuple):
+    """A figure of a report: `name` is its file's, `alt` says in words what it shows."""
+
+    section: str
+    name: str
+    title: str
+    alt: str
+    draw: Callable[[], "Figure"]
+
+
+@contextmanager
+def _settings(name: str) -> Generator[None]:
+    """Draw with the fonts and colours of the reports, ids and text the same every time."""
+    import matplotlib as mpl  # noqa: PLC0415 - loading it takes a second
+
+    settings: dict[RcKeyType, str | float | bool] = {
+        "font.family": "sans-serif",
+        "font.size": 9.0,
+        "text.parse_math": False,
+        "svg.fonttype": "none",
+        "svg.hashsalt": name,
+        "text.color": INK,
+        "axes.facecolor": "none",
+        "axes.edgecolor": INK,
+        "axes.labelcolor": INK,
+        "xtick.color": INK,
+        "ytick.color": INK,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.axisbelow": True,
+        "grid.color": GRID,
+        "grid.alpha": 0.4,
+        "grid.linewidth": 0.6,
+        "hatch.linewidth": 0.5,
+        "legend.frameon": False,
+    }
+    with mpl.rc_context(settings):
+        yield
+
+
+def new_figure(width: float, height: float, rows: int = 1) -> "tuple[Figure, list[Axes]]":
+    """Return a figure of `width` x `height` inches with `rows` axes below one another.
+
+    It belongs to no window and to no global list of figures.
+    """
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    axes = [figure.add_subplot(rows, 1, row + 1) for row in range(rows)]
+    for ax in axes:
+        ax.grid(axis="y")
+    return figure, axes
+
+
+def render(drawn: Drawn) -> tuple[bytes, bytes]:
+    """Return `drawn` as SVG on white ground, and as PNG of 150 dots an inch."""
+    with _settings(drawn.name):
+        figure = drawn.draw()
+        svg, png = io.BytesIO(), io.BytesIO()
+        figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": None})
+        figure.savefig(png, format="png", dpi=150, metadata={"Software": None})
+    return visible(svg.getvalue().decode()).encode(), png.getvalue()
+
+
+def inline(svg: bytes, drawn: Drawn) -> str:
+    """Return an SVG for a page: no prolog, no ground, text in the page's colour, named for readers.
+
+    Ids that nothing refers to are left out, as several figures of a page would share them.
+    """
+    text = svg.decode()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"\s*<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = re.sub(r'\s*<g id="patch_1">.*?</g>', "", text, count=1, flags=re.DOTALL)
+    used = set(re.findall(r"#([\w.-]+)", text))
+    text = re.sub(r' id="([\w.-]+)"', lambda m: m[0] if m[1] in used else "", text)
+    text = text.replace(INK, "currentColor")
+    text = re.sub(r' (width|height)="[\d.]+pt"', "", text, count=2)
+    return text.replace("<svg", f'<svg role="img" aria-label="{_attribute(drawn.alt)}"', 1)
+
+
+def _attribute(text: str) -> str:
+    return text.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
+
+
+Interval = tuple[float, float, float]
+"""A value with the two ends of its interval."""
+
+GROUP_WIDTH = 0.84
+
+
+class Series(NamedTuple):
+    """The bars of one colour, one a group; None where there is nothing to show."""
+
+    label: str
+    colour: str
+    hatch: str
+    values: Sequence[Interval | None]
+
+
+def percent_interval(rate: Rate) -> Interval | None:
+    """Return a rate and its interval in percent, None without any run."""
+    if rate.value is None:
+        return None
+    return 100 * rate.value, 100 * rate.low, 100 * rate.high
+
+
+def draw_bars(ax: "Axes", series: Sequence[Series], slots: int = 0) -> None:
+    """Draw bars with error bars, in groups around x = 0, 1, ...
+
+    A group has room for `slots` bars, by default one for each of `series`.
+    """
+    slots = max(slots, len(series), 1)
+    width = 0.92 * GROUP_WIDTH / slots
+    for place, (label, colour, hatch, values) in enumerate(series):
+        known = [(x, value) for x, value in enumerate(values) if value is not None]
+        at = [x + slot_offset(place, slots) for x, _ in known]
+        heights = [value for _, (value, _, _) in known]
+        ax.bar(
+            at, heights, width, color=colour, hatch=hatch, edgecolor=INK, linewidth=0.5, label=label
+        )
+        below = [value - low for _, (value, low, _) in known]
+        above = [high - value for _, (value, _, high) in known]
+        ax.errorbar(
+            at, heights, [below, above], fmt="none", ecolor=INK, elinewidth=0.9, capsize=2.5
+        )
+
+
+def slot_offset(place: int, slots: int) -> float:
+    """Return how far from the middle of its group the bar in slot `place` stands."""
+    return (place - (slots - 1) / 2) * GROUP_WIDTH / slots
+
+
+def draw_paper_mark(ax: "Axes", x: float, value: float, colour: str, text: str = "") -> None:
+    """Draw a value of the paper: a hollow ring, `text` beside it."""
+    ax.plot([x], [value], "o", mfc="none", mec=colour, mew=1.8, ms=7.5, zorder=5)
+    if text:
+        ax.annotate(text, (x, value), (5, 3), textcoords="offset points", fontsize=7)
+
+
+def draw_paper_letter(ax: "Axes", x: float, value: float, letter: str) -> None:
+    """Draw a value of the paper as the first letter of its model in a hollow ring."""
+    ax.plot([x], [value], "o", mfc="none", mec=INK, mew=0.8, ms=8.5, zorder=5, clip_on=False)
+    ax.annotate(letter, (x, value), ha="center", va="center", fontsize=6, annotation_clip=False)
+
+
+def name_paper(ax: "Axes", label: str) -> None:
+    """Put the hollow ring of the paper's values into the legend of `ax`."""
+    ax.plot([], [], "o", mfc="none", mec=INK, mew=1.5, ms=7, label=label)
+
+
+def legend(figure: "Figure", ax: "Axes", columns: int) -> None:
+    """Show the legend of `ax` above all axes of `figure`, the paper's ring last."""
+    found = list(zip(*ax.get_legend_handles_labels(), strict=True))
+    found.sort(key=lambda entry: entry[1].startswith("paper"))
+    if found:
+        handles, labels = zip(*found, strict=True)
+        figure.legend(handles, labels, loc="outside upper left", ncols=columns, fontsize=8)
+
+
+def label_groups(ax: "Axes", labels: Sequence[str], ours: int) -> None:
+    """Name the groups; those after the first `ours` are the paper's, behind a thin line."""
+    names = [
+        _broken(label) if place < ours else f"{_broken(label)}\n(paper)"
+        for place, label in enumerate(labels)
+    ]
+    ax.set_xticks(range(len(labels)), names, fontsize=8)
+    ax.tick_params(axis="x", length=0)
+    spare = max(3 - len(labels), 0) / 2
+    ax.set_xlim(-0.6 - spare, len(labels) - 0.4 + spare)
+    if ours < len(labels):
+        ax.axvline(ours - 0.5, color=GRID, linewidth=1, linestyle=":")
+
+
+def _broken(label: str) -> str:
+    """Return a long name on two lines, broken at a hyphen or a space near its middle."""
+    if len(label) <= 11:
+        return label
+    cuts = [place + 1 for place, sign in enumerate(label) if sign in "- "]
+    if not cuts:
+        return label
+    cut = min(cuts, key=lambda place: abs(place - len(label) / 2))
+    return f"{label[:cut].rstrip(' ')}\n{label[cut:]}"
+
+
+def percent_axis(ax: "Axes", label: str) -> None:
+    """Scale the y axis from 0 to 100 percent, with room for marks at both ends."""
+    ax.set_ylim(-4, 106)
+    ax.set_yticks(range(0, 101, 20))
+    ax.set_ylabel(label)
 
 
 SHOWN = {"decision": (SKY, ""), "end to end, station": (BLUE, "//")}
@@ -87,7 +286,7 @@ def figure_four(records: Records, beside: bool) -> "Figure":
 
 
 def _mean(records: Records, name: str) -> Interval | None:
-    found = spread([TABLES_LATENCY_QUANTITIES[name](record) for record in records])
+    found = spread([LATENCIES[name](record) for record in records])
     if found is None:
         return None
     return found.mean, max(found.mean - found.margin, 0.0), found.mean + found.margin
@@ -294,6 +493,34 @@ def ablation(records: Records) -> "Figure":
     ax.set_xlim(-2, 102)
     ax.set_xlabel("successful runs, % (dashed: strict success of the reference)")
     ax.grid(axis="x")
+    legend(figure, ax, 3)
+    return figure
+
+
+def reliability_diagram(records: Records) -> "Figure":
+    """Draw strict success against confidence, a line for every model, with 95 % intervals."""
+    figure, (ax,) = new_figure(4.6, 4.0)
+    ax.plot([0, 100], [0, 100], color=INK, linewidth=0.8, linestyle="--", label="as sure as right")
+    shapes = "os^Dv"
+    for number, (model, runs) in enumerate(by_model(main_runs(records)).items()):
+        bins = reliability(confidence_and_success(runs))
+        points = [
+            (100 * found.confidence, *interval)
+            for found in bins
+            if (interval := percent_interval(found.strict)) is not None
+        ]
+        colour = SERIES[number % len(SERIES)]
+        ax.errorbar(
+            [x for x, *_ in points],
+            [y for _, y, _, _ in points],
+            yerr=[[y - low for _, y, low, _ in points], [high - y for _, y, _, high in points]],
+            fmt=f"{shapes[number % len(shapes)]}-", color=colour, ecolor=colour, label=model,
+            ms=5.0, mec=INK, mew=0.4, linewidth=1.0, elinewidth=1.0, capsize=2,
+        )  # fmt: skip
+    ax.set_xlim(-4, 104)
+    ax.set_xlabel("confidence, %")
+    percent_axis(ax, "strict success, %")
+    ax.grid(axis="x", color=GRID)
     legend(figure, ax, 3)
     return figure
 

@@ -1,4 +1,4 @@
-"""Writes the report of an evaluation: report.md with its figures, and a report.html of one file."""
+"""The report of an evaluation: report.md with its figures, and a report.html of one file."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -6,9 +6,18 @@ from typing import Any, NamedTuple, cast
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 
-from pa_console.evaluation.reporting.figure_drawing import Drawn, inline, render
-from pa_console.evaluation.reporting.figures import build_figures
-from pa_console.evaluation.reporting.record_groups import (
+from pa_console.evaluation.reporting.figures import (
+    ABLATION,
+    FAILURES,
+    JUDGE,
+    LATENCY,
+    SUCCESS,
+    Drawn,
+    build_figures,
+    inline,
+    render,
+)
+from pa_console.evaluation.reporting.records import (
     Records,
     by_model,
     by_set,
@@ -16,10 +25,22 @@ from pa_console.evaluation.reporting.record_groups import (
     main_variant,
     needless_refusal,
 )
-from pa_console.evaluation.reporting.table import Table, seconds
-from pa_console.evaluation.reporting.tables import build_sections
-from pa_console.evaluation.reporting.tables_latency import decision_seconds
-from pa_console.evaluation.reporting.tables_outcomes import FailureKind, failure_kind
+from pa_console.evaluation.reporting.statistics import Table, seconds
+from pa_console.evaluation.reporting.tables_judgement import (
+    calibration_tables,
+    confidence_tables,
+    judge_tables,
+    reading_tables,
+)
+from pa_console.evaluation.reporting.tables_outcomes import (
+    FailureKind,
+    ablation_tables,
+    decision_seconds,
+    failure_kind,
+    failure_tables,
+    latency_tables,
+    success_tables,
+)
 from pa_console.evaluation.runs.jobs import ABOUT
 from pa_console.evaluation.runs.run_record import RunRecord
 from pa_console.schema.text.visible_text import visible
@@ -146,6 +167,31 @@ def notes(records: Records, about: Mapping[str, Any]) -> list[str]:
 
 def _cases(records: Records) -> frozenset[tuple[str, str, int]]:
     return frozenset((run.mission_set, run.mission, run.seed) for run in records)
+
+
+def build_sections(records: Sequence[RunRecord]) -> dict[str, list[Table]]:
+    """Return the tables of each section of a report, sections without any left out."""
+    sections = {
+        SUCCESS: success_tables(records),
+        LATENCY: latency_tables(records),
+        JUDGE: [
+            *judge_tables(records),
+            *confidence_tables(records),
+            *calibration_tables(records),
+            *reading_tables(records),
+        ],
+        ABLATION: ablation_tables(records),
+        FAILURES: failure_tables(records),
+    }
+    return {title: tables for title, tables in sections.items() if tables}
+
+
+def build_tables(records: Sequence[RunRecord]) -> list[Table]:
+    """Return the tables that `records` give; none for no records.
+
+    Tables by model speak of the main variant (`records.main_variant`), ablations of all.
+    """
+    return [table for tables in build_sections(records).values() for table in tables]
 
 
 MARKDOWN, PAGE, FIGURES = "report.md", "report.html", "figures"

@@ -9,20 +9,13 @@ from typing import Any, Literal
 import platformdirs
 from pydantic import Field, TypeAdapter, ValidationError
 
-from pa_console.schema.base import NonNegative, Share, StrictModel
+from pa_console.evaluation.scoring.run_recording import Breach
+from pa_console.schema.base import Share, StrictModel
 from pa_console.schema.evaluation import Expectation
 from pa_console.schema.finding import Usage
 from pa_console.schema.mission import Metrics, MissionStatus, Outcome
 
 Opinion = Literal["Success", "Failure"]
-
-
-class Breach(StrictModel):
-    """An enforced rule that the true state shows to be broken."""
-
-    rule_id: str
-    what: str
-    at_s: NonNegative = Field(description="simulated seconds after the command")
 
 
 class RunRecord(StrictModel):

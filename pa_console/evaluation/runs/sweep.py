@@ -23,10 +23,9 @@ from pa_console.evaluation.runs.dask_sweep import (
 )
 from pa_console.evaluation.runs.jobs import Job
 from pa_console.evaluation.runs.memo_engine import MemoEngine
-from pa_console.evaluation.runs.one_run import enforced_rules, make_run
 from pa_console.evaluation.runs.run_record import LOGS, EvaluationFolder, RunRecord
-from pa_console.evaluation.runs.runner import in_order
-from pa_console.evaluation.scoring.idle_run import idle_run
+from pa_console.evaluation.runs.runner import enforced_rules, in_order, make_run
+from pa_console.evaluation.scoring.score import idle_run
 from pa_console.llm.engine.engine import Engine
 from pa_console.llm.errors import ModelError
 from pa_console.llm.models.catalogue import find_model

@@ -7,7 +7,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from pa_console.schema.base import Point
+from pydantic import Field
+
+from pa_console.schema.base import NonNegative, Point, StrictModel
 from pa_console.schema.command import Verb
 from pa_console.schema.telemetry import AssetStatus, Task
 from pa_console.schema.world import AssetKind, World
@@ -15,6 +17,14 @@ from pa_console.sim.contacts.true_contacts import TrueContact
 
 STAYING: frozenset[Verb] = frozenset(("hold", "report"))
 """Orders that send no asset anywhere."""
+
+
+class Breach(StrictModel):
+    """An enforced rule that the true state shows to be broken."""
+
+    rule_id: str
+    what: str
+    at_s: NonNegative = Field(description="simulated seconds after the command")
 
 
 class AssetTruth(NamedTuple):

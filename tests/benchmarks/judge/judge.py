@@ -12,7 +12,7 @@ from rich.progress import MofNCompleteColumn, Progress, TextColumn, TimeRemainin
 
 from pa_console.cli.evaluate.evaluate import to_rich
 from pa_console.cli.output import ModelOption, errors, out
-from pa_console.evaluation.reporting.table import Table, fraction_cell, seconds
+from pa_console.evaluation.reporting.statistics import Table, fraction_cell, seconds
 from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.run_record import RunRecord, read_runs
 from pa_console.llm.engine.engine import Engine

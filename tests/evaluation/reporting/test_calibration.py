@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.evaluation.reporting.calibration import (
+from pa_console.evaluation.reporting.report import write_report
+from pa_console.evaluation.reporting.tables_judgement import (
     calibration_error,
     calibration_tables,
     reliability,
 )
-from pa_console.evaluation.reporting.report import write_report
 from tests.evaluation.records import made_record
 
 TOLD = st.lists(st.tuples(st.floats(0.0, 1.0), st.booleans()), min_size=1)

@@ -10,13 +10,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from pa_console.evaluation.reporting.report import (
+    build_tables,
     duration,
     facts,
     markdown_cell,
     notes,
     write_report,
 )
-from pa_console.evaluation.reporting.tables import build_tables
 from pa_console.evaluation.runs.run_record import RunRecord
 from tests.evaluation.records import made_evaluation, made_record, many_records
 

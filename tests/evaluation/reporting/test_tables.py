@@ -7,16 +7,16 @@ from hypothesis import HealthCheck, given, settings
 from rich.console import Console
 
 from pa_console.cli.evaluate.evaluate import to_rich
-from pa_console.evaluation.reporting.record_groups import main_runs, main_variant
-from pa_console.evaluation.reporting.statistics import Rate
-from pa_console.evaluation.reporting.table import NOTHING, Table, rate_cell
-from pa_console.evaluation.reporting.tables import build_tables
+from pa_console.evaluation.reporting.records import main_runs, main_variant
+from pa_console.evaluation.reporting.report import build_tables
+from pa_console.evaluation.reporting.statistics import NOTHING, Rate, Table, rate_cell
 from pa_console.evaluation.reporting.tables_outcomes import (
     condition_kind,
     failure_kind,
     reason_pattern,
 )
-from pa_console.evaluation.runs.run_record import Breach, RunRecord
+from pa_console.evaluation.runs.run_record import RunRecord
+from pa_console.evaluation.scoring.run_recording import Breach
 from pa_console.schema.mission import Metrics
 from tests.evaluation.records import made_evaluation, made_record, many_records
 

@@ -2,11 +2,9 @@
 
 from collections.abc import Sequence
 
-from pa_console.evaluation.runs.run_record import Breach
-from pa_console.evaluation.scoring.idle_run import begin, play, watch
 from pa_console.evaluation.scoring.oracle import find_breaches
-from pa_console.evaluation.scoring.run_recording import IssuedCommand, RunRecording
-from pa_console.evaluation.scoring.score import RunRecorder
+from pa_console.evaluation.scoring.run_recording import Breach, IssuedCommand, RunRecording
+from pa_console.evaluation.scoring.score import RunRecorder, begin, play, watch
 from pa_console.resources import data_folder
 from pa_console.schema.base import Point
 from pa_console.schema.command import DeviceCommand, Verb

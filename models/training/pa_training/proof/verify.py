@@ -5,9 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from pa_console.evaluation.runs.one_run import enforced_rules
-from pa_console.evaluation.scoring.idle_run import watch
-from pa_console.evaluation.scoring.score import RunRecorder, Score, score_run
+from pa_console.evaluation.runs.runner import enforced_rules
+from pa_console.evaluation.scoring.score import RunRecorder, Score, score_run, watch
 from pa_console.orchestrator.planning.safeguards import Examination, examine
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.evaluation import MissionCase

@@ -4,7 +4,7 @@ import random
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pa_console.evaluation.scoring.idle_run import SETTLE_S
+from pa_console.evaluation.scoring.score import SETTLE_S
 from pa_console.orchestrator.execution.dispatch import Dispatch
 from pa_console.orchestrator.planning.digest import digest_picture
 from pa_console.orchestrator.planning.rehearsal import device_commands
