@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pa_console.orders.clauses import (
     ASIDE,
     CLAUSES,
+    EXCEPT,
     NOTHING,
     NOWHERE,
     OTHERS_STAY,
@@ -97,6 +98,8 @@ def _depending(order: Order, world: World) -> str:
 
 
 def _of_others(order: Order, words: str) -> str:
+    if order.excluded:
+        words = f"{words}; {EXCEPT}{', '.join(order.excluded)}"
     return f"{words}; {OTHERS_STAY}" if order.others_stay else words
 
 

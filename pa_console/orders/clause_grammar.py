@@ -17,6 +17,8 @@ from re import escape
 
 from pa_console.orders.clauses import (
     ASKED,
+    EXCEPT,
+    MOST_EXCLUDED,
     NOTHING,
     NOWHERE,
     OTHERS_STAY,
@@ -83,7 +85,8 @@ def asked_pattern(world: World, digest: Digest, words: str, *, facts: bool = Tru
         )
     )
     follows = rf"((; |, else: )({clause}|{NOTHING})){{0,{MOST_CLAUSES - 1}}}"
-    asked = rf"{ASKED}{_UNDER}{clause}{follows}(; {_NOW})?(; {OTHERS_STAY})?"
+    excluded = rf"{EXCEPT}({assets}|{places})(, ({assets}|{places})){{0,{MOST_EXCLUDED - 1}}}"
+    asked = rf"{ASKED}{_UNDER}{clause}{follows}(; {_NOW})?(; {excluded})?(; {OTHERS_STAY})?"
     return rf"{asked}(; {_facts_pattern(assets, places, targets)})?" if facts else asked
 
 
@@ -173,9 +176,9 @@ def asked_now(world: World, digest: Digest, asked: str) -> str:
     meant, under, then = asked.partition("; now: ")
     for condition in conditions(world, digest) if under else ():
         if meant.startswith(f"{ASKED}if {in_words(condition)}: "):
-            stay = f"; {OTHERS_STAY}" if then.endswith(f"; {OTHERS_STAY}") else ""
+            limits = [p for p in then.split("; ") if p == OTHERS_STAY or p.startswith(EXCEPT)]
             so = _SO[holds(condition, DigestFacts(digest))]
-            stands = f"; now: {evidence(condition, digest)}, {so}{stay}"
+            stands = "; ".join((f"; now: {evidence(condition, digest)}, {so}", *limits))
             return meant + stands if so in ("so", "not so") else asked
     return asked
 

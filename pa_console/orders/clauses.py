@@ -19,6 +19,8 @@ NOTHING = "nothing"
 """Stands for the clauses of a case with nothing to do."""
 OTHERS_STAY = "others stay"
 """The end of a reading that lets no other asset move."""
+EXCEPT = "except "
+"""The beginning of the part of a reading that names what the order rules out."""
 NOWHERE = "unknown place"
 """The name of a place that the world does not have."""
 SOMEBODY = "somebody"
@@ -33,6 +35,8 @@ TEAM_SLOTS: Mapping[str, str] = {
 """The contents of its slots but for the origin, as regular expressions without groups."""
 MOST_NAMES = 12
 """Assets that one clause can name."""
+MOST_EXCLUDED = 6
+"""Assets and places that an order can rule out."""
 KIND_FORMS: Mapping[str, AssetKind] = {
     form: kind for kind, word in PLAIN_KINDS.items() for form in (word, f"{word}s")
 }

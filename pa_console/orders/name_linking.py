@@ -172,6 +172,8 @@ class _Linker:
         """Yield the asset that is named from `at`, and those of the same team behind it."""
         word = self._word(at)
         team = self._names.team(word)
+        if not team and word != "t" and len(word) == 1 and self._is_numbered(at):
+            team = self._names.initial(word)
         if (not team and word != "t") or self._counted(at):
             return
         end, number = self._number(at + 1)
@@ -184,6 +186,11 @@ class _Linker:
             listed = at > end and (word.endswith("s") or self._word(at) == "t")
             end, number = self._number(at) if listed else (at, None)
             name = None if number is None else self._names.asset(team, number)
+
+    def _is_numbered(self, at: int) -> bool:
+        """Return whether digits follow token `at` without a blank, as in `D4`."""
+        end = self._tokens[at].end
+        return self._text[end : end + 1].isdigit()
 
     def _kind(self, at: int) -> Iterator[_Link]:
         """Yield the kind for a team's own word that stands for any of its assets."""

@@ -99,6 +99,8 @@ class Order:
     """When `condition` does not hold."""
     others_stay: bool = False
     """True if the words let no other asset move."""
+    excluded: tuple[str, ...] = ()
+    """Assets and places that the words rule out."""
     injected: bool = False
     """The words carry text that is no order of the operator."""
     harmless: bool = False
@@ -113,6 +115,8 @@ class Reading(NamedTuple):
 
     asks: tuple[Ask, ...]
     others_stay: bool = False
+    excluded: tuple[str, ...] = ()
+    """Assets and places that the order rules out."""
 
     @property
     def readable(self) -> bool:

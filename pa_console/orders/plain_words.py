@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from pa_console.orders.clauses import (
     ASIDE,
     ASKED,
+    EXCEPT,
     KIND_FORMS,
     NOTHING,
     NOWHERE,
@@ -53,7 +54,8 @@ def plain_reading(asked: str) -> str:
     """
     words, _, now = asked.removeprefix(ASKED).partition("; now: ")
     others = words.endswith(_STAY) or now.endswith(_STAY)
-    words = words.removesuffix(_STAY)
+    words, _, excluded = words.removesuffix(_STAY).partition(f"; {EXCEPT}")
+    excluded = excluded or now.removesuffix(_STAY).partition(f"; {EXCEPT}")[2]
     case = _CASE.fullmatch(words)
     if case is None:
         told = _clauses(words)
@@ -61,6 +63,8 @@ def plain_reading(asked: str) -> str:
         condition = _condition(case["condition"])
         told = f"if {condition}, {_clauses(case['then'])}, otherwise {_clauses(case['otherwise'])}"
     told = told.replace(NOWHERE, f"an {NOWHERE}")
+    if excluded:
+        told = f"{told}, without {_listed(excluded.split(', '))}"
     return f"{told}; all others stay" if others else told
 
 

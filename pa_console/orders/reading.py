@@ -6,13 +6,14 @@ is kept as it is and means nothing to the console.
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from functools import lru_cache
 from typing import Literal
 
 from pa_console.orders.clauses import (
     ASIDE,
     ASKED,
+    EXCEPT,
     KIND_FORMS,
     NOTHING,
     NOWHERE,
@@ -51,6 +52,8 @@ _UNDER = re.compile(
     r"if [^:]+: (?P<then>[^:]+), else: (?P<otherwise>[^:]+); now: (?P<now>.+?), (?P<so>not so|so)"
     r"(; (?P<facts>.*))?"
 )
+_LIMITS = re.compile(rf"(({EXCEPT}{NAME}(, {NAME})*|{OTHERS_STAY})(; |$))*")
+"""The end of a reading: who is ruled out, and whether others may move."""
 
 
 def read_reason(reason: str) -> Reading | None:
@@ -67,7 +70,7 @@ def asked_words(reason: str) -> str:
         return ""
     case = _UNDER.fullmatch(reason.removeprefix(ASKED))
     if case is not None:
-        facts = (case["facts"] or "").removeprefix(OTHERS_STAY).removeprefix("; ")
+        facts = _LIMITS.sub("", case["facts"] or "", count=1)
     else:
         facts = reason.rpartition("; ")[2] if "; " in reason else ""
     return reason.removesuffix(facts)
@@ -105,13 +108,21 @@ def _read(text: str, *, with_facts: bool) -> Reading | None:
         case = _UNDER.fullmatch(words)
         if case is None:
             return Reading((Ask(task="unreadable"),))
-        clauses = _clauses(case["then"] if case["so"] == "so" else case["otherwise"])
-        return Reading(tuple(clauses), (case["facts"] or "").startswith(OTHERS_STAY))
+        clauses = case["then"] if case["so"] == "so" else case["otherwise"]
+        found = _LIMITS.match(case["facts"] or "")
+        return _limited(clauses, found[0].split("; ") if found else [])
     parts = words.split("; ")
     if with_facts and len(parts) > 1:
         parts.pop()
-    stay = OTHERS_STAY in parts
-    return Reading(tuple(_clauses("; ".join(p for p in parts if p != OTHERS_STAY))), stay)
+    limits = [part for part in parts if part == OTHERS_STAY or part.startswith(EXCEPT)]
+    return _limited("; ".join(part for part in parts if part not in limits), limits)
+
+
+def _limited(clauses: str, limits: Collection[str]) -> Reading:
+    """Return what `clauses` ask for, within the limits that the order sets."""
+    excluded = (part.removeprefix(EXCEPT) for part in limits if part.startswith(EXCEPT))
+    names = tuple(name for part in excluded for name in part.split(", "))
+    return Reading(tuple(_clauses(clauses)), OTHERS_STAY in limits, names)
 
 
 def _clauses(words: str) -> Iterator[Ask]:

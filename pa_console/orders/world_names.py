@@ -91,6 +91,11 @@ class WorldNames:
         near = [team for team in self._patterns if _nearly(word, team)]
         return near[0] if len(near) == 1 and len(word) >= _LONG else ""
 
+    def initial(self, letter: str) -> str:
+        """Return the team whose own word alone begins with `letter`: *D4* is a drone; else nothing."""
+        found = [team for team in self._kinds if team.startswith(letter)]
+        return found[0] if len(found) == 1 else ""
+
     def asset(self, team: str, number: int) -> str | None:
         """Return the asset of `team` with `number`, None for none or several."""
         found = self._numbered.get((team, number), [])

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from pa_console.orchestrator.planning.rehearsal import order_moments
-from pa_console.policy.checks.findings import STRUCTURE_ID
+from pa_console.policy.checks.findings import ORDER_ID, STRUCTURE_ID
 from pa_console.policy.checks.rule_checks import check_mission, check_plan
 from pa_console.policy.checks.sightings import Sightings
 from pa_console.policy.ordering.moments import moment
@@ -189,6 +189,7 @@ class Recheck:
     ) -> Checked:
         attempt = trace.attempt(number)
         plan, rehearsal = attempt.plan, attempt.rehearsal
+        recorded = tuple(finding for finding in recorded if finding.rule_id != ORDER_ID)
         reason = ""
         if any(finding.rule_id == STRUCTURE_ID for finding in recorded):
             reason = "it could not even be started, whatever the rules"

@@ -27,6 +27,7 @@ from pa_console.orchestrator.planning.understanding import Retrieved
 from pa_console.orchestrator.tasking.command_choices import commands_serving
 from pa_console.orchestrator.tasking.served_plans import served_plan, still
 from pa_console.orders.clause_grammar import asked_now, grounded_reason
+from pa_console.orders.exclusions import excluded_names
 from pa_console.orders.reading import asked_words, read_asked
 from pa_console.schema.command import Verb
 from pa_console.schema.events import event as ev
@@ -285,6 +286,8 @@ async def commands_for(
     fleet, reading = context.services.fleet, read_asked(asked)
     if reading is None or (retrieved.verbs and not verbs):
         return []
+    said = excluded_names(fleet.world, retrieved.task.text)
+    reading = reading._replace(excluded=tuple(dict.fromkeys((*reading.excluded, *said))))
     found = (
         slots
         for slots in commands_serving(reading, fleet.world, fleet.picture())

@@ -11,8 +11,9 @@ from shapely import Point, Polygon
 
 from pa_console.fleets.fleet import Outlook
 from pa_console.orchestrator.planning.rehearsal import order_moments, rehearse
+from pa_console.orders.exclusions import excluded_names
 from pa_console.policy.checks.check_context import goes_to
-from pa_console.policy.checks.findings import problems
+from pa_console.policy.checks.findings import ORDER_ID, problems
 from pa_console.policy.checks.rule_checks import prepare_checks
 from pa_console.policy.ordering.moments import moment
 from pa_console.policy.ordering.monitor import Monitor
@@ -168,6 +169,26 @@ class Examination:
         return blocking, len(self.broken) - blocking
 
 
+def ruled_out(plan: Plan, text: str, world: World) -> tuple[Finding, ...]:
+    """Return one critical finding for each asset and place that `plan` uses and the words rule out.
+
+    To stay or to report is no use of an asset.
+    """
+    excluded = excluded_names(world, text)
+    acting = [action for action in plan.actions if action.verb not in ("hold", "report")]
+    used = {name for action in acting for name in (action.agent, action.target) if name}
+    return tuple(
+        Finding(
+            rule_id=ORDER_ID,
+            priority="critical",
+            status="violates",
+            message=f"the order rules {name} out",
+        )
+        for name in excluded
+        if name in used
+    )
+
+
 async def examine(  # noqa: PLR0917
     plan: Plan,
     mission: Mission,
@@ -186,6 +207,7 @@ async def examine(  # noqa: PLR0917
     variant = variant or Variant()
     started = perf_counter()
     structural = problems(plan, outlook.world, outlook.picture())
+    excluded = ruled_out(plan, mission.text, outlook.world)
     checked = perf_counter()
     if structural:
         return Examination(plan, structural, None, checked - started, 0.0)
@@ -195,7 +217,7 @@ async def examine(  # noqa: PLR0917
         rehearsal = assume_done(outlook.picture(), outlook.world, plan)
     rehearsed = perf_counter()
     if not variant.checks:
-        return Examination(plan, (), rehearsal, checked - started, rehearsed - checked)
+        return Examination(plan, excluded, rehearsal, checked - started, rehearsed - checked)
     checks = prepare_checks(
         rulebook,
         plan=plan,
@@ -206,6 +228,5 @@ async def examine(  # noqa: PLR0917
     )
     findings = await asyncio.to_thread(checks)
     done = perf_counter()
-    return Examination(
-        plan, findings, rehearsal, checked - started + done - rehearsed, rehearsed - checked
-    )
+    seconds = checked - started + done - rehearsed
+    return Examination(plan, (*excluded, *findings), rehearsal, seconds, rehearsed - checked)

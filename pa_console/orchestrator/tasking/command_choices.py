@@ -262,7 +262,7 @@ def commands_serving(
     is yielded where the console cannot tell what serves the order.
     """
     named = (n for ask in reading.asks for n in (*ask.who.names, ask.leaving) if n)
-    stands = StandingAssets(world, picture, _NOTHING, frozenset(named))
+    stands = StandingAssets(world, picture, _NOTHING, frozenset((*named, *reading.excluded)))
     due = [ask for ask in reading.asks if not obstacle_to(ask, world, picture)]
     try:
         found = [unit for ask in due for unit in units(stands, ask)]

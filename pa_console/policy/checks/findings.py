@@ -40,6 +40,8 @@ def violation(message: str, offenders: Iterable[str]) -> str:
 
 
 STRUCTURE_ID = "PLAN"
+ORDER_ID = "ORDER"
+"""The id of a finding about what the words of an order rule out."""
 
 
 def problems(plan: Plan, world: World, picture: Picture) -> tuple[Finding, ...]:

@@ -19,8 +19,15 @@ SHARE_FORBIDDEN, SHARE_IMPOSSIBLE = 0.12, 0.10
 SHARE_CONDITIONAL, SHARE_COMPOUND = 0.2, 0.15
 SHARE_STAY, SHARE_INJECTED, SHARE_HARMLESS = 0.10, 0.06, 0.08
 """Shares of all orders; `others_stay` only comes on top of those that are plain and move."""
+SHARE_EXCLUDED, SHARE_SECOND_EXCLUDED = 0.2, 0.25
+"""Shares of the orders that leave open who goes: some rule somebody out, or two."""
 _HARMLESS: tuple[Task, ...] = ("go", "look", "identify", "hold", "home", "report")
 _ABOUT_TRACKS: tuple[Task, ...] = ("respond", "identify", "warn", "block")
+_OPEN: tuple[Task, ...] = (
+    "go", "look", "identify", "warn", "block", "cover", "relieve", "home", "mass", "respond"
+)  # fmt: skip
+"""The tasks for which it may be left open who does them."""
+_FEWEST_ABLE = 2
 _TWINS = 0.5
 _BESIDE: dict[Task, Task] = {"go": "home", "home": "go"}
 """What is asked for beside a task more often than chance has it: one out, another one back. Where
@@ -44,6 +51,31 @@ def sample_order(
         if drawn is not None:
             return drawn
     return Order(asks=(Ask(task="report"),)), "report/anyone"
+
+
+def with_exclusion(
+    rng: random.Random, order: Order, world: World, picture: Picture, digest: Digest
+) -> Order:
+    """Return `order`, in a share of those that leave open who goes, with assets that it rules out.
+
+    They are of those who might be sent for it, and somebody else is left.
+    """
+    view = View(rng, world, picture, digest)
+    asks = (*order.asks, *order.otherwise)
+    if any(ask.wrong for ask in asks) or not view.chance(SHARE_EXCLUDED):
+        return order
+    view.named = {name for ask in asks for name in (*ask.who.names, ask.leaving)}
+    if order.condition is not None:
+        view.named.add(order.condition.subject)
+    kinds = [ask.who.kind for ask in asks if not ask.who.names and ask.task in _OPEN]
+    able = [n for n in view.up if None in kinds or world.assets[n].kind in kinds]
+    free = [name for name in able if name in view.free()]
+    if len(able) < _FEWEST_ABLE:
+        return order
+    first = rng.choice(free if len(free) > 1 and view.chance(0.7) else able)
+    others = [name for name in able if name != first]
+    more = len(others) > 1 and view.chance(SHARE_SECOND_EXCLUDED)
+    return replace(order, excluded=(first, rng.choice(others)) if more else (first,))
 
 
 def _draw(view: View) -> tuple[Order, str] | None:

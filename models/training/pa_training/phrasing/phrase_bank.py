@@ -77,6 +77,7 @@ hold.named = who
 hold.all =
 hold.leave =
 others_stay =
+except = who
 strict_who = who
 joiner = first second
 joiner3 = first second third

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from pa_console.orders.order import Ask, Order, are_twins
+from pa_console.orders.order import Ask, Order, Who, are_twins
 from pa_console.schema.base import StrictModel
 from pa_console.schema.mission import MAX_MISSION_TEXT
 from pa_console.schema.telemetry import Picture
@@ -165,6 +165,8 @@ def _composed(voice: Voice, order: Order) -> str:
         return sentence(voice.say("inject.only", _overheard(voice)), voice.style, rng)
     text = _body(voice, order)
     extras = [voice.say("others_stay", {})] if order.others_stay else []
+    if order.excluded:
+        extras.append(voice.say("except", {"who": who_words(voice, Who(names=order.excluded))}))
     strict = next((ask for ask in order.asks if ask.strict_who), None)
     if strict is not None:
         said = who_words(voice, strict.who) if strict.who.names else _same_kind(voice, strict)

@@ -22,7 +22,7 @@ from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.schema.mission import MAX_MISSION_TEXT, Mission
 from pa_console.schema.rule import Rule
 from pa_training.order_generator.console_missions import console_missions
-from pa_training.order_generator.sampler import sample_order
+from pa_training.order_generator.sampler import sample_order, with_exclusion
 from pa_training.phrasing.no_orders import NOTHING_ASKED, NoOrders
 from pa_training.phrasing.phrasing import phrase
 from pa_training.phrasing.rewording import COMBINED, CONSOLE, SPOKEN, spoken_words
@@ -131,6 +131,8 @@ def _orders(
         yield text, order, CONSOLE
     for _ in range(recipe.missions * (TRIES if spoken else 1)):
         order, kind = sample_order(rng, world, picture, digest)
+        if not spoken:  # what people say was written for orders as they are drawn
+            order = with_exclusion(rng, order, world, picture, digest)
         worded = phrase(order, world, picture, rng, recipe.split)
         yield worded.text, order, f"{kind}/{worded.style}"
 

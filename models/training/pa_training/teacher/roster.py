@@ -85,6 +85,8 @@ class Roster:
     world: World
     picture: Picture
     digest: Digest
+    excluded: Collection[str] = ()
+    """Assets that the order rules out: they stay what they are, and are never chosen."""
 
     def up(self, name: str) -> bool:
         """Whether an asset is there and works."""
@@ -129,7 +131,8 @@ class Roster:
             name
             for kind in kinds
             for name in self.digest.free.get(kind, ())
-            if name not in used and (not origin or self.stands(name) == origin)
+            if name not in (*used, *self.excluded)
+            and (not origin or self.stands(name) == origin)
         ]
         return sorted(pool, key=lambda name: not self.clear(name))
 

@@ -347,7 +347,7 @@ def teach(
 
     Raises ValueError when nothing can be done with these verbs.
     """
-    roster = Roster(world, picture, digest)
+    roster = Roster(world, picture, digest, order.excluded)
     target = _chained(_targets(order, due_asks(order, picture), roster))
     if not verbs:
         return target

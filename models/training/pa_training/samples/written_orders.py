@@ -1,0 +1,154 @@
+"""Orders that writers wrote for situations they were shown, each with what it means.
+
+A writer sees a site, and no order, template or text of anybody else. The meaning is in the canonical
+words of `orders/clauses.py`; a second reader who saw only the orders wrote it again, and where the
+two differ the order is left out. `language/written` is learnt; `language/development` is kept aside:
+nothing is fitted on it.
+"""
+
+import random
+import re
+from collections.abc import Collection, Iterator
+from pathlib import Path
+
+from pydantic import Field
+
+from pa_console.llm.roles.compact_prompt import compact_planner_prompt, picture_prefix
+from pa_console.orders.clauses import ASKED, EXCEPT, NOTHING, OTHERS_STAY
+from pa_console.orders.condition import Condition, holds, in_words
+from pa_console.orders.digest_facts import DigestFacts, conditions, evidence
+from pa_console.orders.order import Ask, Order
+from pa_console.orders.reading import asked_words, read_asked
+from pa_console.schema.base import StrictModel
+from pa_console.schema.document import Document
+from pa_console.schema.mission import Mission
+from pa_console.schema.telemetry import Digest
+from pa_console.schema.world import World
+from pa_training.phrasing.no_orders import NOTHING_ASKED
+from pa_training.samples.reading_samples import NO_TIME
+from pa_training.samples.sample import Sample, make_sample
+from pa_training.samples.selection import judge_readings, reading_of
+from pa_training.situations.situations import Situation, random_situation
+from pa_training.situations.worlds import (
+    Numbers,
+    Split,
+    generated_numbers,
+    random_world,
+    shipped_missions,
+)
+from pa_training.teacher.teacher import teach
+
+_CONDITIONAL = re.compile(r"if (?P<condition>[^:]+): (?P<then>[^:]+), else: (?P<otherwise>[^:]+)")
+
+
+class WrittenOrder(StrictModel):
+    """One order in a writer's words, and its meaning in canonical words."""
+
+    text: str
+    meaning: str
+
+
+class WrittenSituation(StrictModel):
+    """The draw of a situation, and the orders that were written for it."""
+
+    seed: int
+    number: int
+    split: Split
+    orders: tuple[WrittenOrder, ...]
+
+
+class Writer(StrictModel):
+    """One writer's file."""
+
+    writer: str = Field(description="who it was: the persona, in a sentence")
+    situations: tuple[WrittenSituation, ...]
+
+
+def read_writers(folder: Path) -> dict[str, Writer]:
+    """Return the writers of `folder` by file name; raises DocumentError or OSError."""
+    return {file.stem: Document.read(file).parse(Writer) for file in sorted(folder.glob("*.yaml"))}
+
+
+def written_samples(name: str, writer: Writer) -> Iterator[Sample]:
+    """Yield the samples of one writer, for planner and judge; only the reading is to be learnt."""
+    forbidden = generated_numbers(shipped_missions())
+    for place, each in enumerate(writer.situations, 1):
+        situation = drawn_situation(each.seed, each.number, each.split, forbidden)
+        world, digest = situation.world, situation.digest
+        picture = picture_prefix("planner", world, digest).user
+        for order in each.orders:
+            mission = Mission(id="M", text=order.text, created=NO_TIME)
+            prompt = compact_planner_prompt(world, digest, [], mission)
+            asked = asked_now(order.meaning, world, digest)
+            answer = f'{{"reason": "{asked}; {_fact(order.meaning, situation)}", "actions": []}}'
+            group = f"written-{name}-{place}"
+            sample = make_sample(group, "planner", prompt, picture, answer, f"written/{name}")
+            yield reading_of(sample)
+            yield from judge_readings([sample])
+
+
+def drawn_situation(seed: int, number: int, split: Split, forbidden: Collection[Numbers]) -> Situation:
+    """Return the situation that a writer was shown."""
+    rng = random.Random(f"{seed}/{split}/{number}")
+    return random_situation(rng, random_world(rng, split, frozenset(forbidden)), history=True)
+
+
+def asked_now(meaning: str, world: World, digest: Digest) -> str:
+    """Return `meaning` as a reading begins, with the state of its condition.
+
+    Raises ValueError for a condition that `digest` does not decide.
+    """
+    words, limits = _parted(meaning)
+    if words == NOTHING:
+        return f"{ASKED}{NOTHING_ASKED}"
+    case = _CONDITIONAL.fullmatch(words)
+    if case is not None:
+        condition = _condition(case["condition"], world, digest)
+        so = holds(condition, DigestFacts(digest))
+        if so is None:
+            raise ValueError(f"{words}: the picture does not decide the condition")
+        words = f"{words}; now: {evidence(condition, digest)}, {'so' if so else 'not so'}"
+    return "; ".join((f"{ASKED}{words}", *limits))
+
+
+def _parted(meaning: str) -> tuple[str, list[str]]:
+    """Return what is asked, and the limits that the order sets."""
+    parts = meaning.split("; ")
+    limits = [part for part in parts if part == OTHERS_STAY or part.startswith(EXCEPT)]
+    return "; ".join(part for part in parts if part not in limits), limits
+
+
+def _condition(words: str, world: World, digest: Digest) -> Condition:
+    found = (each for each in conditions(world, digest) if in_words(each) == words)
+    condition = next(found, None)
+    if condition is None:
+        raise ValueError(f"{words}: is no condition about the site")
+    return condition
+
+
+def _fact(meaning: str, situation: Situation) -> str:
+    """Return the fact with which the teacher goes on; some word where it has no plan."""
+    world, picture, digest = situation.world, situation.picture, situation.digest
+    words, _ = _parted(meaning)
+    case = _CONDITIONAL.fullmatch(words)
+    read = read_asked(f"{ASKED}{meaning}") if case is None else None
+    try:
+        if case is not None:
+            order = Order(
+                _asks(case["then"]),
+                _condition(case["condition"], world, digest),
+                _asks(case["otherwise"]),
+            )
+        elif read is not None and words != NOTHING:
+            order = Order(read.asks, others_stay=read.others_stay, excluded=read.excluded)
+        else:
+            return "nothing to do"
+        reason = teach(order, world, picture, digest).plan.reason
+    except (ValueError, KeyError, StopIteration):
+        return "nothing to do"
+    return reason.removeprefix(asked_words(reason)) or "nothing to do"
+
+
+def _asks(clauses: str) -> tuple[Ask, ...]:
+    read = None if clauses == NOTHING else read_asked(f"{ASKED}{clauses}")
+    return () if read is None else read.asks
