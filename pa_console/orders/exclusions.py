@@ -35,7 +35,7 @@ _AFTER = (
 """Words before which what is named is ruled out."""
 _AROUND = (
     r"(?:\b(?:leave|leaving|keep|keeping|count) (?P<kept>{names}) out\b"
-    r"|(?:\bnot|n['’]t) (?:want|have) (?P<unwanted>{names}) (?:in it|in this|on it|on this|doing|do))"
+    r"|(?:\bnot|n['’]t) (?:want|have) (?P<unwanted>{names}) (?:(?:in|on) (?:it|this)|do(?:ing)?))"
 )
 _COMPASS = re.compile(r"\b(?:north|east|south|west)\b", re.IGNORECASE)
 _FILLERS = r"(?:,? (?:please|though|to|the|for|with|at all))*"
@@ -48,7 +48,9 @@ def excluded_names(world: World, text: str) -> tuple[str, ...]:
     said = _COMPASS.sub(lambda found: _gate_towards(world, found[0]), said)
     known = sorted((*world.assets, *world.frames), key=len, reverse=True)
     one = rf"\b(?:{'|'.join(map(re.escape, known))})\b"
-    names = rf"{one}(?:(?:, {one})*,? (?:and|or|nor|plus|&) (?:the |not )?{one})?(?!,? wh(?:o|ich)\b)"
+    names = (
+        rf"{one}(?:(?:, {one})*,? (?:and|or|nor|plus|&) (?:the |not )?{one})?(?!,? wh(?:o|ich)\b)"
+    )
     ruled_out = [*_ruled_out(said, names)]
     found = dict.fromkeys(
         mention[0]
@@ -70,9 +72,10 @@ def _gate_towards(world: World, word: str) -> str:
 
 def _ruled_out(said: str, names: str) -> Iterator[tuple[int, int]]:
     """Yield the ranges of characters in which names are ruled out."""
-    before = rf"{_BEFORE}{_FILLERS} (?P<names>{names})(?! to \\w)"
+    before = rf"(?P<lead>{_BEFORE}{_FILLERS}) (?P<names>{names})"
     for match in re.finditer(before, said, re.IGNORECASE):
-        yield match.span("names")
+        if not (match["lead"].lower().endswith("send") and said[match.end() :].startswith(" to ")):
+            yield match.span("names")
     for match in re.finditer(rf"(?P<names>{names}){_AFTER}", said, re.IGNORECASE):
         yield match.span("names")
     around = _AROUND.replace("{names}", names)

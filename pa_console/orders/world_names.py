@@ -92,7 +92,7 @@ class WorldNames:
         return near[0] if len(near) == 1 and len(word) >= _LONG else ""
 
     def initial(self, letter: str) -> str:
-        """Return the team whose own word alone begins with `letter`: *D4* is a drone; else nothing."""
+        """Return the only team whose own word begins with `letter`, as of *D4*; else nothing."""
         found = [team for team in self._kinds if team.startswith(letter)]
         return found[0] if len(found) == 1 else ""
 

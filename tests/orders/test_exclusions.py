@@ -21,8 +21,9 @@ from pa_training.situations.worlds import random_world, shipped_world
 ORDERS = 5000
 WAYS = (
     "{order}, but not {name}", "{order}, anyone but {name}", "{order}, except {name}",
-    "{order}. Leave {name} out of it.", "Don't use {name}: {order}", "{order}; {name} is off limits",
-    "{order}, other than {name}", "{order} without using {name}", "{order}. Not {name} though.",
+    "{order}. Leave {name} out of it.", "Don't use {name}: {order}",
+    "{order}; {name} is off limits", "{order}, other than {name}",
+    "{order} without using {name}", "{order}. Not {name} though.",
 )  # fmt: skip
 
 

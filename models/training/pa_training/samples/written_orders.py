@@ -1,9 +1,9 @@
 """Orders that writers wrote for situations they were shown, each with what it means.
 
-A writer sees a site, and no order, template or text of anybody else. The meaning is in the canonical
-words of `orders/clauses.py`; a second reader who saw only the orders wrote it again, and where the
-two differ the order is left out. `language/written` is learnt; `language/development` is kept aside:
-nothing is fitted on it.
+A writer sees a site, and no order, template or text of anybody else. The meaning is in the
+canonical words of `orders/clauses.py`; a second reader who saw only the orders wrote it again, and
+where the two differ the order is left out. `language/written` is learnt; `language/development` is
+kept aside: nothing is fitted on it.
 """
 
 import random
@@ -87,7 +87,9 @@ def written_samples(name: str, writer: Writer) -> Iterator[Sample]:
             yield from judge_readings([sample])
 
 
-def drawn_situation(seed: int, number: int, split: Split, forbidden: Collection[Numbers]) -> Situation:
+def drawn_situation(
+    seed: int, number: int, split: Split, forbidden: Collection[Numbers]
+) -> Situation:
     """Return the situation that a writer was shown."""
     rng = random.Random(f"{seed}/{split}/{number}")
     return random_situation(rng, random_world(rng, split, frozenset(forbidden)), history=True)

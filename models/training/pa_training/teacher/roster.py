@@ -131,8 +131,7 @@ class Roster:
             name
             for kind in kinds
             for name in self.digest.free.get(kind, ())
-            if name not in (*used, *self.excluded)
-            and (not origin or self.stands(name) == origin)
+            if name not in (*used, *self.excluded) and (not origin or self.stands(name) == origin)
         ]
         return sorted(pool, key=lambda name: not self.clear(name))
 
