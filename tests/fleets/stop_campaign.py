@@ -55,7 +55,9 @@ from tests.scripted import ScriptedEngine, plan
 RATE = 2.0
 """Seconds at the site in one."""
 GRACE_S = 0.5
-"""Real seconds from STOP until a reachable asset stands: 250 ms, and a busy machine."""
+"""Seconds of running from STOP until a reachable asset stands: 250 ms, and a busy machine."""
+STALL_S = 0.1
+"""A longer step was a stall: the machine did not run the process of site and station."""
 WATCH_S, NAMED_S, LIE_S = 1.5, 1.5, 6.0
 """Real seconds of watching; seconds of the fleet until one in doubt, or a liar, is named."""
 BACK_S = 4.0
@@ -91,6 +93,17 @@ class Session:
         until = time.perf_counter() + seconds
         while time.perf_counter() < until:
             self.step()
+
+    def run(self, seconds: float) -> float:
+        """Let so much time pass without counting stalls; return the longest of them, in seconds."""
+        longest_s = 0.0
+        while seconds > 0.0:
+            began = time.perf_counter()
+            self.step()
+            took_s = time.perf_counter() - began
+            longest_s = max(longest_s, took_s)
+            seconds -= min(took_s, STALL_S)
+        return longest_s if longest_s > STALL_S else 0.0
 
     def order(self, agent: str, gate: str) -> None:
         """Let an approved plan of one command go out."""
@@ -203,6 +216,8 @@ class Outcome:
     drove_on: list[str] = field(default_factory=list[str])
     unnamed: list[str] = field(default_factory=list[str])
     slowest_named_s: float = 0.0
+    longest_stall_s: float = 0.0
+    """The longest time after STOP in which the machine did not run site and station."""
     false_alarms: int = 0
     """Histories without any fault in which an asset was named all the same."""
 
@@ -212,6 +227,7 @@ class Outcome:
         self.stops += other.stops
         self.kinds += other.kinds
         self.farthest_m = max(self.farthest_m, other.farthest_m)
+        self.longest_stall_s = max(self.longest_stall_s, other.longest_stall_s)
         self.slowest_named_s = max(self.slowest_named_s, other.slowest_named_s)
         self.drove_on += other.drove_on
         self.unnamed += other.unnamed
@@ -224,7 +240,8 @@ class Outcome:
             f"{self.histories} histories, {self.stops} stops ({kinds}): "
             f"{len(self.drove_on)} reachable assets drove on, farthest {self.farthest_m:.1f} m; "
             f"{len(self.unnamed)} in doubt were not named, slowest {self.slowest_named_s:.2f} s; "
-            f"named without a fault in {self.false_alarms} histories"
+            f"named without a fault in {self.false_alarms} histories; "
+            f"longest stall {self.longest_stall_s:.2f} s"
         )
 
 
@@ -292,7 +309,7 @@ class History:
         before = self._positions()
         session.stop()
         self.out.stops += 1
-        session.go(GRACE_S)
+        self.out.longest_stall_s = session.run(GRACE_S)
         stood = self._positions()
         if killed:
             session.go(random.uniform(0.0, 0.6))
