@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from pa_console.llm.engine.engine import Engine
+from pa_console.llm.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.orchestrator.station.assembly import load_site, open_station
 from pa_console.orchestrator.station.ticking import RealTimeClock

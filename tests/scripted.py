@@ -6,9 +6,8 @@ from collections.abc import AsyncGenerator, Sequence
 from pathlib import Path
 from typing import cast
 
-from pa_console.llm.engine.engine import Engine, OnState
-from pa_console.llm.engine.protocol import Chance, Completed, Request
-from pa_console.llm.errors import EngineError
+from pa_console.llm.backend import Chance, Completed, EngineError, Request
+from pa_console.llm.engine import Engine, OnState
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.schema.events.event import Role
 from pa_console.schema.finding import Usage
@@ -47,7 +46,7 @@ class ScriptedEngine:
         """Those for several answers at once."""
         self.model = LocalModel("scripted", Path("/dev/null"), "0" * 64)
         self.second_reader: ScriptedEngine | None = None
-        self.sampler = "scripted"
+        self.name = self.sampler = "scripted"
         self.on_state: OnState | None = None
         self.busy = False
         self.warmed: list[tuple[Role, str, str]] = []

@@ -14,7 +14,7 @@ import pytest
 
 import pa_console as pa
 from pa_console.api.station import STANDING_CONFIDENCE
-from pa_console.llm.errors import EngineError
+from pa_console.llm.backend import EngineError
 from pa_console.llm.models.catalogue import Catalog, LocalModel
 from pa_console.schema.incident import FailAsset
 from pa_console.settings.schema import Settings

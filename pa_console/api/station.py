@@ -16,10 +16,9 @@ from typing import TYPE_CHECKING, Self
 from pydantic import TypeAdapter
 
 from pa_console.fleets.fleet import Fleet, Simulated
-from pa_console.llm.engine.engine import Engine
+from pa_console.llm.engine import Engine
 from pa_console.llm.models.catalogue import find_model
-from pa_console.llm.servers.servers import NO_SERVERS, Servers
-from pa_console.llm.servers.session_models import session_models
+from pa_console.llm.servers.servers import NO_SERVERS, Servers, session_models
 from pa_console.orchestrator.answers.question_reading import NO_QUESTION
 from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.orchestrator.station import assembly

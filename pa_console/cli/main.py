@@ -90,7 +90,7 @@ def run(commands: typer.Typer, name: str) -> NoReturn:
 
 def _explain(error: Exception) -> int:
     """Report the mistake in the input, or the program's own fault."""
-    from pa_console.llm.errors import EngineError, ModelError  # noqa: PLC0415 - only when it failed
+    from pa_console.llm.backend import EngineError, ModelError  # noqa: PLC0415 - only when it failed
     from pa_console.schema.document import DocumentError  # noqa: PLC0415
 
     match error:

@@ -117,7 +117,7 @@ def unknown_variables() -> list[str]:
     from pa_console.llm.servers.address import KEY_VARIABLES  # noqa: PLC0415 - rarely needed
 
     known = {setting.variable for setting in describe_settings().values()}
-    known |= {FILE_VARIABLE, PASSPHRASE_VARIABLE, *KEY_VARIABLES}
+    known |= {FILE_VARIABLE, PASSPHRASE_VARIABLE, *KEY_VARIABLES.values()}
     return sorted(name for name in os.environ if name.startswith(ENV_PREFIX) and name not in known)
 
 

@@ -7,7 +7,7 @@ from typing import cast
 from pydantic import ValidationError
 from textual.theme import BUILTIN_THEMES
 
-from pa_console.llm.errors import ModelError
+from pa_console.llm.backend import ModelError
 from pa_console.llm.models.catalogue import Catalog
 from pa_console.private_files import unwritable
 from pa_console.resources import data_folder, find_data

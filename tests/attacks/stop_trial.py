@@ -14,7 +14,7 @@ from functools import cache
 from time import perf_counter
 
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.llm.engine.protocol import Completed, Request
+from pa_console.llm.backend import Completed, Request
 from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.orchestrator.station.assembly import Site, load_site, open_station
 from pa_console.orchestrator.station.station import Station

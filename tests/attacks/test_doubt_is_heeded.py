@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.cli.mission import session as mission_session
-from pa_console.llm.engine.protocol import Completed, Request
+from pa_console.llm.backend import Completed, Request
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.orchestrator.planning.approval import CheckedPlan, OrderAsRead, request_approval
 from pa_console.orchestrator.planning.standing_approval import standing_approver

@@ -19,9 +19,8 @@ import pa_console
 from pa_console.child_processes import isolated_workers
 from pa_console.cli.serve import web
 from pa_console.evaluation.runs.dask_sweep import Workers, cluster
-from pa_console.llm.engine.engine import Engine
-from pa_console.llm.engine.protocol import Completed, Request
-from pa_console.llm.errors import PullError
+from pa_console.llm.backend import Completed, PullError, Request
+from pa_console.llm.engine import Engine
 from pa_console.llm.models import fetching
 from pa_console.llm.models.cache import CACHE_VARIABLE, hash_file
 from pa_console.llm.models.catalogue import HubSource, LocalModel, PackageSource

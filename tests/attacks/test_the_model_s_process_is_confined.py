@@ -17,13 +17,14 @@ import pytest_asyncio
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.llm.engine.engine import Engine
-from pa_console.llm.engine.protocol import Completed, Load, PinnedFile, Request
-from pa_console.llm.engine.worker_process import Worker
+from pa_console.llm.backend import Completed, Request
+from pa_console.llm.engine import Engine
 from pa_console.llm.models.cache import hash_file
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.llm.worker import seccomp
 from pa_console.llm.worker.confinement import Restriction, clean_environment, try_out
+from pa_console.llm.worker.messages import Load, PinnedFile
+from pa_console.llm.worker_process import Worker
 from tests.attacks.dangerous_calls import DANGEROUS
 from tests.training.adapters.tiny import write_tiny
 
@@ -346,7 +347,7 @@ def test_no_call_of_another_abi_gets_through(
 READER = """\
 import os
 from threading import Thread
-from pa_console.llm.engine.protocol import LoadFailed, encode
+from pa_console.llm.worker.messages import LoadFailed, encode
 from pa_console.llm.worker import worker
 def look(found):
     for path in (f"/proc/{os.getppid()}/mem", os.environ["HOME"]):
@@ -372,7 +373,7 @@ worker.main()
 async def test_the_worker_reads_the_weights_and_neither_its_parent_nor_its_user_s_files(
     tiny: LocalModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pa_console.llm.engine.worker_process.COMMAND", ("-c", READER))
+    monkeypatch.setattr("pa_console.llm.worker_process.COMMAND", ("-c", READER))
     monkeypatch.setenv("HOME", str(tmp_path))
     worker = await Worker.spawn(loading(tiny), never_ready, lambda _: None)
     try:
@@ -409,7 +410,7 @@ while True:
 async def test_a_process_that_says_more_than_it_was_asked_for_is_ended(
     script: str, tiny: LocalModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pa_console.llm.engine.worker_process.COMMAND", ("-c", script))
+    monkeypatch.setattr("pa_console.llm.worker_process.COMMAND", ("-c", script))
     ended: list[str] = []
     worker = await Worker.spawn(loading(tiny), never_ready, ended.append)
     try:

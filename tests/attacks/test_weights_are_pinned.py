@@ -13,12 +13,10 @@ from typing import Any
 import pytest
 
 from pa_console.cli.doctor.checks import check_model
-from pa_console.llm.engine.engine import Engine
-from pa_console.llm.engine.protocol import Completed, Request
-from pa_console.llm.errors import ModelError, ModelUnavailableError
-from pa_console.llm.models.adapters import LocalAdapter
+from pa_console.llm.backend import Completed, ModelError, ModelUnavailableError, Request
+from pa_console.llm.engine import Engine
 from pa_console.llm.models.cache import CACHE_VARIABLE, hash_file
-from pa_console.llm.models.catalogue import Catalog, LocalModel
+from pa_console.llm.models.catalogue import Catalog, LocalAdapter, LocalModel
 from pa_console.signing import KEY_VARIABLE, load_signer
 from tests.training.adapters.tiny import write_tiny
 

@@ -7,7 +7,7 @@ from zipfile import ZIP_DEFLATED, ZipFile
 
 import pytest
 
-from pa_console.llm.errors import PullError
+from pa_console.llm.backend import PullError
 from pa_console.llm.models import fetching
 from pa_console.llm.models.cache import CACHE_VARIABLE
 from pa_console.llm.models.catalogue import ModelEntry, PackageSource

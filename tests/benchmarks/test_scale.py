@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.llm.engine.protocol import Completed
-from pa_console.llm.errors import EngineDiedError
+from pa_console.llm.backend import Completed, EngineDiedError
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.llm.roles.prompts import Prompt
 from pa_console.orchestrator.station.assembly import Site

@@ -21,7 +21,7 @@ from pa_console.cli.doctor.checks import (
     load_or_default,
 )
 from pa_console.cli.doctor.speed import check_speed, speed_words
-from pa_console.llm.errors import EngineDiedError, EngineError
+from pa_console.llm.backend import EngineDiedError, EngineError
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.schema.finding import Usage
 from tests.cli.inside import Call

@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from pa_console.evaluation.runs.memo_engine import MemoEngine
-from pa_console.llm.engine.protocol import Completed, Request
-from pa_console.llm.errors import EngineDiedError
+from pa_console.llm.backend import Completed, EngineDiedError, Request
 from tests.scripted import ScriptedEngine
 
 USER = "Track_01 is {} m from WestGate, seen 2 s ago. Drone_T01 has 80 %."

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from pa_console.evaluation.runs.jobs import load_with_worlds
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.llm.engine.protocol import Completed, Request
+from pa_console.llm.backend import Completed, Request
 from pa_console.llm.roles.dialect import DIALECTS, Dialect, DialectName
 from pa_console.llm.roles.grammar import (
     PLANNED,

@@ -1,124 +1,98 @@
-"""What the default model answers and what comes of it, token for token; minutes, so on demand.
+"""What the default model's plans come to, judged by the strict scorer; minutes, so on demand.
 
-The missions of the paper and every third of the field set go through the command line. Everything
-is read from what it writes, so nothing of the package is imported.
+The missions of the paper and every third of the field set go through the command line. Processors
+add in another order and with other weights (bf16 or f16), so the model's words and probabilities
+differ in their last digits, and a doubtful order may be read otherwise. What is sure is the same on
+every processor: the end, the success and the last plan of an order of which the model is sure. Of
+the others, the share of strict successes lies in the 95 % interval of the recorded one.
 """
 
 import json
 import os
-import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Generator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.golden.stored import compare, read, write
+from pa_console.evaluation.reporting.statistics import Rate
+from pa_console.session.confidence import UNSURE
+from tests.golden.stored import HERE, compare, write_text
 
 ON = "PA_GOLDEN_OUTCOMES"
-FILE = "outcomes.json"
+FILE = "outcomes.txt"
 CLI = [sys.executable, "-m", "pa_console"]
 SETS = {"paper": [], "field": ["--every", "3"]}
 """The mission sets with the words that choose their missions."""
-KEPT = (
-    "status", "reason", "refused", "strict", "obeyed", "hybrid", "failed", "broken", "judge_plan",
-    "judge_outcome", "verification", "confidence", "offered", "valid_json", "first_sound",
-    "attempts", "plan",
-)  # fmt: skip
-"""What is compared of the record of a run."""
-MISSION = re.compile(r"M\d{3}-[0-9a-f]{4}")
+CARRIED_OUT = ("verified", "unverified")
+SURE, SUCCESS = " sure;", "; strict success"
 
 
 def record() -> None:
-    """Write what is so now."""
+    """Write the outcomes as they are now."""
     with tempfile.TemporaryDirectory() as folder:
-        write(FILE, outcomes(Path(folder)))
+        lines = [f"{name}: {line(run)}\n" for name, run in runs(Path(folder)).items()]
+    write_text(FILE, "".join(lines))
 
 
 @pytest.mark.skipif(ON not in os.environ, reason=f"takes minutes; {ON}=1 turns it on")
 @pytest.mark.timeout(3600)
-def test_the_default_model_answers_the_same_and_it_comes_to_the_same(tmp_path: Path) -> None:
+def test_the_default_model_s_plans_come_to_the_same_on_every_processor(tmp_path: Path) -> None:
     if not fetched():
         pytest.skip("the default model is not on this machine; see 'pa-console models pull'")
+    made = runs(tmp_path)
+    stored = dict(
+        text.split(": ", 1) for text in (HERE / FILE).read_text(encoding="utf-8").splitlines()
+    )
+    assert list(stored) == list(made)
+    for name, run in made.items():
+        assert not run["broken"], f"{name} broke an enforced rule"
+        assert run["valid_json"] or run["status"] not in CARRIED_OUT, f"{name} was not planned"
     look = f"The stored ones are in tests/golden/{FILE}, the logs of this run in {tmp_path}."
-    compare("outcomes", read(FILE), outcomes(tmp_path), look)
+    # A model that is less sure on this processor is counted with the doubtful ones.
+    sure = [name for name in stored if SURE in stored[name] and SURE in line(made[name])]
+    now = {name: line(made[name]) for name in sure}
+    compare("outcomes", {name: stored[name] for name in sure}, now, look)
+    doubtful = [name for name in stored if name not in sure]
+    recorded = Rate.of(SUCCESS in stored[name] for name in doubtful)
+    successes = sum(made[name]["strict"] for name in doubtful)
+    assert successes >= recorded.low * len(doubtful), f"{successes} of {len(doubtful)}; {look}"
+
+
+def line(run: dict[str, Any]) -> str:
+    """Return a run on a line: its end, success, the model's doubt, the verdicts, the last plan."""
+    confidence = run["confidence"]
+    parts = (
+        f"{run['status']}{', refused' if run['refused'] else ''}",
+        "strict success" if run["strict"] else "no strict success",
+        "sure" if confidence is None or confidence >= UNSURE else "unsure",
+        f"judge {run['judge_plan']}, {run['judge_outcome']}",
+        f"telemetry {run['verification']}",
+        ", ".join(run["plan"]) or "no plan",
+    )
+    return "; ".join(parts)
 
 
 def fetched() -> bool:
-    """Whether the default model is on this machine."""
+    """Return whether the default model is on this machine."""
     done = subprocess.run([*CLI, "models", "list", "--json"], capture_output=True, check=True)
     return any(model["default"] and model["path"] for model in json.loads(done.stdout))
 
 
-def outcomes(folder: Path) -> dict[str, Any]:
-    """Run the missions and return what came of each, by set and mission."""
-    found: dict[str, Any] = {}
+def runs(folder: Path) -> dict[str, dict[str, Any]]:
+    """Run the missions and return the record of each run by set and mission."""
     for name, words in SETS.items():
-        out = folder / name
-        call = [*CLI, "eval", "--missions", name, *words, "--out", str(out)]
-        with one_core():
-            subprocess.run(call, check=True, stdout=subprocess.DEVNULL)
-        found |= read_runs(name, out)
-    return found
+        call = [*CLI, "eval", "--missions", name, *words, "--out", str(folder / name)]
+        subprocess.run(call, check=True, stdout=subprocess.DEVNULL)
+    return dict(read_runs(folder))
 
 
-@contextmanager
-def one_core() -> Generator[None]:
-    """Let processes that are started meanwhile compute on one core, as when it was recorded.
-
-    Threads that share a sum add it up in another order, and so the last digits differ.
-    """
-    if not hasattr(os, "sched_setaffinity"):
-        yield
-        return
-    cores = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, {min(cores)})
-    try:
-        yield
-    finally:
-        os.sched_setaffinity(0, cores)
-
-
-def read_runs(name: str, out: Path) -> dict[str, Any]:
-    """Return what came of each mission of an evaluation, by set and mission."""
-    found: dict[str, Any] = {}
-    for line in (out / "runs.jsonl").read_text(encoding="utf-8").splitlines():
-        run = json.loads(line)
-        told = {key: run[key] for key in KEPT} | told_of(out / run["log"])
-        text = MISSION.sub("MISSION", json.dumps(told, ensure_ascii=False))
-        found[f"{name} {run['mission']}"] = json.loads(text)
-    return found
-
-
-def told_of(log: Path) -> dict[str, list[str]]:
-    """Return what a log tells of answers, verdicts, commands and the end, in order.
-
-    A verdict on an outcome stands where telemetry told of that outcome, whenever it came.
-    """
-    told: dict[str, list[str]] = {"planner": [], "judge": [], "commands": [], "outcome": []}
-    to_come: list[int] = []
-    for line in log.read_text(encoding="utf-8").splitlines():
-        record = json.loads(line)
-        data = record["data"]
-        match record["kind"]:
-            case "plan_proposed":
-                told["planner"].append(data["text"])
-            case "plan_judged":
-                told["judge"].append(json.dumps(data["verdict"], ensure_ascii=False))
-            case "outcome_judged":
-                told["judge"][to_come.pop(0)] = json.dumps(data["verdict"], ensure_ascii=False)
-            case "command_sent":
-                command = data["command"]
-                words = (command["agent"], command["verb"], command["target"])
-                told["commands"].append(" ".join(filter(None, words)))
-            case "mission_verified":
-                told["outcome"].append(json.dumps(data["verification"], ensure_ascii=False))
-                to_come.append(len(told["judge"]))
-                told["judge"].append("")
-            case _:
-                pass
-    return told
+def read_runs(folder: Path) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the runs of each set below `folder`."""
+    for name in SETS:
+        for text in (folder / name / "runs.jsonl").read_text(encoding="utf-8").splitlines():
+            run = json.loads(text)
+            yield f"{name} {run['mission']}", run

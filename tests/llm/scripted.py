@@ -2,9 +2,8 @@
 
 from collections.abc import AsyncGenerator, Sequence
 
-from pa_console.llm.engine.engine import Engine
-from pa_console.llm.engine.protocol import Completed, Request
-from pa_console.llm.errors import EngineError
+from pa_console.llm.backend import Completed, EngineError, Request
+from pa_console.llm.engine import Engine
 from pa_console.llm.models.catalogue import LocalModel
 
 

@@ -11,12 +11,18 @@ import pytest
 import pytest_asyncio
 from pydantic import ValidationError
 
-from pa_console.llm.engine.engine import Engine
-from pa_console.llm.engine.protocol import Completed, Request
-from pa_console.llm.errors import ModelError, ModelUnavailableError
-from pa_console.llm.models.adapters import AdapterFile, LocalAdapter, check_adapters
+from pa_console.llm.backend import Completed, ModelError, ModelUnavailableError, Request
+from pa_console.llm.engine import Engine
 from pa_console.llm.models.cache import hash_file
-from pa_console.llm.models.catalogue import LocalModel, ModelEntry, PathSource, find_model
+from pa_console.llm.models.catalogue import (
+    AdapterFile,
+    LocalAdapter,
+    LocalModel,
+    ModelEntry,
+    PathSource,
+    check_adapters,
+    find_model,
+)
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(1200)]
 

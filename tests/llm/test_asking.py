@@ -2,14 +2,16 @@
 
 import pytest
 
-from pa_console.llm.engine.protocol import Completed, Request
-from pa_console.llm.errors import (
+from pa_console.llm.backend import (
+    Completed,
     EngineDiedError,
     EngineError,
+    ModelAnswer,
     ModelUnavailableError,
     PromptRefusedError,
+    Request,
+    ask_model,
 )
-from pa_console.llm.roles.engine_call import ModelAnswer, ask_model
 from pa_console.schema.finding import Usage
 from tests.scripted import ScriptedEngine
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.llm.errors import ModelError
+from pa_console.llm.backend import ModelError
 from pa_console.llm.models.catalogue import Catalog, ModelEntry, PathSource
 from pa_console.llm.models.preparing import prepared_path
 from pa_console.schema.document import DocumentError

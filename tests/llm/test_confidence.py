@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.llm.engine.protocol import Chance, confidence
+from pa_console.llm.backend import Chance, confidence
 from pa_console.llm.roles.planner import Planner
 from pa_console.llm.roles.prompts import Prompt
 from tests.scripted import ScriptedEngine, plan

@@ -10,7 +10,7 @@ from zipfile import ZipFile
 
 import pytest
 
-from pa_console.llm.errors import PullError
+from pa_console.llm.backend import PullError
 from pa_console.llm.models import fetching
 from pa_console.llm.models.catalogue import HubSource, ModelEntry, PackageSource, PathSource, Source
 from pa_console.llm.models.fetching import pull

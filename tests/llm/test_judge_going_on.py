@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from pa_console.llm.errors import EngineError
+from pa_console.llm.backend import EngineError
 from pa_console.llm.roles.judge import Judge, Judgement, JudgeQuestion
 from pa_console.llm.roles.prompts import Prompt
 from tests.scripted import Answer, ScriptedEngine

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.llm.errors import ModelError, PullError
+from pa_console.llm.backend import ModelError, PullError
 from pa_console.llm.models import large_files
 from pa_console.llm.models import preparing as module
 from pa_console.llm.models.cache import hash_file

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.llm.engine.protocol import Completed, Finish
-from pa_console.llm.errors import EngineDiedError, EngineError
+from pa_console.llm.backend import Completed, EngineDiedError, EngineError, Finish
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.llm.roles.judge import Judge, Judgement, JudgeQuestion, read_verdict
 from pa_console.llm.roles.planner import Planner, Proposal, read_plan

@@ -7,7 +7,7 @@ import pytest
 import pytest_asyncio
 
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.llm.engine.engine import Engine
+from pa_console.llm.engine import Engine
 from pa_console.llm.models.catalogue import Catalog, find_model
 from pa_console.llm.models.fetching import pull
 from pa_console.llm.roles.dialect import DIALECTS

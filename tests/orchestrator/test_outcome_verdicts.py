@@ -6,8 +6,7 @@ from contextlib import aclosing
 
 import pytest
 
-from pa_console.llm.engine.protocol import Completed, Request
-from pa_console.llm.errors import EngineDiedError
+from pa_console.llm.backend import Completed, EngineDiedError, Request
 from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.orchestrator.station.assembly import open_station
 from pa_console.orchestrator.station.headless import run_missions

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pa_console.llm.errors import EngineDiedError
+from pa_console.llm.backend import EngineDiedError
 from pa_console.orchestrator.planning.standing_approval import standing_approver
 from pa_console.orchestrator.station.station import Station
 from pa_console.schema.events.event import ApprovalRequested, Event

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from pa_console.llm.errors import EngineDiedError
+from pa_console.llm.backend import EngineDiedError
 from pa_console.orchestrator.planning import second_reader
 from pa_console.schema.events import event as ev
 from pa_console.session.confidence import UNSURE

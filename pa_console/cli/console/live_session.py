@@ -12,7 +12,7 @@ from pa_console.cli.console.unclosed import choose_session
 from pa_console.cli.fleet import find_fleet
 from pa_console.cli.keys.site_keys import load_authority
 from pa_console.cli.output import errors
-from pa_console.llm.engine.engine import Engine
+from pa_console.llm.engine import Engine
 from pa_console.llm.servers.servers import NO_SERVERS, Servers
 from pa_console.orchestrator.station.assembly import Site, load_site, open_station
 from pa_console.orchestrator.station.rules_in_force import RulesWatch

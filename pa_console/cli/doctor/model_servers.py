@@ -4,11 +4,10 @@ import asyncio
 from collections.abc import Iterator
 
 from pa_console.cli.doctor.checks import Check
-from pa_console.llm.errors import ModelError
-from pa_console.llm.servers.address import ServerAddress, ServerKey
+from pa_console.llm.backend import BackendOptions, ModelError, open_backend
+from pa_console.llm.servers.address import KEY_VARIABLES, ServerKey
 from pa_console.llm.servers.engine import ServerEngine
-from pa_console.llm.servers.servers import VARIABLES
-from pa_console.llm.servers.session_models import SessionModels, session_models
+from pa_console.llm.servers.servers import SessionModels, session_models
 from pa_console.schema.events.event import ServerUse
 from pa_console.settings.schema import Settings
 
@@ -37,15 +36,15 @@ def check_server(use: ServerUse, name: str, *, plain: bool = False) -> Check:
     """Ask the server `name` which way of constraining an answer holds, and look for its key."""
     title = f"{NAME}, {use}"
     try:
-        address = ServerAddress.parse(name)
-        address.allow(plain=plain)
+        engine = open_backend(name, BackendOptions(use, plain))
     except ModelError as error:
         return Check(title, "missing", str(error), "name another one, or none")
-    key = ServerKey.find(address, VARIABLES[use])
-    engine = ServerEngine(address, key)
+    if not isinstance(engine, ServerEngine):
+        return Check(title, "ok", f"{engine.name}: the backend of another package, not asked")
     asyncio.run(_looked(engine))
     told = engine.report.told if engine.usable else engine.detail
-    found = f"{address}: {told}; key from {key.source}"
+    key = ServerKey.find(engine.address, KEY_VARIABLES[use])
+    found = f"{engine.name}: {told}; key from {key.source}"
     match engine.state:
         case "ready":
             return Check(title, "ok", found)
@@ -53,7 +52,7 @@ def check_server(use: ServerUse, name: str, *, plain: bool = False) -> Check:
             remedy = "use a server that holds answers to a JSON schema or a grammar"
             return Check(title, "warning", found, remedy)
         case _:
-            remedy = f"start it, and see its address and key ({VARIABLES[use]}); {PROBLEM}"
+            remedy = f"start it, and see its address and key ({KEY_VARIABLES[use]}); {PROBLEM}"
             return Check(title, "warning", found, remedy)
 
 

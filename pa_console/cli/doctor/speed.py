@@ -6,9 +6,8 @@ from datetime import UTC, datetime
 
 from pa_console.cli.doctor.checks import Check
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.llm.engine.engine import Engine
-from pa_console.llm.engine.protocol import Completed, Request
-from pa_console.llm.errors import EngineError, ModelError
+from pa_console.llm.backend import Completed, EngineError, ModelError, Request
+from pa_console.llm.engine import Engine
 from pa_console.llm.models.catalogue import LocalModel, find_model
 from pa_console.orchestrator.mission.services import Services
 from pa_console.orchestrator.planning.proposal import ask_for_plan

@@ -58,7 +58,7 @@ from pa_console.evaluation.runs.run_record import (
     read_runs,
 )
 from pa_console.evaluation.runs.runner import Runner
-from pa_console.llm.engine.engine import Engine
+from pa_console.llm.engine import Engine
 from pa_console.llm.models.catalogue import LocalModel, find_model
 from pa_console.llm.worker.threads import physical_cores
 from pa_console.orchestrator.station.assembly import load_site

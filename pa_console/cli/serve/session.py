@@ -13,7 +13,7 @@ from pa_console.cli.output import FAILED, errors, out
 from pa_console.cli.serve.token_verbs import this_user, token_book
 from pa_console.cli.session_log import open_log, tell_of_witness
 from pa_console.end_signals import end_signals, exit_code_of
-from pa_console.llm.engine.engine import Engine
+from pa_console.llm.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.observability.observers import Observer
 from pa_console.service.connections import Listening, listen

@@ -5,12 +5,12 @@ import re
 from collections.abc import AsyncGenerator
 from contextlib import aclosing
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 from pydantic import ValidationError
 
-from pa_console.llm.engine.engine import Engine, OnState
-from pa_console.llm.engine.protocol import Chance, Completed, Request
+from pa_console.llm.backend import Chance, Completed, Request
+from pa_console.llm.engine import Engine, OnState
 from pa_console.schema.base import StrictModel
 from pa_console.schema.events.event import Role
 from pa_console.schema.finding import Usage
@@ -56,7 +56,6 @@ class MemoEngine:
         self._known = _recall(memory) if memory is not None and memory.exists() else {}
         self.asked = 0
         self.reused = 0
-        self.model, self.sampler = engine.model, engine.sampler
         self.second_reader: MemoEngine | None = None
         if engine.second_reader is not None:
             self.second_reader = MemoEngine(
@@ -68,31 +67,14 @@ class MemoEngine:
         """Return this where an Engine is asked for."""
         return cast(Engine, self)
 
+    def __getattr__(self, name: str) -> Any:
+        """Return what is the model's own: its name, whether it is busy, how it is started."""
+        return getattr(self._engine, name)
+
     @property
     def reads_ahead(self) -> bool:
         """True if reading ahead is worth while: the model is asked every time."""
         return not self._reuse
-
-    @property
-    def busy(self) -> bool:
-        """True while the worker has a prompt without an answer."""
-        return self._engine.busy
-
-    async def start(self) -> None:
-        """Start loading the model."""
-        await self._engine.start()
-
-    async def close(self) -> None:
-        """End the model's process."""
-        await self._engine.close()
-
-    def cancel(self) -> None:
-        """Stop the generation that is running, if any."""
-        self._engine.cancel()
-
-    def kill_worker(self) -> None:
-        """Kill the model's process (fault injection)."""
-        self._engine.kill_worker()
 
     async def warm(self, role: Role, system: str, user: str = "") -> None:
         """Read the beginning of prompts of `role` ahead, unless answers are reused."""

@@ -1,20 +1,15 @@
 """The models known by name, where they come from, and whether one is on this machine."""
 
 import hashlib
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 from rapidfuzz import process
 
-from pa_console.llm.errors import ModelError
-from pa_console.llm.models.adapters import (
-    AdapterFile,
-    LocalAdapter,
-    check_adapters,
-    pinned_adapters,
-)
+from pa_console.llm.backend import ModelError, names_backend
 from pa_console.llm.models.cache import hash_file, models_folder
 from pa_console.llm.models.preparing import (
     Preparation,
@@ -27,11 +22,71 @@ from pa_console.llm.models.preparing import (
     silent,
 )
 from pa_console.llm.roles.dialect import DialectName
-from pa_console.llm.servers.address import ServerAddress, names_server
+from pa_console.llm.servers.address import PREFIX, ServerAddress
 from pa_console.resources import data_folder
 from pa_console.schema.base import StrictModel
 from pa_console.schema.document import Document
 from pa_console.schema.events.event import Role
+
+REMEDY = (
+    "install PA Console again, or take `adapters` and `prompts` out of the model's entry in "
+    "models/catalog.yaml to use it without"
+)
+
+
+class AdapterFile(StrictModel):
+    """A GGUF adapter in a catalogue entry; `file` is relative to the catalogue's folder."""
+
+    file: str = Field(min_length=1)
+    sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
+
+    @property
+    def path(self) -> Path:
+        """The place of the installed file."""
+        return data_folder() / "models" / self.file
+
+
+@dataclass(frozen=True)
+class LocalAdapter:
+    """An adapter file with the hash that it must have, and the role that answers with it."""
+
+    role: Role
+    path: Path
+    sha256: str
+
+
+def check_adapters(model: str, files: Mapping[Role, AdapterFile]) -> tuple[LocalAdapter, ...]:
+    """Return the adapter of every role of `model`; outcomes are judged with the judge's.
+
+    Raises ModelError, naming file and remedy, when one is missing or not the pinned one.
+    """
+    for role, file in files.items():
+        _check(model, role, file)
+    return pinned_adapters(files)
+
+
+def pinned_adapters(files: Mapping[Role, AdapterFile]) -> tuple[LocalAdapter, ...]:
+    """Return the adapter of every role as the catalogue pins it; none is read."""
+    found = {role: LocalAdapter(role, file.path, file.sha256) for role, file in files.items()}
+    if "judge" in found and "outcome" not in found:
+        found["outcome"] = replace(found["judge"], role="outcome")
+    return tuple(found.values())
+
+
+def _check(model: str, role: Role, file: AdapterFile) -> None:
+    try:
+        digest = hash_file(file.path)
+    except OSError as error:
+        raise ModelError(
+            f"{file.path}: the {role} adapter of {model} cannot be read "
+            f"({error.strerror or error}): {REMEDY}"
+        ) from error
+    if digest != file.sha256:
+        raise ModelError(
+            f"{file.path}: not the {role} adapter that the catalogue pins for {model}: its "
+            f"SHA-256 is {digest}, pinned is {file.sha256}: {REMEDY}"
+        )
+
 
 NO_READER = "off"
 """The name that stands for no second reader."""
@@ -279,7 +334,7 @@ class LocalModel:
 
 
 class ServerEntry(StrictModel):
-    """A model on a server: its `address` is openai:BASE_URL#NAME, and holds no key."""
+    """A model elsewhere: its `address`, such as openai:BASE_URL#NAME, holds no key."""
 
     name: str = Field(pattern=MODEL_NAME)
     title: str
@@ -288,6 +343,8 @@ class ServerEntry(StrictModel):
     @field_validator("address")
     @classmethod
     def _is_one(cls, address: str) -> str:
+        if names_backend(address) and not address.startswith(PREFIX):
+            return address
         try:
             return str(ServerAddress.parse(address))
         except ModelError as error:
@@ -314,7 +371,7 @@ class Catalog(StrictModel):
         known = {entry.name: entry for entry in self.models}
         if name in known:
             return known[name]
-        if names_server(name) or name in {entry.name for entry in self.servers}:
+        if names_backend(name) or name in {entry.name for entry in self.servers}:
             raise ModelError(
                 f"{name} is on a server: this needs a model on this machine; a server's model "
                 "plans in console and mission only"

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from pa_console.child_processes import OWN_FOLDER, python_command
-from pa_console.llm.errors import PullError
+from pa_console.llm.backend import PullError
 from pa_console.llm.models.cache import CACHE_VARIABLE
 
 SLACK = 16_000_000

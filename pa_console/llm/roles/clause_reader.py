@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import regex
 
-from pa_console.llm.engine.protocol import Answering, Request, confidence
+from pa_console.llm.backend import Backend, OnText, Request, ask_model, confidence
 from pa_console.llm.roles.clause_prompt import MAX_TOKENS, SCHEMA, reading_prompt
-from pa_console.llm.roles.engine_call import OnText, ask_model
 from pa_console.llm.roles.grammar import begun_grammar
 from pa_console.llm.roles.judge import OrderRead
 from pa_console.llm.roles.prompts import Prompt
@@ -50,7 +49,7 @@ class ClauseReader:
     """Reads orders with a model of this machine or of a server, in the name of a `role`."""
 
     def __init__(
-        self, engine: Answering, role: Role = "judge", *, deadline_s: float = DEADLINE_S
+        self, engine: Backend, role: Role = "judge", *, deadline_s: float = DEADLINE_S
     ) -> None:
         self._engine, self._deadline_s = engine, deadline_s
         self._role: Role = role
@@ -58,7 +57,7 @@ class ClauseReader:
     @property
     def model(self) -> str:
         """The name of the model that answers."""
-        return self._engine.model.name
+        return self._engine.name
 
     async def read(self, asked: ReadingQuestion, on_text: OnText | None = None) -> OrderRead:
         """Return what an order asks, as far as that is in canonical clauses about what there is.

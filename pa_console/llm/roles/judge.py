@@ -6,9 +6,8 @@ from typing import Literal
 
 from pydantic import Field, ValidationError
 
-from pa_console.llm.engine.protocol import Answering, Request, confidence
+from pa_console.llm.backend import Backend, ModelAnswer, OnText, Request, ask_model, confidence
 from pa_console.llm.roles.answer_schema import Schema
-from pa_console.llm.roles.engine_call import ModelAnswer, OnText, ask_model
 from pa_console.llm.roles.grammar import COMPARED_CHARS, PLANNED
 from pa_console.llm.roles.prompts import Prompt
 from pa_console.schema.base import StrictModel
@@ -71,14 +70,14 @@ class Judge:
     """Judges plans with the model of `engine`, each within `deadline_s` seconds."""
 
     def __init__(
-        self, engine: Answering, *, max_tokens: int = MAX_TOKENS, deadline_s: float = DEADLINE_S
+        self, engine: Backend, *, max_tokens: int = MAX_TOKENS, deadline_s: float = DEADLINE_S
     ) -> None:
         self._engine, self._max_tokens, self._deadline_s = engine, max_tokens, deadline_s
 
     @property
     def model(self) -> str:
         """The name of the model that answers."""
-        return self._engine.model.name
+        return self._engine.name
 
     async def judge(self, asked: JudgeQuestion, on_text: OnText | None = None) -> Judgement:
         """Return the answer, which `on_text` gets in pieces; never raises EngineError."""

@@ -6,10 +6,9 @@ from json import JSONDecoder
 
 from pydantic import ValidationError
 
-from pa_console.llm.engine.protocol import Answering, Request, confidence
+from pa_console.llm.backend import Backend, OnText, Request, ask_model, confidence
 from pa_console.llm.roles.answer_schema import Schema
 from pa_console.llm.roles.clause_reader import ClauseReader
-from pa_console.llm.roles.engine_call import OnText, ask_model
 from pa_console.llm.roles.grammar import READ, begun_reason, reason_grammar
 from pa_console.llm.roles.prompts import Prompt
 from pa_console.orders.reading import asked_words
@@ -42,7 +41,7 @@ class Planner:
     """Writes plans with the model of `engine`, each within `deadline_s` seconds."""
 
     def __init__(
-        self, engine: Answering, *, max_tokens: int = MAX_TOKENS, deadline_s: float = DEADLINE_S
+        self, engine: Backend, *, max_tokens: int = MAX_TOKENS, deadline_s: float = DEADLINE_S
     ) -> None:
         self._engine, self._max_tokens, self._deadline_s = engine, max_tokens, deadline_s
 

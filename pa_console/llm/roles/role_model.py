@@ -4,11 +4,10 @@ from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
+from pa_console.llm.backend import CANCELLED, Backend
 from pa_console.llm.roles.dialect import DIALECTS, Dialect
-from pa_console.llm.roles.engine_call import CANCELLED
 from pa_console.llm.roles.judge import Judge
 from pa_console.llm.roles.planner import Planner
-from pa_console.llm.servers.engine import ServerEngine
 
 
 @dataclass(frozen=True)
@@ -18,10 +17,10 @@ class RoleModel:
     planner: Planner
     judge: Judge
     dialect: Dialect
-    server: ServerEngine | None = None
+    server: Backend | None = None
 
     @classmethod
-    def on(cls, server: ServerEngine) -> "RoleModel":
+    def on(cls, server: Backend) -> "RoleModel":
         """Return the roles of a model on a server, which needs instructions and examples."""
         dialect = DIALECTS["examples"]
         return cls(
@@ -34,7 +33,7 @@ class RoleModel:
     @property
     def where(self) -> str:
         """The model on a server, '' for the session's own."""
-        return self.server.model.name if self.server is not None else ""
+        return self.server.name if self.server is not None else ""
 
 
 class Answer(Protocol):

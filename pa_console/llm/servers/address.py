@@ -10,22 +10,20 @@ from importlib import import_module
 from importlib.util import find_spec
 from urllib.parse import urlsplit
 
-from pa_console.llm.errors import ModelError
+from pa_console.llm.backend import ModelError
+from pa_console.schema.events.event import ServerUse
 
 PREFIX = "openai:"
 FORM = "openai:BASE_URL#NAME, as in openai:http://127.0.0.1:8080/v1#qwen2.5-7b"
 USUAL_PATH = "/v1"
 KEY_VARIABLE = "PA_CONSOLE_SERVER_KEY"
-JUDGE_KEY_VARIABLE = "PA_CONSOLE_JUDGE_SERVER_KEY"
-READER_KEY_VARIABLE = "PA_CONSOLE_READER_SERVER_KEY"
-KEY_VARIABLES = (KEY_VARIABLE, JUDGE_KEY_VARIABLE, READER_KEY_VARIABLE)
-"""The environment variables with the server keys of planner, judge and second reader."""
+KEY_VARIABLES: dict[ServerUse, str] = {
+    "planner": KEY_VARIABLE,
+    "judge": "PA_CONSOLE_JUDGE_SERVER_KEY",
+    "second reader": "PA_CONSOLE_READER_SERVER_KEY",
+}
+"""The environment variable with the server key of each use."""
 KEYRING_SERVICE = "pa-console"
-
-
-def names_server(name: str | None) -> bool:
-    """Return whether a model's `name` is that of a server."""
-    return name is not None and name.startswith(PREFIX)
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from contextlib import aclosing
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
-from pa_console.llm.engine.protocol import Chance
-from pa_console.llm.errors import ServerError
+from pa_console.llm.backend import Chance, ServerError
 from pa_console.llm.servers.address import ServerAddress, ServerKey
 from pa_console.schema.text.visible_text import visible_line
 

@@ -10,21 +10,16 @@ import asyncio
 import json
 from collections.abc import AsyncGenerator, Callable
 from contextlib import aclosing
-from dataclasses import dataclass
 from typing import Any, cast
 
-from pa_console.llm.engine.protocol import Chance, Completed, Request
-from pa_console.llm.errors import ServerError
+from pa_console.llm.backend import BackendOptions, Chance, Completed, Request, ServerError
 from pa_console.llm.roles.answer_schema import Schema
-from pa_console.llm.servers.address import ServerAddress, ServerKey
+from pa_console.llm.servers.address import KEY_VARIABLES, ServerAddress, ServerKey
 from pa_console.llm.servers.client import MOST_TOLD, ServerClient
-from pa_console.llm.servers.constraints import WAYS
-from pa_console.llm.servers.probe import ProbeReport, probe
+from pa_console.llm.servers.constraints import WAYS, ProbeReport, probe
 from pa_console.schema.events.event import ServerState
 from pa_console.schema.finding import Usage
 
-PATIENCE_S = 20.0
-"""The longest wait for an answer before the model of this machine is asked, seconds."""
 AGAIN_S = 15.0
 """A server that failed is looked at again after so long."""
 TRIES = 2
@@ -38,13 +33,6 @@ OF_THE_QUESTION = (400, 413, 422)
 OnServer = Callable[[ServerState, str], None]
 
 
-@dataclass(frozen=True)
-class ServerModel:
-    """The model of a server: of what it is made nothing is known here but its name."""
-
-    name: str
-
-
 class ServerEngine:
     """Answers prompts with the model at `address`; `on_state` is told of every change of it."""
 
@@ -53,7 +41,7 @@ class ServerEngine:
         address: ServerAddress,
         key: ServerKey,
         *,
-        patience_s: float = PATIENCE_S,
+        patience_s: float = BackendOptions.patience_s,
         again_s: float = AGAIN_S,
         chances: bool = False,
         client: ServerClient | None = None,
@@ -63,7 +51,7 @@ class ServerEngine:
         With `chances`, token probabilities are requested, which slows some servers.
         """
         self.address = address
-        self.model = ServerModel(str(address))
+        self.name = str(address)
         self.report = ProbeReport()
         self.state: ServerState = "probing"
         self.detail = "not asked yet"
@@ -71,14 +59,19 @@ class ServerEngine:
         self._patience_s, self._again_s, self._chances = patience_s, again_s, chances
         self._client = client or ServerClient(address, key)
         self._looked, self._doubted = asyncio.Event(), asyncio.Event()
+        self._probing: asyncio.Task[None] | None = None
 
     @property
     def usable(self) -> bool:
         """True if it answers, or if that is not known yet."""
         return self.state != "away"
 
-    async def serve(self) -> None:
-        """Probe the server, and again whenever it has failed, for ever."""
+    async def start(self) -> None:
+        """Begin to probe the server, now and again whenever it has failed."""
+        if self._probing is None:
+            self._probing = asyncio.create_task(self._probe_again(), name="model server")
+
+    async def _probe_again(self) -> None:
         while True:
             await self.look()
             if self.usable:
@@ -99,7 +92,10 @@ class ServerEngine:
         self._looked.set()
 
     async def close(self) -> None:
-        """Close the connections."""
+        """Stop probing and close the connections."""
+        if self._probing is not None:
+            self._probing.cancel()
+            await asyncio.gather(self._probing, return_exceptions=True)
         await self._client.close()
 
     async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
@@ -178,6 +174,20 @@ class ServerEngine:
             self.state, self.detail = state, detail
             if self.on_state is not None:
                 self.on_state(state, detail)
+
+
+def open_server(name: str, options: BackendOptions) -> ServerEngine:
+    """Return the engine of the model at the address `name`, `openai:BASE_URL#NAME`.
+
+    Raises ModelError for a name that is no address, and for one to which words would go in clear
+    text, unless `options` allow it.
+    """
+    address = ServerAddress.parse(name)
+    address.allow(plain=options.plain)
+    key = ServerKey.find(address, KEY_VARIABLES[options.use])
+    return ServerEngine(
+        address, key, patience_s=options.patience_s, chances=options.use == "second reader"
+    )
 
 
 class _Written:

@@ -18,7 +18,7 @@ import numpy as np
 from llguidance import LLMatcher
 from numpy.typing import NDArray
 
-from pa_console.llm.engine.protocol import Chance, Finish
+from pa_console.llm.backend import Chance, Finish
 from pa_console.llm.worker.contexts import InterruptedEvaluationError
 from pa_console.llm.worker.runtime import Runtime
 from pa_console.schema.finding import Usage

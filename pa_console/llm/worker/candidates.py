@@ -22,7 +22,7 @@ import numpy as np
 from llguidance import LLMatcher
 from numpy.typing import NDArray
 
-from pa_console.llm.engine.protocol import Finish
+from pa_console.llm.backend import Finish, Request
 from pa_console.llm.worker.answer import Written, forced_tokens, likeliest, readable
 from pa_console.llm.worker.contexts import InterruptedEvaluationError, SharedContext
 from pa_console.llm.worker.runtime import Runtime
@@ -133,23 +133,17 @@ class Candidates:
         """Give the memory of the copies back."""
         self._shared.close()
 
-    def answers(  # noqa: PLR0917
-        self,
-        sequence: int,
-        likeliest: Written,
-        begun: int,
-        grammar: str,
-        max_tokens: int,
-        count: int,
-        stop: str = "",
+    def answers(
+        self, sequence: int, likeliest: Written, begun: int, request: Request
     ) -> tuple[list[str], Finish, Usage]:
-        """Write up to `count` answers to the prompt of the `likeliest` one.
+        """Write as many answers as `request` wants to the prompt of the `likeliest` one.
 
-        They keep its first `begun` tokens, and end where the regular expression `stop` is found,
-        if there is one. Those that are not complete are left out. Raises ValueError when there is
-        no room.
+        They keep its first `begun` tokens, and end where the request's regular expression `stop`
+        is found, if there is one. Those that are not complete are left out. Raises ValueError when
+        there is no room.
         """
-        self._stop = re.compile(stop) if stop else None
+        self._stop = re.compile(request.stop) if request.stop else None
+        grammar, max_tokens = request.grammar, request.max_tokens
         prompt, answer = likeliest.prompt, likeliest.tokens
         started = perf_counter()
         texts: list[str] = []
@@ -161,7 +155,7 @@ class Candidates:
             first = perf_counter() - started
             rows = self._rows(sequence, len(prompt), answer, logits.copy())
             found = branch_points(
-                self._matcher(grammar), self._tokenizer, answer, rows, begun, count
+                self._matcher(grammar), self._tokenizer, answer, rows, begun, request.count
             )
             answers = [self._begun(grammar, answer, branch, max_tokens) for branch in found]
             lengths = [len(prompt) + branch.kept for branch in found]

@@ -10,7 +10,7 @@ from typing import Any
 from llguidance import LLMatcher
 from llguidance.llamacpp import lltokenizer_from_vocab
 
-from pa_console.llm.engine.protocol import Chance, Finish
+from pa_console.llm.backend import Chance, Finish, Request
 from pa_console.llm.worker.answer import AnswerRun, Written
 from pa_console.llm.worker.candidates import Candidates
 from pa_console.llm.worker.runtime import Runtime
@@ -39,26 +39,24 @@ class Decoder:
         self.chances: tuple[Chance, ...] = ()
         """The probabilities of the chosen tokens, unless it continued another answer."""
 
-    def answer(  # noqa: PLR0917
+    def answer(
         self,
         sequence: int,
         prompt: Sequence[int],
-        grammar: str,
-        max_tokens: int,
+        request: Request,
         on_text: Callable[[str], None],
-        hint: str = "",
-        begun: str = "",
     ) -> tuple[Finish, Usage]:
-        """Write an answer to `prompt` that `grammar` (lark) accepts, giving text as it comes.
+        """Write the answer to `request`, whose tokens are `prompt`, giving text as it comes.
 
-        What the answer may repeat is guessed from the prompt and from `hint`. When the last answer
-        in `sequence` was to this prompt and its text is `begun`, the new one goes on from there.
-        Returns why it ended and what it cost. Raises ValueError when the grammar is not valid or
-        prompt and answer do not fit in the context.
+        What the answer may repeat is guessed from the prompt and from the request's `hint`. When
+        the last answer in `sequence` was to this prompt and its text is `begun`, the new one goes
+        on from there. Returns why it ended and what it cost. Raises ValueError when the grammar
+        (lark) is not valid or prompt and answer do not fit in the context.
         """
+        hint, begun, max_tokens = request.hint, request.begun, request.max_tokens
         self._fits(prompt, max_tokens)
         last = self._last.pop(sequence, None)
-        matcher = LLMatcher(self._tokenizer, grammar, log_level=0)
+        matcher = LLMatcher(self._tokenizer, request.grammar, log_level=0)
         if matcher.is_error():
             raise ValueError(f"the grammar is not valid: {matcher.get_error()}")
         hinted = self._runtime.tokenise(hint, special=False) if hint else []
@@ -73,18 +71,10 @@ class Decoder:
             self._last[sequence] = Written(context[: len(prompt)], self.written, run.text, run.done)
         return finish, run.usage(len(prompt))
 
-    def several(  # noqa: PLR0917
-        self,
-        sequence: int,
-        prompt: Sequence[int],
-        grammar: str,
-        max_tokens: int,
-        count: int,
-        begun: str = "",
-        within: str = "",
-        stop: str = "",
+    def several(
+        self, sequence: int, prompt: Sequence[int], request: Request
     ) -> tuple[list[str], Finish, Usage]:
-        """Write up to `count` answers to `prompt` other than the most likely one, in one batch.
+        """Write the answers to `request` other than the most likely one, all in one batch.
 
         Those that are complete are returned, the likeliest first. They keep of the most likely
         answer what `begun` says, its beginning, and leave it before the end of `within`, if that is
@@ -93,16 +83,18 @@ class Decoder:
         """
         last = self._last.get(sequence)
         if last is None or last.prompt != list(prompt):
-            finish, usage = self.answer(sequence, prompt, grammar, max_tokens, _unheard)
+            alone = replace(request, hint="", begun="")
+            finish, usage = self.answer(sequence, prompt, alone, lambda _text: None)
             last = self._last.get(sequence)
             if last is None:
                 return [], finish, usage
         del self._last[sequence]
+        begun, within = request.begun, request.within
         kept = last.within(begun, self._tokenizer) if last.text.startswith(begun) else 0
         if within and last.text.startswith(within):
             last = replace(last, tokens=last.tokens[: last.within(within, self._tokenizer)])
-        candidates = self._room_for(count, len(prompt) + count * max_tokens)
-        return candidates.answers(sequence, last, kept, grammar, max_tokens, count, stop)
+        candidates = self._room_for(request.count, len(prompt) + request.count * request.max_tokens)
+        return candidates.answers(sequence, last, kept, request)
 
     def _room_for(self, count: int, tokens: int) -> Candidates:
         """Return what writes `count` answers at once, `tokens` together with their prompt."""
@@ -121,7 +113,3 @@ class Decoder:
                 f"the prompt has {len(prompt)} tokens and at most {room} fit beside an answer of "
                 f"{max_tokens} in the model's context of {self._runtime.n_ctx}: shorten the mission"
             )
-
-
-def _unheard(_text: str) -> None:
-    """Drop text that has no listener."""

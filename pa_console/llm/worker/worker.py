@@ -14,10 +14,11 @@ from concurrent.futures import ThreadPoolExecutor
 from queue import SimpleQueue
 from typing import IO, TYPE_CHECKING
 
-from pa_console.llm.engine.protocol import (
+from pa_console.llm.models.cache import CheckedFile
+from pa_console.llm.worker.confinement import confine, read_only
+from pa_console.llm.worker.messages import (
     Cancel,
     Done,
-    Finish,
     Generate,
     Load,
     LoadFailed,
@@ -25,15 +26,11 @@ from pa_console.llm.engine.protocol import (
     PinnedFile,
     Ready,
     Refused,
-    Texts,
     ToWorker,
     encode,
 )
-from pa_console.llm.models.cache import CheckedFile
-from pa_console.llm.worker.confinement import confine, read_only
 from pa_console.schema.base import StrictModel
 from pa_console.schema.events.event import Role
-from pa_console.schema.finding import Usage
 
 if TYPE_CHECKING:
     from pa_console.llm.worker.chat import ChatPrompt
@@ -106,15 +103,13 @@ def serve(load: Load, inbox: Inbox, outbox: IO[bytes]) -> None:
         except (OSError, ValueError) as error:
             send(LoadFailed(error=str(error)))
             return
-        number = inbox.current = request.id
+        inbox.current = request.id
         try:
-            finish, usage = _answer(decoder, SEQUENCES[request.role], chat, request, send)
+            done = _answer(decoder, chat, request, send)
         except (ValueError, RuntimeError) as error:
-            send(Refused(id=number, error=str(error)))
+            send(Refused(id=request.id, error=str(error)))
         else:
-            chances = decoder.chances if request.count == 1 else ()
-            slowed = runtime.cores.busy()
-            send(Done(id=number, finish=finish, usage=usage, chances=chances, slowed=slowed))
+            send(done.model_copy(update={"slowed": runtime.cores.busy()}))
 
 
 def _open(pins: Iterable[PinnedFile]) -> dict[PinnedFile, CheckedFile]:
@@ -137,36 +132,19 @@ def _in_words(error: Exception, files: Iterable[CheckedFile]) -> str:
 
 
 def _answer(
-    decoder: "Decoder",
-    sequence: int,
-    chat: "ChatPrompt",
-    request: Generate,
-    send: Callable[[StrictModel], None],
-) -> tuple[Finish, Usage]:
-    """Write one answer piece by piece, or several at once."""
+    decoder: "Decoder", chat: "ChatPrompt", asked: Generate, send: Callable[[StrictModel], None]
+) -> Done:
+    """Write one answer piece by piece, or several at once; return how that ended."""
+    request = asked.request
+    sequence = SEQUENCES[request.role]
     prompt = chat.tokens(request.system, request.user)
     if request.count == 1:
-        return decoder.answer(
-            sequence,
-            prompt,
-            request.grammar,
-            request.max_tokens,
-            lambda text: send(Piece(id=request.id, text=text)),
-            request.hint,
-            request.begun,
+        finish, usage = decoder.answer(
+            sequence, prompt, request, lambda text: send(Piece(id=asked.id, text=text))
         )
-    texts, finish, usage = decoder.several(
-        sequence,
-        prompt,
-        request.grammar,
-        request.max_tokens,
-        request.count,
-        request.begun,
-        request.within,
-        request.stop,
-    )
-    send(Texts(id=request.id, texts=tuple(texts)))
-    return finish, usage
+        return Done(id=asked.id, finish=finish, usage=usage, chances=decoder.chances)
+    texts, finish, usage = decoder.several(sequence, prompt, request)
+    return Done(id=asked.id, finish=finish, usage=usage, texts=tuple(texts))
 
 
 def _first(stream: IO[bytes]) -> Load:

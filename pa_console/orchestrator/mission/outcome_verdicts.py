@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 
-from pa_console.llm.roles.engine_call import CANCELLED
+from pa_console.llm.backend import CANCELLED
 from pa_console.llm.roles.judge import Judgement
 from pa_console.llm.roles.role_model import RoleModel, first_answer
 from pa_console.orchestrator.mission.services import MissionContext

@@ -7,7 +7,7 @@ from time import perf_counter
 from typing import Self
 
 from pa_console.fleets.fleet import Fleet
-from pa_console.llm.engine.engine import Engine
+from pa_console.llm.engine import Engine
 from pa_console.llm.roles.clause_reader import ClauseReader
 from pa_console.llm.roles.dialect import DIALECTS, Dialect, dialect_in
 from pa_console.llm.roles.judge import Judge

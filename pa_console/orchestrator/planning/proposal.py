@@ -7,9 +7,9 @@ from itertools import islice
 from time import perf_counter
 from typing import Literal
 
+from pa_console.llm.backend import OnText
 from pa_console.llm.roles.answer_schema import Schema, plan_schema, slot_schema
 from pa_console.llm.roles.clause_reader import ReadingQuestion
-from pa_console.llm.roles.engine_call import OnText
 from pa_console.llm.roles.grammar import (
     ANY_TEXT,
     CommandSlot,

@@ -8,8 +8,8 @@ typed and reads them after the planner and the judge.
 import asyncio
 from contextlib import suppress
 
-from pa_console.llm.engine.engine import Engine
-from pa_console.llm.errors import EngineError
+from pa_console.llm.backend import EngineError
+from pa_console.llm.engine import Engine
 from pa_console.llm.roles.clause_prompt import reading_prefix
 from pa_console.llm.roles.clause_reader import ClauseReader
 from pa_console.orchestrator.intake.spelling_correction import prepare

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from pa_console import __version__
 from pa_console.fleets.fleet import Fleet, Simulated
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.llm.engine.engine import Engine
+from pa_console.llm.engine import Engine
 from pa_console.llm.roles.grammar import plan_grammar
 from pa_console.llm.servers.servers import NO_SERVERS, Servers
 from pa_console.orchestrator.mission.services import Services

@@ -188,9 +188,9 @@ class Station:
         if problem := self._gate.objection(self._services.rulebook):
             self._emit(ev.Noticed(level="alarm", subject="keys", text=problem))
         self._services.engine.on_state = self.worker_changed
-        for server, uses in self._services.servers.engines.items():
-            server.on_state = partial(self._server_changed, server.model.name, uses)
-            self._background.start(server.serve())
+        for server, uses in self._services.servers.backends.items():
+            server.on_state = partial(self._server_changed, server.name, uses)
+            await server.start()
         ahead, serving = self._ahead, self._worker.serve(self._background, self._between)
         for work in (
             self._ticking.run(),
@@ -208,7 +208,7 @@ class Station:
         finally:
             await self.close("broken off")
             self._fleet.close()
-            for server in self._services.servers.engines:
+            for server in self._services.servers.backends:
                 await server.close()
             if not self._keep_engine:
                 await self._services.engine.close()

@@ -15,8 +15,8 @@ from pa_console.cli.output import ModelOption, errors, out
 from pa_console.evaluation.reporting.statistics import Table, fraction_cell, seconds
 from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.run_record import RunRecord, read_runs
-from pa_console.llm.engine.engine import Engine
-from pa_console.llm.errors import ModelUnavailableError
+from pa_console.llm.backend import ModelUnavailableError
+from pa_console.llm.engine import Engine
 from pa_console.llm.models.catalogue import LocalModel, find_model
 from pa_console.llm.roles.dialect import DIALECTS
 from pa_console.llm.roles.judge import Judge

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.run_record import EvaluationFolder, Opinion, RunRecord, read_runs
 from pa_console.evaluation.runs.runner import Runner
-from pa_console.llm.engine.protocol import Request
-from pa_console.llm.errors import ModelUnavailableError
+from pa_console.llm.backend import ModelUnavailableError, Request
 from pa_console.llm.roles.judge import Judge
 from pa_console.orchestrator.station.assembly import Site
 from pa_console.schema.mission import Metrics

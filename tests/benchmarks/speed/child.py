@@ -16,9 +16,9 @@ from typing import IO, Self, TypeVar
 
 from pydantic import ValidationError
 
-from pa_console.llm.engine.worker_process import LINE_LIMIT
-from pa_console.llm.errors import EngineError
+from pa_console.llm.backend import EngineError
 from pa_console.llm.models.catalogue import ChatFormat
+from pa_console.llm.worker_process import LINE_LIMIT
 from pa_console.schema.base import StrictModel
 
 ROOT = Path(__file__).resolve().parents[3]

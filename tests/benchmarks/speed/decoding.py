@@ -3,9 +3,9 @@
 import asyncio
 from collections.abc import Sequence
 
-from pa_console.llm.engine.engine import Engine
-from pa_console.llm.engine.worker_process import ENVIRONMENT
+from pa_console.llm.engine import Engine
 from pa_console.llm.roles.dialect import DIALECTS
+from pa_console.llm.worker_process import ENVIRONMENT
 from pa_console.schema.base import StrictModel
 from tests.benchmarks.speed.child import Child, LoadWeights
 from tests.benchmarks.speed.compare import Bench, Comparison, compare

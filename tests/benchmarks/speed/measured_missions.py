@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from time import perf_counter
 
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.llm.engine.engine import Engine
+from pa_console.llm.engine import Engine
 from pa_console.llm.roles.prompt_facts import plan_facts
 from pa_console.orchestrator.mission.services import MissionContext, Services
 from pa_console.orchestrator.planning.candidate import Candidate

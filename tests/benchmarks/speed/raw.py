@@ -5,6 +5,7 @@ tokens that ours has written one at a time, looking for the most likely one each
 adapter, no grammar, nothing that could interrupt it. Both begin with an empty cache.
 """
 
+import math
 from collections.abc import Sequence
 from time import perf_counter
 from typing import Any
@@ -13,6 +14,7 @@ import llama_cpp
 import numpy as np
 from numpy.typing import NDArray
 
+from pa_console.llm.backend import Request
 from pa_console.llm.worker.chat import ChatPrompt
 from pa_console.llm.worker.contexts import AdapterSwitch
 from pa_console.llm.worker.decoding import Decoder
@@ -117,9 +119,10 @@ class _Both:
         if asked.bare is not None:
             return self._bare.write(prompt, asked.bare)
         self.runtime.begin(PLANNER, prompt[:1])
-        _, usage = self._decoder.answer(
-            PLANNER, prompt, asked.grammar, asked.max_tokens, lambda _text: None
+        request = Request(
+            "planner", asked.system, asked.user, asked.grammar, asked.max_tokens, math.inf
         )
+        _, usage = self._decoder.answer(PLANNER, prompt, request, lambda _text: None)
         written, read = self._decoder.written, self.runtime.read - len(prompt)
         return Speed(
             batch=CHUNK,

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.llm.errors import EngineError
+from pa_console.llm.backend import EngineError
 from pa_console.llm.models.catalogue import Catalog, LocalModel, find_model
 from pa_console.llm.models.fetching import pull
 from pa_console.llm.roles.judge import read_verdict

@@ -4,11 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.llm.errors import ModelError
+from pa_console.llm.backend import ModelError, names_backend
 from pa_console.llm.models.catalogue import Catalog
-from pa_console.llm.servers.address import ServerAddress, names_server
-from pa_console.llm.servers.servers import Servers
-from pa_console.llm.servers.session_models import session_models
+from pa_console.llm.servers.address import ServerAddress
+from pa_console.llm.servers.servers import Servers, session_models
 
 LOCAL = "openai:http://127.0.0.1:8080/v1#qwen"
 ELSEWHERE = "openai:http://10.0.0.5:8000/v1#qwen"
@@ -61,7 +60,7 @@ def test_any_text_is_an_address_or_a_model_error(text: str) -> None:
         address = ServerAddress.parse(f"openai:{text}")
     except ModelError:
         return
-    assert names_server(str(address))
+    assert names_backend(str(address))
 
 
 def test_words_go_to_another_machine_in_clear_only_where_that_is_allowed() -> None:
@@ -75,8 +74,8 @@ def test_planner_and_judge_share_an_engine_at_one_address_only() -> None:
     other = LOCAL.replace("8080", "8081")
     both = Servers.open({"planner": LOCAL, "judge": LOCAL})
     apart = Servers.open({"planner": LOCAL, "judge": other})
-    assert list(both.engines.values()) == [("planner", "judge")]
-    assert list(apart.engines.values()) == [("planner",), ("judge",)]
+    assert list(both.backends.values()) == [("planner", "judge")]
+    assert list(apart.backends.values()) == [("planner",), ("judge",)]
 
 
 def test_the_own_model_is_the_default_where_the_named_one_is_on_a_server() -> None:

@@ -5,13 +5,12 @@ from contextlib import aclosing
 
 import pytest
 
-from pa_console.llm.errors import ServerError
+from pa_console.llm.backend import ServerError
 from pa_console.llm.roles.answer_schema import Schema, plan_schema
 from pa_console.llm.servers.address import ServerAddress, ServerKey
 from pa_console.llm.servers.client import ServerClient
-from pa_console.llm.servers.constraints import WAYS, Way
+from pa_console.llm.servers.constraints import WAYS, Way, probe
 from pa_console.llm.servers.engine import read_answer
-from pa_console.llm.servers.probe import probe
 from tests.llm.servers.fault_proxy import FaultProxy
 from tests.llm.site import WORLD, picture
 

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.llm.engine.protocol import Completed, Request
-from pa_console.llm.errors import ServerError
+from pa_console.llm.backend import Completed, Request, ServerError
 from pa_console.llm.roles.answer_schema import plan_schema, verdict_schema
 from pa_console.llm.roles.planner import Planner, read_plan
 from pa_console.llm.roles.prompts import Prompt
@@ -45,14 +44,12 @@ async def serving(
         )
         changes: asyncio.Queue[tuple[ServerState, str]] = asyncio.Queue()
         engine.on_state = lambda state, detail: changes.put_nowait((state, detail))
-        served = asyncio.create_task(engine.serve())
+        await engine.start()
         try:
             while (await changes.get())[0] == "probing":
                 pass
             yield engine, changes
         finally:
-            served.cancel()
-            await asyncio.gather(served, return_exceptions=True)
             await engine.close()
 
 

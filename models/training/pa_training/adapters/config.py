@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from pa_console.llm.errors import ModelError
+from pa_console.llm.backend import ModelError
 from pa_console.llm.models.catalogue import Catalog, ChatFormat
 from pa_console.schema.base import StrictModel
 from pa_console.schema.document import Document

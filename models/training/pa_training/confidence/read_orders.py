@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.llm.engine.engine import Engine
+from pa_console.llm.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.llm.roles.grammar import slot_grammar
 from pa_console.llm.roles.judge import Judge, JudgeQuestion, OrderRead

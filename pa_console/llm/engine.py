@@ -10,28 +10,19 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
 
-from pa_console.llm.engine.protocol import (
-    Cancel,
+from pa_console.llm.backend import (
     Completed,
-    Done,
-    Finish,
-    Generate,
-    Load,
-    Piece,
-    PinnedFile,
-    Refused,
-    Request,
-    Texts,
-)
-from pa_console.llm.engine.worker_process import Worker
-from pa_console.llm.errors import (
     EngineDiedError,
     EngineError,
+    Finish,
     ModelUnavailableError,
     PromptRefusedError,
+    Request,
 )
 from pa_console.llm.models.catalogue import LocalModel
+from pa_console.llm.worker.messages import Cancel, Done, Generate, Load, Piece, PinnedFile, Refused
 from pa_console.llm.worker.threads import physical_cores
+from pa_console.llm.worker_process import Worker
 from pa_console.schema.events.event import Role, WorkerState
 from pa_console.schema.finding import Usage
 
@@ -127,6 +118,16 @@ class Engine:
         self._stop = asyncio.Event()
         self._number = 0
         self._closed = self._slowed = False
+
+    @property
+    def name(self) -> str:
+        """The model's name."""
+        return self.model.name
+
+    @property
+    def usable(self) -> bool:
+        """False if the model could not be loaded."""
+        return self.state != "unavailable"
 
     @property
     def pid(self) -> int | None:
@@ -264,23 +265,11 @@ class Engine:
     ) -> AsyncGenerator[str | Completed]:
         """Send `request` and pass the worker's messages on until it is over or too late."""
         worker.send(
-            Generate(
-                id=number,
-                role=request.role,
-                system=request.system,
-                user=request.user,
-                grammar=request.grammar,
-                max_tokens=request.max_tokens,
-                count=request.count,
-                hint=request.hint,
-                begun=request.begun,
-                within=request.within,
-                stop=request.stop,
-            )
+            # The worker has the grammar: the schema is for servers, and may be long.
+            Generate(id=number, request=replace(request, schema=None))
         )
         started = perf_counter()
         limit, text = started + request.deadline_s, ""
-        texts: tuple[str, ...] = ()
         asked: Finish | None = None
         while True:
             message = await worker.receive(limit)
@@ -288,12 +277,10 @@ class Engine:
                 case Piece(id=id_) if id_ == number:
                     text += message.text
                     yield message.text
-                case Texts(id=id_) if id_ == number:
-                    texts = message.texts
                 case Done(id=id_) if id_ == number:
                     self._tell_slowed(message.slowed)
                     finish = asked or message.finish
-                    yield Completed(text, message.usage, finish, texts, message.chances)
+                    yield Completed(text, message.usage, finish, message.texts, message.chances)
                     return
                 case Refused(id=id_) if id_ == number:
                     raise PromptRefusedError(message.error)

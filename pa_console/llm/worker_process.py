@@ -9,7 +9,8 @@ from time import perf_counter
 from typing import Literal
 
 from pa_console.child_processes import OWN_FOLDER, python_command
-from pa_console.llm.engine.protocol import (
+from pa_console.llm.worker.confinement import clean_environment
+from pa_console.llm.worker.messages import (
     Done,
     FromWorker,
     Load,
@@ -17,10 +18,8 @@ from pa_console.llm.engine.protocol import (
     Piece,
     Ready,
     Refused,
-    Texts,
     encode,
 )
-from pa_console.llm.worker.confinement import clean_environment
 from pa_console.schema.base import StrictModel
 
 COMMAND = ("-m", "pa_console.llm.worker.worker")
@@ -37,7 +36,7 @@ WAITING_LIMIT = 8 << 20
 
 EXIT_S = 2.0
 
-Answer = Piece | Texts | Done | Refused
+Answer = Piece | Done | Refused
 Signal = Literal["stop", "late", "ended"]
 
 

@@ -1,0 +1,245 @@
+"""The backend of a model: the question, the answer, the ways to fail, and the protocol of both.
+
+A model elsewhere is named `SCHEME:...`. The scheme `openai` is a server with the OpenAI interface.
+A package brings a scheme of its own by an entry point in the group `pa_console.backends`: a
+function that takes the whole name and BackendOptions and returns a Backend, or raises ModelError.
+"""
+
+import math
+from collections.abc import AsyncGenerator, Callable, Sequence
+from contextlib import aclosing
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, Literal, Protocol
+
+from pa_console.schema.events.event import Role, ServerUse
+from pa_console.schema.finding import Usage
+
+
+class ModelError(Exception):
+    """A model that is unknown, missing, or not the file that the catalogue pins."""
+
+
+class PullError(ModelError):
+    """A model that could not be fetched; says what failed at each source and what to do."""
+
+
+class EngineError(Exception):
+    """A generation that did not happen; asking again with the same prompt may not help."""
+
+
+class EngineDiedError(EngineError):
+    """The worker process ended while it was needed; the next generation starts a new one."""
+
+
+class ModelUnavailableError(EngineError):
+    """The model cannot be loaded."""
+
+
+class PromptRefusedError(EngineError):
+    """The prompt does not fit in the model's context, or its grammar is not valid."""
+
+
+class ServerError(EngineError):
+    """A model's server gave no answer that can be used; `status` is that of HTTP, 0 without one."""
+
+    def __init__(self, why: str, status: int = 0) -> None:
+        super().__init__(why)
+        self.status = status
+
+
+@dataclass(frozen=True)
+class Request:
+    """One prompt; `deadline_s` counts from when the model is loaded and begins on it."""
+
+    role: Role
+    system: str
+    user: str
+    grammar: str
+    max_tokens: int
+    deadline_s: float
+    count: int = 1
+    """The number of answers wanted besides the most likely one; they come as `texts`."""
+    hint: str = ""
+    """Text that the answer may repeat: it only makes the answer faster."""
+    begun: str = ""
+    """The beginning of the answer, if `grammar` continues the last answer to this prompt: its
+    evaluated tokens are used again. If several answers are wanted, all of them begin so, as the
+    last answer did."""
+    within: str = ""
+    """The beginning of the most likely answer within which all of several answers leave it; '' lets
+    them leave it anywhere."""
+    stop: str = ""
+    """A regular expression: each of several answers ends where this is found in its text."""
+    schema: dict[str, Any] | None = None
+    """The JSON schema of the answer for a model on a server, in place of `grammar`."""
+    yields: bool = False
+    """True if no caller waits: any other prompt interrupts it, and it is `cancelled`. The evaluated
+    part of the prompt is kept, so that it may soon be asked again."""
+
+
+Finish = Literal["stop", "length", "cancelled", "deadline"]
+Chance = tuple[int, float]
+"""A chosen token: the number of characters before it, and the logarithm of its probability."""
+
+
+@dataclass(frozen=True)
+class Completed:
+    """The end of a generation: the whole text, what it cost and why it ended."""
+
+    text: str
+    usage: Usage
+    finish: Finish
+    texts: tuple[str, ...] = ()
+    chances: tuple[Chance, ...] = ()
+    """The probability of each token that the model chose; none for several answers."""
+
+
+def confidence(chances: Sequence[Chance], text: str, words: str) -> float | None:
+    """Return the probability, 0 to 1, of `words` where they first stand in the answer `text`.
+
+    Tokens that the grammar forced are certain. None if the probabilities, or the words, are not
+    there. What a model wrote of an order with little confidence is what it misread far more often
+    than the rest (README, Measured), so that the operator is warned; a confident reading may be
+    wrong as well.
+    """
+    begin = text.find(words)
+    if not chances or not words or begin < 0:
+        return None
+    end = begin + len(words)
+    return round(math.exp(sum(chance for at, chance in chances if begin <= at < end)), 4)
+
+
+class Backend(Protocol):
+    """A model that answers prompts, in a process of this machine or anywhere else."""
+
+    on_state: Callable[[Any, str], None] | None
+    """Called with each new state (a WorkerState or a ServerState) and the reason for it."""
+
+    @property
+    def name(self) -> str:
+        """The model's name in logs and on the screen."""
+        ...
+
+    @property
+    def usable(self) -> bool:
+        """False while another model has to answer."""
+        ...
+
+    async def start(self) -> None:
+        """Begin to get ready and return at once."""
+        ...
+
+    def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
+        """Yield the answer to `request` in pieces, then one Completed; raises EngineError."""
+        ...
+
+    async def close(self) -> None:
+        """Release everything that the backend holds."""
+        ...
+
+
+@dataclass(frozen=True)
+class BackendOptions:
+    """The use of a backend in a session, and what the operator allows it."""
+
+    use: ServerUse
+    plain: bool = False
+    """True if words may cross the network in clear text."""
+    patience_s: float = 20.0
+    """The longest wait for an answer before the model of this machine is asked, seconds."""
+
+
+GROUP = "pa_console.backends"
+OWN = EntryPoint("openai", "pa_console.llm.servers.engine:open_server", GROUP)
+
+
+@cache
+def backend_schemes() -> dict[str, EntryPoint]:
+    """Return the entry point of each scheme; no package takes the place of the console's own."""
+    return {point.name: point for point in (*entry_points(group=GROUP), OWN)}
+
+
+def names_backend(name: str | None) -> bool:
+    """Return whether a model's `name` is that of one elsewhere."""
+    scheme, colon, _ = (name or "").partition(":")
+    return bool(colon) and scheme in backend_schemes()
+
+
+def open_backend(name: str, options: BackendOptions) -> Backend:
+    """Return the backend of the model `name`; nothing is sent yet.
+
+    Raises ModelError for a name that its scheme does not know or allow, or a broken package.
+    """
+    point = backend_schemes()[name.partition(":")[0]]
+    try:
+        opener = point.load()
+    except (ImportError, AttributeError) as error:
+        raise ModelError(f"{name}: the backend {point.value} cannot be loaded: {error}") from error
+    return opener(name, options)
+
+
+CANCELLED = "cancelled"
+"""The error of an answer that was interrupted."""
+
+OnText = Callable[[str], object]
+"""Is given an answer piece by piece while it is written."""
+
+
+@dataclass(frozen=True)
+class ModelAnswer:
+    """The whole text of an answer; `error` says why it is not complete."""
+
+    text: str
+    usage: Usage
+    error: str = ""
+    fatal: bool = False
+    texts: tuple[str, ...] = ()
+    chances: tuple[Chance, ...] = ()
+
+
+async def ask_model(
+    backend: Backend, request: Request, on_text: OnText | None = None
+) -> ModelAnswer:
+    """Return the whole answer, which `on_text` gets in pieces; EngineError becomes its `error`.
+
+    When the model's process dies in the middle it is started again and asked once more; what was
+    given before is not given twice (decoding is greedy: it comes again).
+    """
+    given, again = 0, False
+    while True:
+        text = ""
+        whole = ModelAnswer(text, Usage(), "the model ended without an answer", fatal=True)
+        try:
+            async with aclosing(backend.generate(request)) as pieces:
+                async for item in pieces:
+                    if isinstance(item, Completed):
+                        whole = _answer(item, request)
+                        continue
+                    text += item
+                    if on_text is not None and len(text) > given:
+                        on_text(text[given:])
+                    given = max(given, len(text))
+        except EngineDiedError as error:
+            if again:
+                return ModelAnswer(text, Usage(), str(error), fatal=True)
+            again = True
+        except EngineError as error:
+            return ModelAnswer(text, Usage(), str(error), fatal=True)
+        else:
+            return whole
+
+
+def _answer(item: Completed, request: Request) -> ModelAnswer:
+    match item.finish:
+        case "stop":
+            return ModelAnswer(item.text, item.usage, texts=item.texts, chances=item.chances)
+        case "length":
+            error = f"the answer was cut off after {request.max_tokens} tokens"
+            return ModelAnswer(item.text, item.usage, error)
+        case "cancelled":
+            return ModelAnswer(item.text, item.usage, CANCELLED, fatal=True)
+        case "deadline":
+            error = f"no complete answer within {request.deadline_s:.0f} s"
+            return ModelAnswer(item.text, item.usage, error, fatal=True)

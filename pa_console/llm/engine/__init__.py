@@ -1,1 +1,0 @@
-"""The parent side of the LLM: an asyncio engine over one worker process."""

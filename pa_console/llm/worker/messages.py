@@ -1,0 +1,110 @@
+"""The messages between the engine and its worker process: a JSON object on each line."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, TypeAdapter
+
+from pa_console.llm.backend import Chance, Finish, Request
+from pa_console.llm.models.catalogue import ChatFormat
+from pa_console.llm.models.preparing import Sha256
+from pa_console.schema.base import StrictModel
+from pa_console.schema.events.event import Role
+from pa_console.schema.finding import Usage
+
+
+class PinnedFile(StrictModel):
+    """A file to load, and the SHA-256 without which it is not loaded."""
+
+    path: str
+    sha256: Sha256
+
+
+class Load(StrictModel):
+    """First message to a worker: the model, its adapters, and the context `n_ctx` of each role.
+
+    It computes on `threads` threads at most, and on fewer where the machine is busy, unless they
+    are `fixed`.
+    """
+
+    op: Literal["load"] = "load"
+    weights: PinnedFile
+    chat: ChatFormat
+    n_ctx: int
+    threads: int
+    fixed: bool = False
+    adapters: dict[Role, PinnedFile] = {}
+
+
+class Generate(StrictModel):
+    """Answer a prompt; ids grow."""
+
+    op: Literal["generate"] = "generate"
+    id: int
+    request: Request
+
+
+class Cancel(StrictModel):
+    """Stop generation `id` and every earlier one."""
+
+    op: Literal["cancel"] = "cancel"
+    id: int
+
+
+class Ready(StrictModel):
+    """The model is loaded; `n_ctx` is what each role really has."""
+
+    op: Literal["ready"] = "ready"
+    n_ctx: int
+    description: str
+
+
+class LoadFailed(StrictModel):
+    """The model cannot be loaded; the worker ends after this."""
+
+    op: Literal["load_failed"] = "load_failed"
+    error: str
+
+
+class Piece(StrictModel):
+    """More text of generation `id`."""
+
+    op: Literal["piece"] = "piece"
+    id: int
+    text: str
+
+
+class Done(StrictModel):
+    """Generation `id` is over; all its text was sent.
+
+    `texts` are the complete answers if several were asked for, `chances` those of a single answer.
+    `slowed` says that it took long because the machine had other work.
+    """
+
+    op: Literal["done"] = "done"
+    id: int
+    finish: Finish
+    usage: Usage
+    texts: tuple[str, ...] = ()
+    chances: tuple[Chance, ...] = ()
+    slowed: bool = False
+
+
+class Refused(StrictModel):
+    """Generation `id` was not begun, or failed."""
+
+    op: Literal["refused"] = "refused"
+    id: int
+    error: str
+
+
+ToWorker: TypeAdapter[Load | Generate | Cancel] = TypeAdapter(
+    Annotated[Load | Generate | Cancel, Field(discriminator="op")]
+)
+FromWorker: TypeAdapter[Ready | LoadFailed | Piece | Done | Refused] = TypeAdapter(
+    Annotated[Ready | LoadFailed | Piece | Done | Refused, Field(discriminator="op")]
+)
+
+
+def encode(message: StrictModel) -> bytes:
+    """Return `message` as one line."""
+    return message.model_dump_json().encode() + b"\n"
