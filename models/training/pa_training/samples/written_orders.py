@@ -38,6 +38,7 @@ from pa_training.situations.worlds import (
 )
 from pa_training.teacher.teacher import teach
 
+_SOME_FACT = "nothing to do"
 _CONDITIONAL = re.compile(r"if (?P<condition>[^:]+): (?P<then>[^:]+), else: (?P<otherwise>[^:]+)")
 
 
@@ -80,10 +81,15 @@ def written_samples(name: str, writer: Writer) -> Iterator[Sample]:
             mission = Mission(id="M", text=order.text, created=NO_TIME)
             prompt = compact_planner_prompt(world, digest, [], mission)
             asked = asked_now(order.meaning, world, digest)
-            answer = f'{{"reason": "{asked}; {_fact(order.meaning, situation)}", "actions": []}}'
+            fact = _fact(order.meaning, situation)
+            ends = "" if order.meaning == NOTHING else f"; {fact or _SOME_FACT}"
+            answer = f'{{"reason": "{asked}{ends}", "actions": []}}'
             group = f"written-{name}-{place}"
             sample = make_sample(group, "planner", prompt, picture, answer, f"written/{name}")
-            yield reading_of(sample)
+            read = reading_of(sample)
+            if ends and not fact:
+                read = read.model_copy(update={"answer": f'{{"reason": "{asked};'})
+            yield read
             yield from judge_readings([sample])
 
 
@@ -129,7 +135,7 @@ def _condition(words: str, world: World, digest: Digest) -> Condition:
 
 
 def _fact(meaning: str, situation: Situation) -> str:
-    """Return the fact with which the teacher goes on; some word where it has no plan."""
+    """Return the fact with which the teacher goes on; '' where it has no plan."""
     world, picture, digest = situation.world, situation.picture, situation.digest
     words, _ = _parted(meaning)
     case = _CONDITIONAL.fullmatch(words)
@@ -144,11 +150,11 @@ def _fact(meaning: str, situation: Situation) -> str:
         elif read is not None and words != NOTHING:
             order = Order(read.asks, others_stay=read.others_stay, excluded=read.excluded)
         else:
-            return "nothing to do"
+            return ""
         reason = teach(order, world, picture, digest).plan.reason
-    except (ValueError, KeyError, StopIteration):
-        return "nothing to do"
-    return reason.removeprefix(asked_words(reason)) or "nothing to do"
+    except (ValueError, LookupError):
+        return ""
+    return reason.removeprefix(asked_words(reason))
 
 
 def _asks(clauses: str) -> tuple[Ask, ...]:
