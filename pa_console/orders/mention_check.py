@@ -11,8 +11,10 @@ from collections.abc import Collection, Iterator, Sequence
 from typing import NamedTuple
 
 from pa_console.orders.clauses import ASKED, NOTHING, NOWHERE, OTHERS_STAY
+from pa_console.orders.exclusions import excluded_names
 from pa_console.orders.feasibility import KIND_FOR
 from pa_console.orders.mentions import Mention, Sort, find_mentions
+from pa_console.orders.name_linking import link_names
 from pa_console.orders.order import TASK_OF, Ask, Reading, Task, Who
 from pa_console.orders.reading import read_asked
 from pa_console.orders.world_names import WORD
@@ -51,6 +53,19 @@ _PAIR = re.compile(r"\b(?:both|couple|pair|two|twin|2)\b")
 _GATES = re.compile(r"\b(?:gates|everywhere|anywhere|somewhere)\b")
 """The words for places without their names, in lower case."""
 _NAME = re.compile(r"[A-Za-z0-9_]+")
+_CORRECTING = frozenset(
+    (
+        *("no", "nah", "na", "nope", "sorry", "correction", "wait", "actually", "scratch"),
+        *("rather", "disregard", "belay"),
+    )
+)
+_CORRECTS = re.compile(
+    rf"\b(?:(?:{'|'.join(sorted(_CORRECTING))})\b\s*[,.:;!-]|scratch (?:that|it)|make (?:that|it)\b"
+    r"|i (?:mean|meant)\b|never ?mind\b|(?:strike|belay|disregard) that\b)",
+    re.IGNORECASE,
+)
+"""Words by which an order takes back what it has just said."""
+_NAMED: frozenset[Sort] = frozenset(("place", "asset", "track"))
 
 
 class Accounted(NamedTuple):
@@ -117,12 +132,33 @@ def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
     made = _Made(world, picture, asked, plan, unmet)
     if made.refused and not moves:
         return MentionCheck(tuple(Accounted(one, accounted=True) for one in mentions))
-    listed = (Accounted(one, not one.asked or made.accounts_for(one)) for one in mentions)
+    dropped = _dropped(world, text, mentions)
+    listed = (
+        Accounted(one, not one.asked or one in dropped or made.accounts_for(one))
+        for one in mentions
+    )
     found = _Words(world, picture, text, mentions).lacking(made) if asked else ()
     lacking = tuple(dict.fromkeys(found))
     names = any(one.sort in ("place", "asset", "track") for one in mentions)
     unfounded = made.is_unfounded(lacking) and not names and not _GATES.search(text.lower())
     return MentionCheck(tuple(listed), lacking, moves, unfounded)
+
+
+def _dropped(world: World, text: str, mentions: Sequence[Mention]) -> set[Mention]:
+    """Return the names that the order rules out, and those that a correction in it replaces.
+
+    What is ruled out is never used (`exclusions.py`), so that no reading has to account for it.
+    """
+    excluded = excluded_names(world, text)
+    found = {one for one in mentions if one.means in excluded}
+    linked = link_names(world, text)
+    corrections = [match.start() for match in _CORRECTS.finditer(linked)]
+    if corrections:
+        before = [one for one in mentions if linked.rfind(one.said) < corrections[-1]]
+        after = {one.sort for one in mentions if linked.rfind(one.said) > corrections[-1]}
+        found.update(one for one in before if one.sort in _NAMED and one.sort in after)
+        found.update(one for one in mentions if one.said.lower() in _CORRECTING)
+    return found
 
 
 class _Made:

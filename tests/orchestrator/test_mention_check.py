@@ -36,6 +36,10 @@ def check(site: Site, text: str, asked: str, plan: Plan = NOTHING) -> MentionChe
         ("Robot_T01, go to the south gate and stay with it.", "Robot_T01 to SouthGate"),
         ("West gate, West gate, this is Watch. One drone to the east gate. Out.",
          "1 drone to EastGate"),
+        ("Robot_T01 to the north gate. No wait, Robot_T02.", "Robot_T02 to NorthGate"),
+        ("Robot one to north... correction, south gate, I say again, south gate",
+         "Robot_T01 to SouthGate"),
+        ("Send a robot to the north gate, but not Robot_T01", "1 robot to NorthGate"),
     ],
 )  # fmt: skip
 def test_a_right_reading_has_no_gap(site: Site, text: str, asked: str) -> None:
@@ -46,6 +50,8 @@ def test_a_right_reading_has_no_gap(site: Site, text: str, asked: str) -> None:
     ("text", "asked", "gap"),
     [
         ("Send all assets to base.", "all free to WestGate", "not accounted for: base"),
+        ("Robot_T01 to the north gate. No wait, Robot_T02.", "Robot_T01 to NorthGate", "Robot_T02"),
+        ("Robot one to north... correction, south gate", "Robot_T01 to NorthGate", "SouthGate"),
         ("Send a drone to the east gate.", "1 drone to WestGate", "EastGate"),
         ("Drone_T04, this is Watch. Go to the east gate.", "Drone_T01 to EastGate", "Drone_T04"),
         ("Send a drone to the east gate.", "1 robot to EastGate", "not accounted for: drone"),

@@ -147,6 +147,8 @@ async def _as_read_again(
     )
     if other is shown or other.examination.blocked:
         return shown
+    if other.mentions.gaps and not shown.mentions.gaps:
+        return shown  # what accounts for every word is not given up for what does not
     if not shown.objected and other.does_as(shown):
         return replace(shown, read_again=replace(second, same=True))
     other = await _judged(context, answered, other, second.asked)
