@@ -16,6 +16,7 @@ from pa_console.orders.feasibility import KIND_FOR
 from pa_console.orders.mentions import Mention, Sort, find_mentions
 from pa_console.orders.name_linking import link_names
 from pa_console.orders.order import TASK_OF, Ask, Reading, Task, Who
+from pa_console.orders.picture_facts import is_free, sole_covers
 from pa_console.orders.reading import read_asked
 from pa_console.orders.world_names import WORD
 from pa_console.schema.command import Verb
@@ -323,18 +324,24 @@ class _Words:
     def _has_asset(self, name: str) -> bool:
         """Return whether `name` is named or described, or its number stands without a name.
 
-        *The drone* names the only one that there is.
+        *The drone* names the only one that there is, or the only one that is free.
         """
         digits = re.findall(r"\d+", name)
         numbered = bool(digits) and str(int(digits[-1])) in self._numbers
         return name in self._names or numbered or self._told(name) or self._is_the_only(name)
 
     def _is_the_only(self, name: str) -> bool:
-        """Return whether `name` is the only asset of its kind, and the kind is mentioned."""
+        """Return whether `name` is the only one of its kind, or the only free one of it.
+
+        The kind has to be mentioned.
+        """
         spec = self._world.assets.get(name)
         if spec is None or spec.kind not in self._kinds:
             return False
-        return sum(other.kind == spec.kind for other in self._world.assets.values()) == 1
+        team = [other for other, each in self._world.assets.items() if each.kind == spec.kind]
+        alone, assets = {*sole_covers(self._picture).values()}, self._picture.assets
+        free = [other for other in team if other in assets and is_free(assets[other], alone)]
+        return team == [name] or free == [name]
 
     def _team(self, team: Who) -> Iterator[Unsupported]:
         if team.kind is not None and not self._has_kind(team.kind):

@@ -135,6 +135,22 @@ def readings(
 
 
 @app.command()
+def written(
+    out: Annotated[
+        Path, typer.Option("--out", help="The file of samples, JSON lines, gzipped: NAME.jsonl.gz.")
+    ],
+    kept_aside: Annotated[
+        bool,
+        typer.Option("--kept-aside", help="Of the writers of whom nothing is learnt: to validate."),
+    ] = False,
+) -> None:
+    """Make samples of the orders that writers wrote in their own words."""
+    from pa_training.verbs.data import make_written  # noqa: PLC0415
+
+    make_written(out, "development" if kept_aside else "written")
+
+
+@app.command()
 def planner(
     out: RunOption,
     data: DataOption = None,

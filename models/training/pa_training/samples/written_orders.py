@@ -25,6 +25,7 @@ from pa_console.schema.mission import Mission
 from pa_console.schema.telemetry import Digest
 from pa_console.schema.world import World
 from pa_training.phrasing.no_orders import NOTHING_ASKED
+from pa_training.samples.near_duplicates import NearDuplicates
 from pa_training.samples.reading_samples import NO_TIME
 from pa_training.samples.sample import Sample, make_sample
 from pa_training.samples.selection import judge_readings, reading_of
@@ -71,13 +72,20 @@ def read_writers(folder: Path) -> dict[str, Writer]:
 
 
 def written_samples(name: str, writer: Writer) -> Iterator[Sample]:
-    """Yield the samples of one writer, for planner and judge; only the reading is to be learnt."""
-    forbidden = generated_numbers(shipped_missions())
+    """Yield the samples of one writer, for planner and judge; only the reading is to be learnt.
+
+    Texts too like a mission of a test set are dropped.
+    """
+    missions = shipped_missions()
+    forbidden, known = generated_numbers(missions), NearDuplicates(missions)
     for place, each in enumerate(writer.situations, 1):
         situation = drawn_situation(each.seed, each.number, each.split, forbidden)
         world, digest = situation.world, situation.digest
         picture = picture_prefix("planner", world, digest).user
-        for order in each.orders:
+        fresh = known.keep([order.text for order in each.orders], world)
+        for order, kept in zip(each.orders, fresh, strict=True):
+            if not kept:
+                continue
             mission = Mission(id="M", text=order.text, created=NO_TIME)
             prompt = compact_planner_prompt(world, digest, [], mission)
             asked = asked_now(order.meaning, world, digest)

@@ -1,8 +1,10 @@
-"""The verbs `data`, `orders` and `readings`: they fill files and folders, group by group."""
+"""The verbs `data`, `orders`, `readings` and `written`: they fill files and folders."""
 
+import gzip
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
+from typing import Literal
 
 from rich.table import Table
 
@@ -10,11 +12,13 @@ from pa_console.cli.dask_options import dask_workers
 from pa_console.cli.output import errors, out, print_json
 from pa_console.resources import find_data
 from pa_console.schema.text.quantities import count
+from pa_training import LANGUAGE
 from pa_training.samples.data_report import DataReport, fingerprint, write_report
 from pa_training.samples.data_set import REPORT, DataFolder, Job, Made, Part, build
 from pa_training.samples.planner_samples import Recipe
 from pa_training.samples.reading_samples import write_readings
 from pa_training.samples.taught_orders import write_taught_orders
+from pa_training.samples.written_orders import read_writers, written_samples
 from pa_training.verbs.progress import DataProgress, ReadingProgress
 
 MOST_REASONS = 12
@@ -134,3 +138,21 @@ def make_readings(file: Path, recipes: Sequence[Recipe], rules: str, processes: 
             progress.add(samples)
     out.print(str(file), markup=False, soft_wrap=True)
     errors.print(count(made, "sample"))
+
+
+def make_written(file: Path, folder: Literal["written", "development"]) -> None:
+    """Write the samples of the writers in `folder` to `file`, and print how many there are.
+
+    Raises DocumentError for a broken file of a writer, ValueError for a `file` that is there.
+    """
+    if file.exists():
+        raise ValueError(f"{file}: is there already; name another file, or remove it")
+    file.parent.mkdir(parents=True, exist_ok=True)
+    made, writers = 0, read_writers(LANGUAGE / folder)
+    with gzip.open(file, "wt", encoding="utf-8") as stream:
+        for name, writer in writers.items():
+            for sample in written_samples(name, writer):
+                stream.write(f"{sample.model_dump_json()}\n")
+                made += 1
+    out.print(str(file), markup=False, soft_wrap=True)
+    errors.print(f"{count(len(writers), 'writer')}, {count(made, 'sample')}")
