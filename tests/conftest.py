@@ -9,6 +9,7 @@ from itertools import count
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from pa_console.policy.checks import rule_checks
 from pa_console.policy.ordering import monitor
@@ -30,8 +31,11 @@ def pytest_configure() -> None:
     starts the suite behind its back has it ignore Ctrl-C, or with `nohup` a terminal that is gone,
     and so would every command under test.
     What is imported is compiled once, even where the user keeps no compiled modules: the suite
-    starts many processes that import the same ones.
+    starts many processes that import the same ones. No property test has a deadline: how long an
+    example takes is the machine's business.
     """
+    settings.register_profile("suite", deadline=None)
+    settings.load_profile("suite")
     sys.dont_write_bytecode = False
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

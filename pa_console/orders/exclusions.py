@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterator
 
 from pa_console.orders.name_linking import LinkedText
+from pa_console.orders.verb_lexicon import find_verbs
 from pa_console.orders.world_names import WorldNames
 from pa_console.schema.world import World
 
@@ -42,7 +43,11 @@ _FILLERS = r"(?:,? (?:please|though|to|the|for|with|at all))*"
 
 
 def excluded_names(world: World, text: str) -> tuple[str, ...]:
-    """Return the assets and places that every mention of them in `text` rules out."""
+    """Return the assets and places that every mention of them in `text` rules out.
+
+    Words without a verb and a place correct the order before them (*not Drone_T04, Robot_T02*):
+    whoever is meant by them may well have to come back.
+    """
     blank = _QUOTED.sub(lambda quoted: " " * len(quoted[0]), text)
     said = LinkedText.of(world, blank).text
     said = _COMPASS.sub(lambda found: _gate_towards(world, found[0]), said)
@@ -51,6 +56,9 @@ def excluded_names(world: World, text: str) -> tuple[str, ...]:
     names = (
         rf"{one}(?:(?:, {one})*,? (?:and|or|nor|plus|&) (?:the |not )?{one})?(?!,? wh(?:o|ich)\b)"
     )
+    placed = any(re.search(rf"\b{place}\b", said) for place in world.frames)
+    if not placed and not any(verb.plain for verb in find_verbs(said)):
+        return ()
     ruled_out = [*_ruled_out(said, names)]
     found = dict.fromkeys(
         mention[0]
