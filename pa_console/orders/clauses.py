@@ -45,7 +45,7 @@ KIND_FORMS: Mapping[str, AssetKind] = {
 
 @dataclass(frozen=True)
 class Clause:
-    """How a task is put: in canonical `words`, and in plain words for people.
+    """The form of a task in canonical `words` and in plain words for people.
 
     The slots of `words` are: `who`, `place` (where an asset can be sent), `gate` (where something
     can come, and a guard stand), `first` and `second` (assets), `massed` (a kind), `thing` and
@@ -130,7 +130,7 @@ _DEFAULTS: Mapping[str, str] = {"place": NOWHERE, "gate": NOWHERE, "who": SOMEBO
 
 
 def written(task: Task, said: Mapping[str, str], wrong: Wrong | None = None) -> str:
-    """Return the clause for a task with its slots filled from `said`.
+    """Return the clause for a task; `said` has the values of its slots.
 
     `wrong` picks the form of a refused ask. A place that is needed and missing is unknown.
     """

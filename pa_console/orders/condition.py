@@ -42,7 +42,7 @@ class Condition(StrictModel):
 
 
 class ConditionForm(NamedTuple):
-    """How a condition is put after an `if`: in canonical words, and in plain words for people."""
+    """The form of a condition after an `if`, in canonical words and in plain words for people."""
 
     words: WordForm
     plain: WordForm

@@ -64,7 +64,7 @@ _FROM = frozenset(
 )
 """Words before a place that is not where an asset is sent."""
 _BESIDES = frozenset(("relieve", "relieves", "replace", "replaces", "with", "for", "like", "as"))
-"""Words before an asset other than the one that is sent."""
+"""Words before an asset that is mentioned without being sent."""
 _IT = frozenset(("it", "him", "her", "them", "they", "he", "she"))
 _MODAL = frozenset(("must", "should", "shall", "may", "is", "are", "can", "do", "does"))
 _KNOWN = frozenset(

@@ -1,8 +1,8 @@
 """The assets and places that the words of an order rule out: *a robot, but not Robot_T01*.
 
-No model has a say in it: whatever is read, no plan uses what is ruled out here. A name counts only
-if every mention of it is ruled out; *not Drone_T04 to NorthGate, but Drone_T04 to SouthGate* is a
-matter of demands (`demands.py`), and what is quoted is nobody's order.
+The exclusions are independent of the models: no plan uses an excluded name, whatever was read. A
+name is excluded only if every mention of it is; *not Drone_T04 to NorthGate, but Drone_T04 to
+SouthGate* is a matter of demands (`demands.py`). Quoted words are no part of the order.
 """
 
 import re
@@ -24,7 +24,7 @@ _BEFORE = (
     r" (?:use|take|pick|choose|touch|involve|task|commit|include|send)"
     r"|\b(?:another(?: one)?|some(?: ?one| ?body) else|others?) than)"
 )
-"""Words after which what is named is ruled out."""
+"""Phrases that exclude the names after them."""
 _AFTER = (
     r"(?: (?:is|are)(?: strictly| absolutely)? (?:off[ -]limits|out of bounds|excluded|exempt"
     r"|not (?:to be|an option|allowed|part of|in on)|spoken for)"
@@ -33,7 +33,7 @@ _AFTER = (
     r"| sits? this (?:one )?out| (?:must|may|shall|should)(?: not|n['’]t) be"
     r" (?:used|chosen|sent|taken|touched|picked|tasked|committed))"
 )
-"""Words before which what is named is ruled out."""
+"""Phrases that exclude the names before them."""
 _AROUND = (
     r"(?:\b(?:leave|leaving|keep|keeping|count) (?P<kept>{names}) out\b"
     r"|(?:\bnot|n['’]t) (?:want|have) (?P<unwanted>{names}) (?:(?:in|on) (?:it|this)|do(?:ing)?))"
@@ -43,10 +43,10 @@ _FILLERS = r"(?:,? (?:please|though|to|the|for|with|at all))*"
 
 
 def excluded_names(world: World, text: str) -> tuple[str, ...]:
-    """Return the assets and places that every mention of them in `text` rules out.
+    """Return the assets and places of which `text` excludes every mention.
 
-    Words without a verb and a place correct the order before them (*not Drone_T04, Robot_T02*):
-    whoever is meant by them may well have to come back.
+    Text without a verb and a place corrects the previous order (*not Drone_T04, Robot_T02*), and
+    the asset that it names may have to come back.
     """
     blank = _QUOTED.sub(lambda quoted: " " * len(quoted[0]), text)
     said = LinkedText.of(world, blank).text
@@ -79,7 +79,7 @@ def _gate_towards(world: World, word: str) -> str:
 
 
 def _ruled_out(said: str, names: str) -> Iterator[tuple[int, int]]:
-    """Yield the ranges of characters in which names are ruled out."""
+    """Yield the ranges of characters with excluded names."""
     before = rf"(?P<lead>{_BEFORE}{_FILLERS}) (?P<names>{names})"
     for match in re.finditer(before, said, re.IGNORECASE):
         if not (match["lead"].lower().endswith("send") and said[match.end() :].startswith(" to ")):

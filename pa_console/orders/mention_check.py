@@ -1,4 +1,4 @@
-"""Whether a reading of an order accounts for what the order names, and names nothing else.
+"""Comparison of a reading with the words of its order, for what is missing and what is added.
 
 A model may misread an order, and the judge may misread it alike. This looks at the words without a
 model: every place, asset, track, kind, number and plain verb that the order asks about has to be in
@@ -65,7 +65,7 @@ _CORRECTS = re.compile(
     r"|i (?:mean|meant)\b|never ?mind\b|(?:strike|belay|disregard) that\b)",
     re.IGNORECASE,
 )
-"""Words by which an order takes back what it has just said."""
+"""Markers of a correction within an order."""
 _NAMED: frozenset[Sort] = frozenset(("place", "asset", "track"))
 
 
@@ -146,9 +146,9 @@ def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
 
 
 def _dropped(world: World, text: str, mentions: Sequence[Mention]) -> set[Mention]:
-    """Return the names that the order rules out, and those that a correction in it replaces.
+    """Return the excluded names, and those that a correction in the order replaces.
 
-    What is ruled out is never used (`exclusions.py`), so that no reading has to account for it.
+    An excluded name is never used (`exclusions.py`), so no reading has to account for it.
     """
     excluded = excluded_names(world, text)
     found = {one for one in mentions if one.means in excluded}
@@ -296,7 +296,7 @@ class _Words:
                 yield Unsupported("verb", ask.words)
 
     def _has_place(self, place: str, ask: Ask) -> bool:
-        """Whether `place` is named, or, where no place is, follows from who or what is there."""
+        """Return True if `place` is named or, without any named place, follows from the picture."""
         if place in self._names or (ask.leaving and _at(self._picture, ask.leaving) == place):
             return True
         tracks = [track for track in self._picture.tracks.values() if track.gate == place]
@@ -357,7 +357,7 @@ class _Words:
         return paired or str(number) in self._numbers
 
     def _has_kind(self, kind: AssetKind) -> bool:
-        """Whether the kind is said, by a word of its own or that of one of its teams."""
+        """Return True if the order names the kind, by its own word or by that of a team."""
         words = {_singular(word) for word in _NAME.findall(self._text)}
         if kind in self._kinds or words & self._teams(kind):
             return True
@@ -372,7 +372,7 @@ class _Words:
         return {word for word in words if len(word) > 1 and word.isalpha()}
 
     def _has_task(self, ask: Ask) -> bool:
-        """Whether some word means the task, or none is needed: `robot to south`, `van at east`."""
+        """Return True if a word means the task or none is needed, as in `van at east`."""
         if ask.task in self._tasks:
             return True
         if ask.task == "respond":

@@ -1,4 +1,4 @@
-"""What the words of an order name: places, assets, tracks, kinds, how many, and verbs.
+"""Mentions in an order: places, assets, tracks, kinds, numbers and verbs.
 
 Names are found as entity linking finds them (`name_linking.py`). A name is asked about, or only
 told, quoted, addressed or ruled out: *the east gate is quiet, send a drone to the west gate* asks

@@ -130,7 +130,7 @@ class _Linker:
             at = max(at + 1, self._linked)
 
     def _whole(self, link: _Link) -> bool:
-        """Whether `link` ends where words do: of `gate NorthGate`, `gate North` is no name.
+        """Return True if `link` has whole words: `gate North` is no name in `gate NorthGate`.
 
         Nor is the `s gate` of `its owner's gate` the south gate.
         """

@@ -43,7 +43,7 @@ _CONDITIONS = tuple(
     )
     for form in CONDITIONS.values()
 )
-"""How a condition stands is told by others: these say what it is."""
+"""The state of a condition is reported elsewhere; these patterns name the condition."""
 
 
 def plain_reading(asked: str) -> str:
@@ -96,7 +96,7 @@ def _condition(words: str) -> str:
 
 
 def _plainly(said: Mapping[str, str]) -> dict[str, str]:
-    """Return what a clause or a condition says by slot, as a sentence has it there."""
+    """Return the slots of a clause or a condition with the words of a sentence."""
     plain = {**said}
     for slot in ("kind", "massed"):
         if slot in said:

@@ -38,15 +38,15 @@ class WordForm:
     text: str
 
     def pattern(self, slots: Mapping[str, str]) -> str:
-        """Return the regular expression for the form with that of each of its `slots`."""
+        """Return the regular expression of the form; `slots` has that of each slot."""
         return _pattern(self._parts, slots)
 
     def fits(self, said: Mapping[str, str]) -> bool:
-        """Return whether every required slot of the form is in `said`."""
+        """Return True if `said` has every required slot of the form."""
         return _fits(self._parts, said)
 
     def write(self, said: Mapping[str, str], defaults: Mapping[str, str] = NO_DEFAULTS) -> str:
-        """Return the form with `said` in its slots, by name.
+        """Return the form with its slots filled by name from `said`.
 
         Of several ways the one with most of it is taken. A required slot that is missing is taken
         from `defaults`; if it is not there either, KeyError is raised.
@@ -124,7 +124,7 @@ def _written(parts: _Parts, said: Mapping[str, str], defaults: Mapping[str, str]
 
 
 def _says(parts: _Parts, said: Mapping[str, str]) -> int:
-    """Return the number of slots in `parts` that `said` fills."""
+    """Return the number of slots in `parts` with a value in `said`."""
     number = 0
     for part in parts:
         match part:

@@ -1,4 +1,4 @@
-"""Tells a question to the console, such as *Why not the robot?*, from an order.
+"""The grammar of questions to the console, such as *Why not the robot?*, beside orders.
 
 The whole text has to be such a question, from its first word to its last: one word more and it is
 an order, as *Why is nobody there? Send someone.* and *Send the robot instead* are. So it is with

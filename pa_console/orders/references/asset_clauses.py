@@ -33,7 +33,7 @@ NounTraits = Callable[[], list[Trait]]
 
 
 class AssetClauses:
-    """Reads one clause after another into `told`."""
+    """Reads clauses in sequence and collects their facts in `told`."""
 
     def __init__(self, told: Told, noun_traits: NounTraits) -> None:
         self._told, self._noun_traits = told, noun_traits

@@ -27,7 +27,7 @@ _ON_IT = ("on it", "there", "at all", "looking after it", "watching it")
 
 
 class GateClauses:
-    """Reads one clause after another into `told`."""
+    """Reads clauses in sequence and collects their facts in `told`."""
 
     def __init__(self, told: Told) -> None:
         self._told = told

@@ -41,7 +41,7 @@ def _word(said: str) -> str:
 
 
 def _without_halves(tokens: Sequence[Token]) -> list[Token]:
-    """Return the tokens without those that a `not` before them includes."""
+    """Return the tokens without the halves of contractions such as *isn't*."""
     kept: list[Token] = []
     for token in tokens:
         if not kept or token.start >= kept[-1].end:
