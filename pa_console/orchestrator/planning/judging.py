@@ -29,6 +29,7 @@ from pa_console.orchestrator.tasking.fulfilment import gaps
 from pa_console.orders.canonical_words import planned
 from pa_console.orders.clause_grammar import MOST_PLANNED, WORD, exactly
 from pa_console.orders.reading import read_asked
+from pa_console.policy.checks.findings import ORDER_ID
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Finding
@@ -221,6 +222,7 @@ def ask_about_outcome(dialect: Dialect, world: World, case: OutcomeCase) -> Judg
 
 def judged_rules(hits: Sequence[RuleHit], findings: Sequence[Finding]) -> list[str]:
     """Return the ids of the retrieved rules that apply to the plan, and of every broken one."""
+    findings = [finding for finding in findings if finding.rule_id != ORDER_ID]
     found = {finding.rule_id: finding for finding in findings}
     ids = [
         hit.rule_id
