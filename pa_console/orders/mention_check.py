@@ -139,7 +139,9 @@ def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
         for one in mentions
     )
     found = _Words(world, picture, text, mentions).lacking(made) if asked else ()
-    lacking = tuple(dict.fromkeys(found))
+    excluded = excluded_names(world, text)
+    against = (Unsupported("asset", n) for a in made.asks for n in a.who.names if n in excluded)
+    lacking = tuple(dict.fromkeys((*found, *against)))
     names = any(one.sort in ("place", "asset", "track") for one in mentions)
     unfounded = made.is_unfounded(lacking) and not names and not _GATES.search(text.lower())
     return MentionCheck(tuple(listed), lacking, moves, unfounded)
