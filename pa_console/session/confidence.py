@@ -6,7 +6,8 @@ logistic function of the evidence for a reading. A greater chance never lowers i
 
 The function is fitted to 283 orders of the seeds 434 and 436, some from templates and some in
 people's own words, which neither model has seen in training. Cross-validated by situation, its
-expected calibration error is 0.05. To fit it again:
+expected calibration error is 0.05. The second reader's adapter has been trained further since the
+fit (`models/pa-500m.md`). To fit it again:
 
     python -m pa_training.confidence.read_orders --out ORDERS.jsonl
     python -m pa_training.confidence.fit ORDERS.jsonl
