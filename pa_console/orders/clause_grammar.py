@@ -40,6 +40,7 @@ from pa_console.orders.digest_facts import (
     tracks_of_digest,
 )
 from pa_console.orders.name_linking import link_names
+from pa_console.orders.reading import parted
 from pa_console.schema.telemetry import Digest
 from pa_console.schema.world import PLAIN_KINDS, World
 
@@ -176,7 +177,7 @@ def asked_now(world: World, digest: Digest, asked: str) -> str:
     meant, under, then = asked.partition("; now: ")
     for condition in conditions(world, digest) if under else ():
         if meant.startswith(f"{ASKED}if {in_words(condition)}: "):
-            limits = [p for p in then.split("; ") if p == OTHERS_STAY or p.startswith(EXCEPT)]
+            _, limits = parted(then.split("; "))
             so = _SO[holds(condition, DigestFacts(digest))]
             stands = "; ".join((f"; now: {evidence(condition, digest)}, {so}", *limits))
             return meant + stands if so in ("so", "not so") else asked

@@ -6,7 +6,7 @@ SouthGate* is a matter of demands (`demands.py`). Quoted words are no part of th
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from pa_console.orders.name_linking import LinkedText
 from pa_console.orders.verb_lexicon import find_verbs
@@ -15,11 +15,14 @@ from pa_console.schema.world import World
 
 _QUOTED = re.compile(r"\"[^\"]*\"|“[^”]*”|(?<!\w)'[^']{3,}'(?!\w)")
 _BEFORE = (
-    r"(?:\bnot(?: that)?|\bexcept(?:ing)?(?: for)?|\bwith the exception of|\bexclud(?:e|ing)"
-    r"|\bexcl\.?|\bother than|\b(?:any|every|some|no)(?: ?one| ?body)? but|\bany \w+ but|\bskip"
-    r"|\b(?:apart|aside) from|\bsave for|\bwithout(?: using| touching)|\bminus|\bw/o"
-    r"|\bhands off|\bleav(?:e|ing) out|\bnegative on|\bnever|\bunder no circumstances"
-    r"|\bforget about|\bas long as it(?: is|['’]s)(?: not|n['’]t)"
+    r"(?:(?<!if )(?<!why )(?<!or )\bnot(?: that)?|\bexcept(?:ing)?(?: for)?"
+    r"|\bwith the exception of|\bexclud(?:e|ing)|\bexcl\.?|\bother than|\bskip"
+    r"|\b(?:any|every|some|no)(?: ?one| ?body)? but|\bany(?:one|body)? (?:\w+ ){1,3}but"
+    r"|\bany of (?:\w+|['’]em) but|\b(?:apart|aside) from|\bsave for"
+    r"|\bwithout(?: using| touching)|\bminus|\bw/o|\bhands off|\bleav(?:e|ing) out"
+    r"|\bnegative on|\bnever|\bunder no circumstances|\bforget about|\bneither"
+    r"|\b(?:as|so) long as it(?: is not| isn['’]t| ain['’]t|['’]s not)"
+    r"|(?:\bnot|\bcan['’]t|\bmustn['’]t) be"
     r"|(?:\bnot|n['’]t|\bnever|\bdont)(?: you)?(?: dare)?"
     r" (?:use|take|pick|choose|touch|involve|task|commit|include|send)"
     r"|\b(?:another(?: one)?|some(?: ?one| ?body) else|others?) than)"
@@ -31,7 +34,8 @@ _AFTER = (
     r"|,? ex(?:cluded|cepted)\b| (?:does|do)(?: not|n['’]t) count"
     r"| (?:sits?|stays?|is|are|remains?)(?: this(?: one)?)? out of (?:it|this|that)"
     r"| sits? this (?:one )?out| (?:must|may|shall|should)(?: not|n['’]t) be"
-    r" (?:used|chosen|sent|taken|touched|picked|tasked|committed))"
+    r" (?:used|chosen|sent|taken|touched|picked|tasked|committed)"
+    r"|,? (?:must|may|shall|should)(?: not|n['’]t) (?:go|move)\b)"
 )
 """Phrases that exclude the names before them."""
 _AROUND = (
@@ -39,38 +43,49 @@ _AROUND = (
     r"|(?:\bnot|n['’]t) (?:want|have) (?P<unwanted>{names}) (?:(?:in|on) (?:it|this)|do(?:ing)?))"
 )
 _COMPASS = re.compile(r"\b(?:north|east|south|west)\b", re.IGNORECASE)
+_NAME = re.compile(r"[A-Za-z0-9_]+")
+_NOT_ALONE = re.compile(r"\W*(?:(?:no|nope|sorry)\W+)?not (?:the )?", re.IGNORECASE)
 _FILLERS = r"(?:,? (?:please|though|to|the|for|with|at all))*"
 
 
 def excluded_names(world: World, text: str) -> tuple[str, ...]:
     """Return the assets and places of which `text` excludes every mention.
 
-    Text without a verb and a place corrects the previous order (*not Drone_T04, Robot_T02*), and
-    the asset that it names may have to come back.
+    *Not Drone_T04, the robot* and *Robot_T02, not Drone_T04* correct the previous order, and the
+    asset that they exclude may have to come back: they exclude nothing.
     """
     blank = _QUOTED.sub(lambda quoted: " " * len(quoted[0]), text)
     said = LinkedText.of(world, blank).text
     said = _COMPASS.sub(lambda found: _gate_towards(world, found[0]), said)
-    known = sorted((*world.assets, *world.frames), key=len, reverse=True)
-    one = rf"\b(?:{'|'.join(map(re.escape, known))})\b"
-    names = (
+    names = {*world.assets, *world.frames}
+    mentions = [found for found in _NAME.finditer(said) if found[0] in names]
+    if not mentions or _corrects_the_last(world, said, mentions):
+        return ()
+    one = rf"\b(?:{'|'.join(dict.fromkeys(found[0] for found in mentions))})\b"
+    ranges = [*_ruled_out(said, _listed(one))]
+    kept = {
+        found[0]
+        for found in mentions
+        if not any(start <= found.start() < end for start, end in ranges)
+    }
+    return tuple(dict.fromkeys(found[0] for found in mentions if found[0] not in kept))
+
+
+def _listed(one: str) -> str:
+    """Return the expression for a list of names, each of which matches `one`."""
+    return (
         rf"{one}(?:(?:, {one})*,? (?:and|or|nor|plus|&) (?:the |not )?{one})?(?!,? wh(?:o|ich)\b)"
     )
-    placed = any(re.search(rf"\b{place}\b", said) for place in world.frames)
-    if not placed and not any(verb.plain for verb in find_verbs(said)):
-        return ()
-    ruled_out = [*_ruled_out(said, names)]
-    found = dict.fromkeys(
-        mention[0]
-        for mention in re.finditer(one, said)
-        if any(start <= mention.start() < end for start, end in ruled_out)
-    )
-    kept = {
-        mention[0]
-        for mention in re.finditer(one, said)
-        if not any(start <= mention.start() < end for start, end in ruled_out)
-    }
-    return tuple(name for name in found if name not in kept)
+
+
+def _corrects_the_last(world: World, said: str, mentions: Sequence[re.Match[str]]) -> bool:
+    """Return whether `said` is no order of its own: it has no place and no verb, only names."""
+    first, last = mentions[0], mentions[-1]
+    begins = _NOT_ALONE.fullmatch(said[: first.start()]) is not None
+    between = said[first.end() : last.start()].strip(" ,.;:-").lower()
+    ends = len(mentions) > 1 and between == "not" and not said[last.end() :].strip(" .!")
+    placed = any(found[0] in world.frames for found in mentions)
+    return (begins or ends) and not placed and not any(verb.plain for verb in find_verbs(said))
 
 
 def _gate_towards(world: World, word: str) -> str:

@@ -62,10 +62,11 @@ _CORRECTING = frozenset(
 )
 _CORRECTS = re.compile(
     rf"\b(?:(?:{'|'.join(sorted(_CORRECTING))})\b\s*[,.:;!-]|scratch (?:that|it)|make (?:that|it)\b"
-    r"|i (?:mean|meant)\b|never ?mind\b|(?:strike|belay|disregard) that\b)",
+    r"|i (?:mean|meant)\b|never ?mind\b|(?:strike|belay|disregard) that\b)"
+    r"(?!\s*(?:also|and|plus|then|as well)\b)",
     re.IGNORECASE,
 )
-"""Markers of a correction within an order."""
+"""Markers of a correction within an order; *actually, also* goes on with it instead."""
 _NAMED: frozenset[Sort] = frozenset(("place", "asset", "track"))
 
 
@@ -133,13 +134,13 @@ def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
     made = _Made(world, picture, asked, plan, unmet)
     if made.refused and not moves:
         return MentionCheck(tuple(Accounted(one, accounted=True) for one in mentions))
-    dropped = _dropped(world, text, mentions)
+    excluded = excluded_names(world, text)
+    dropped = _dropped(excluded, link_names(world, text), mentions)
     listed = (
         Accounted(one, not one.asked or one in dropped or made.accounts_for(one))
         for one in mentions
     )
     found = _Words(world, picture, text, mentions).lacking(made) if asked else ()
-    excluded = excluded_names(world, text)
     against = (Unsupported("asset", n) for a in made.asks for n in a.who.names if n in excluded)
     lacking = tuple(dict.fromkeys((*found, *against)))
     names = any(one.sort in ("place", "asset", "track") for one in mentions)
@@ -147,14 +148,13 @@ def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
     return MentionCheck(tuple(listed), lacking, moves, unfounded)
 
 
-def _dropped(world: World, text: str, mentions: Sequence[Mention]) -> set[Mention]:
-    """Return the excluded names, and those that a correction in the order replaces.
+def _dropped(excluded: Collection[str], linked: str, mentions: Sequence[Mention]) -> set[Mention]:
+    """Return the mentions of `excluded` names, and those that a correction in the order replaces.
 
-    An excluded name is never used (`exclusions.py`), so no reading has to account for it.
+    An excluded name is never used (`exclusions.py`), so no reading has to account for it. `linked`
+    is the order with its names linked.
     """
-    excluded = excluded_names(world, text)
     found = {one for one in mentions if one.means in excluded}
-    linked = link_names(world, text)
     corrections = [match.start() for match in _CORRECTS.finditer(linked)]
     if corrections:
         before = [one for one in mentions if linked.rfind(one.said) < corrections[-1]]

@@ -6,7 +6,7 @@ is kept as it is and means nothing to the console.
 """
 
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Literal
 
@@ -114,8 +114,13 @@ def _read(text: str, *, with_facts: bool) -> Reading | None:
     parts = words.split("; ")
     if with_facts and len(parts) > 1:
         parts.pop()
+    return _limited(*parted(parts))
+
+
+def parted(parts: Sequence[str]) -> tuple[str, list[str]]:
+    """Return the clauses among the `parts` of a reading, and the limits that the order sets."""
     limits = [part for part in parts if part == OTHERS_STAY or part.startswith(EXCEPT)]
-    return _limited("; ".join(part for part in parts if part not in limits), limits)
+    return "; ".join(part for part in parts if part not in limits), limits
 
 
 def _limited(clauses: str, limits: Collection[str]) -> Reading:

@@ -52,6 +52,11 @@ def test_a_right_reading_has_no_gap(site: Site, text: str, asked: str) -> None:
         ("Send all assets to base.", "all free to WestGate", "not accounted for: base"),
         ("Robot_T01 to the north gate. No wait, Robot_T02.", "Robot_T01 to NorthGate", "Robot_T02"),
         ("Robot one to north... correction, south gate", "Robot_T01 to NorthGate", "SouthGate"),
+        (
+            "Drone_T04 to the north gate. Actually, also Robot_T01 to the south gate.",
+            "Robot_T01 to SouthGate",
+            "NorthGate",
+        ),
         ("A drone to the west gate, but not Drone_T03.", "Drone_T03 to WestGate", "Drone_T03"),
         ("Send a drone to the east gate.", "1 drone to WestGate", "EastGate"),
         ("Drone_T04, this is Watch. Go to the east gate.", "Drone_T01 to EastGate", "Drone_T04"),

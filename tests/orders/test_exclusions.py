@@ -1,20 +1,26 @@
 """What an order rules out is never used, whatever is read of the rest."""
 
+import asyncio
 import random
 from dataclasses import replace
 
 import pytest
 
-from pa_console.orchestrator.planning.safeguards import ruled_out
+from pa_console.fleets.simulated import SimulatedFleet
+from pa_console.orchestrator.planning.safeguards import examine, ruled_out
 from pa_console.orchestrator.tasking.command_choices import commands_serving
 from pa_console.orders.canonical_words import canonical_order
 from pa_console.orders.exclusions import excluded_names
 from pa_console.orders.order import Ask, Order, Who
 from pa_console.orders.plain_words import plain_reading
 from pa_console.orders.reading import asked_words, read_asked, read_reason
+from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.world import World
+from pa_console.sim.checkpoint import Checkpoint
 from pa_training.order_generator.sampler import sample_order
+from pa_training.samples.reading_samples import NO_TIME
 from pa_training.situations.situations import random_situation
 from pa_training.situations.worlds import random_world, shipped_world
 
@@ -41,6 +47,10 @@ def checkpoint() -> World:
         ("Leave R1 out of it and cover west", ["Robot_T01"]),
         ("Send a drone, not to north but to south", ["NorthGate"]),
         ("Robot_T02 is not to be used. Cover WestGate.", ["Robot_T02"]),
+        ("a robot to north but leave R1 out of it", ["Robot_T01"]),
+        ("If a drone is free send it west, if not Robot_T01", []),
+        ("Not Drone_T04, the robot at the base.", []),
+        ("Robot_T02, not Drone_T04!", []),
         ("Send Drone_T04 to the north gate", []),
         ("Don't send Drone_T04 to north, send Drone_T04 to south", []),
         ('He said "anyone but Drone_T04". Send Drone_T04 east.', []),
@@ -57,10 +67,19 @@ def test_a_plan_that_uses_what_is_ruled_out_is_blocked(checkpoint: World) -> Non
         reason="asked: 1 robot to NorthGate",
         actions=(Action(agent="Robot_T01", command="move_to NorthGate"),),
     )
-    (finding,) = ruled_out(plan, "Send a robot to north, but not Robot_T01", checkpoint)
+    (finding,) = ruled_out(plan, checkpoint, "Send a robot to north, but not Robot_T01")
     assert finding.blocking
     assert finding.message == "the order rules Robot_T01 out"
-    assert not ruled_out(plan, "Send a robot to north", checkpoint)
+    assert not ruled_out(plan, checkpoint, "Send a robot to north")
+
+
+def test_what_the_order_rules_out_holds_in_every_phase_of_it(checkpoint: World) -> None:
+    plan = Plan(reason="", actions=(Action(agent="Robot_T01", command="move_to WestGate"),))
+    phase = Mission(id="M", text="identify who is at WestGate", created=NO_TIME)
+    order = "Someone is at the west gate, see to it, but leave Robot_T01 out of it."
+    fleet = SimulatedFleet(Checkpoint(checkpoint))
+    found = asyncio.run(examine(plan, phase, fleet, Rulebook("none", "", ()), order=order))
+    assert found.faults == ("ORDER: the order rules Robot_T01 out",)
 
 
 def test_exclusions_are_written_read_and_told(checkpoint: World) -> None:
@@ -107,4 +126,4 @@ def test_nobody_who_is_ruled_out_is_ever_commanded() -> None:
             said = rng.choice(WAYS).format(order="send somebody to the base", name=name)
             assert excluded_names(world, said) == (name,), said
             plan = Plan(reason="", actions=(Action(agent=name, command="return_to_base"),))
-            assert ruled_out(plan, said, world), said
+            assert ruled_out(plan, world, said), said

@@ -11,7 +11,7 @@ from pa_training.phrasing.no_orders import NOTHING_ASKED
 from pa_training.samples.sample import Sample
 from pa_training.samples.written_orders import (
     Writer,
-    asked_now,
+    asked_as_seen,
     drawn_situation,
     read_writers,
     written_samples,
@@ -32,7 +32,7 @@ def readings(writer: Writer) -> Iterator[tuple[str, str, set[str]]]:
         world = there.world
         names = {*world.assets, *world.frames, *world.zones}
         for order in each.orders:
-            yield order.text, asked_now(order.meaning, world, there.digest), names
+            yield order.text, asked_as_seen(order.meaning, world, there.digest), names
 
 
 @pytest.mark.parametrize("name", WRITERS)

@@ -292,7 +292,13 @@ def _mentions(
 async def _safeguards(context: MissionContext, task: Mission, checked: Plan) -> Examination:
     services = context.services
     found = await examine(
-        checked, task, services.fleet, services.rulebook, context.monitor, services.variant
+        checked,
+        task,
+        services.fleet,
+        services.rulebook,
+        context.monitor,
+        services.variant,
+        context.mission.text,
     )
     context.stopwatch.add("checks_s", found.checks_s)
     context.stopwatch.add("rehearsal_s", found.rehearsal_s)

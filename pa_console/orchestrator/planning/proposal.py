@@ -286,7 +286,8 @@ async def commands_for(
     fleet, reading = context.services.fleet, read_asked(asked)
     if reading is None or (retrieved.verbs and not verbs):
         return []
-    said = excluded_names(fleet.world, retrieved.task.text)
+    texts = {retrieved.task.text, context.mission.text}
+    said = [name for text in texts for name in excluded_names(fleet.world, text)]
     reading = reading._replace(excluded=tuple(dict.fromkeys((*reading.excluded, *said))))
     found = (
         slots

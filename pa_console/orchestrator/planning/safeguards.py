@@ -169,12 +169,12 @@ class Examination:
         return blocking, len(self.broken) - blocking
 
 
-def ruled_out(plan: Plan, text: str, world: World) -> tuple[Finding, ...]:
-    """Return one critical finding for each asset and place that `plan` uses and the words rule out.
+def ruled_out(plan: Plan, world: World, *texts: str) -> tuple[Finding, ...]:
+    """Return a critical finding for each asset and place that `plan` uses and an order rules out.
 
-    To stay or to report is no use of an asset.
+    The order is in `texts`. To stay or to report is no use of an asset.
     """
-    excluded = excluded_names(world, text)
+    excluded = dict.fromkeys(name for text in {*texts} for name in excluded_names(world, text))
     acting = [action for action in plan.actions if action.verb not in ("hold", "report")]
     used = {name for action in acting for name in (action.agent, action.target) if name}
     return tuple(
@@ -196,9 +196,11 @@ async def examine(  # noqa: PLR0917
     rulebook: Rulebook,
     monitor: Monitor | None = None,
     variant: Variant | None = None,
+    order: str = "",
 ) -> Examination:
     """Check `plan` against the present picture: its structure first, then by rehearsal.
 
+    `order` is the whole order if `mission` is a phase of it: its exclusions hold in each phase.
     `monitor` has followed the mission so far: ordering rules go on from its history. A `variant`
     may leave out the rules or the rehearsal; an order that nobody can take is found in any case.
     The rules are checked in a thread of their own: however slow a rule file makes them, telemetry
@@ -207,7 +209,7 @@ async def examine(  # noqa: PLR0917
     variant = variant or Variant()
     started = perf_counter()
     structural = problems(plan, outlook.world, outlook.picture())
-    excluded = ruled_out(plan, mission.text, outlook.world)
+    excluded = ruled_out(plan, outlook.world, mission.text, order)
     checked = perf_counter()
     if structural:
         return Examination(plan, structural, None, checked - started, 0.0)

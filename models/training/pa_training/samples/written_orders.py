@@ -14,11 +14,12 @@ from pathlib import Path
 from pydantic import Field
 
 from pa_console.llm.roles.compact_prompt import compact_planner_prompt, picture_prefix
-from pa_console.orders.clauses import ASKED, EXCEPT, NOTHING, OTHERS_STAY
-from pa_console.orders.condition import Condition, holds, in_words
-from pa_console.orders.digest_facts import DigestFacts, conditions, evidence
+from pa_console.orders.clause_grammar import asked_now
+from pa_console.orders.clauses import ASKED, NOTHING
+from pa_console.orders.condition import Condition, in_words
+from pa_console.orders.digest_facts import conditions
 from pa_console.orders.order import Ask, Order
-from pa_console.orders.reading import asked_words, read_asked
+from pa_console.orders.reading import asked_words, parted, read_asked
 from pa_console.schema.base import StrictModel
 from pa_console.schema.document import Document
 from pa_console.schema.mission import Mission
@@ -88,7 +89,7 @@ def written_samples(name: str, writer: Writer) -> Iterator[Sample]:
                 continue
             mission = Mission(id="M", text=order.text, created=NO_TIME)
             prompt = compact_planner_prompt(world, digest, [], mission)
-            asked = asked_now(order.meaning, world, digest)
+            asked = asked_as_seen(order.meaning, world, digest)
             fact = _fact(order.meaning, situation)
             ends = "" if order.meaning == NOTHING else f"; {fact or _SOME_FACT}"
             answer = f'{{"reason": "{asked}{ends}", "actions": []}}'
@@ -109,29 +110,21 @@ def drawn_situation(
     return random_situation(rng, random_world(rng, split, frozenset(forbidden)), history=True)
 
 
-def asked_now(meaning: str, world: World, digest: Digest) -> str:
+def asked_as_seen(meaning: str, world: World, digest: Digest) -> str:
     """Return `meaning` as a reading begins, with the state of its condition.
 
     Raises ValueError for a condition that `digest` does not decide.
     """
-    words, limits = _parted(meaning)
+    words, limits = parted(meaning.split("; "))
     if words == NOTHING:
         return f"{ASKED}{NOTHING_ASKED}"
-    case = _CONDITIONAL.fullmatch(words)
-    if case is not None:
-        condition = _condition(case["condition"], world, digest)
-        so = holds(condition, DigestFacts(digest))
-        if so is None:
-            raise ValueError(f"{words}: the picture does not decide the condition")
-        words = f"{words}; now: {evidence(condition, digest)}, {'so' if so else 'not so'}"
-    return "; ".join((f"{ASKED}{words}", *limits))
-
-
-def _parted(meaning: str) -> tuple[str, list[str]]:
-    """Return what is asked, and the limits that the order sets."""
-    parts = meaning.split("; ")
-    limits = [part for part in parts if part == OTHERS_STAY or part.startswith(EXCEPT)]
-    return "; ".join(part for part in parts if part not in limits), limits
+    if _CONDITIONAL.fullmatch(words) is None:
+        return f"{ASKED}{meaning}"
+    open_ = "; ".join((f"{ASKED}{words}; now: open", *limits))
+    asked = asked_now(world, digest, open_)
+    if asked == open_:
+        raise ValueError(f"{words}: the picture does not decide the condition")
+    return asked
 
 
 def _condition(words: str, world: World, digest: Digest) -> Condition:
@@ -145,7 +138,7 @@ def _condition(words: str, world: World, digest: Digest) -> Condition:
 def _fact(meaning: str, situation: Situation) -> str:
     """Return the fact with which the teacher goes on; '' where it has no plan."""
     world, picture, digest = situation.world, situation.picture, situation.digest
-    words, _ = _parted(meaning)
+    words, _ = parted(meaning.split("; "))
     case = _CONDITIONAL.fullmatch(words)
     read = read_asked(f"{ASKED}{meaning}") if case is None else None
     try:
