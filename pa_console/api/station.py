@@ -38,8 +38,8 @@ from pa_console.sim.worlds.scenario_file import open_scenario
 
 if TYPE_CHECKING:
     from pa_console.fleets.authorization import Role
-    from pa_console.service.served_session import ServedSession
-    from pa_console.service.tokens import TokenBook
+    from pa_console.http.served_session import ServedSession
+    from pa_console.http.tokens import TokenBook
 
 OnEvent = Callable[[ev.Event, SessionState], None]
 """Takes an event, and the session's state after it."""
@@ -220,10 +220,10 @@ class Station:
         whoever is first; `leave_to_clients` leaves it to them. It needs the extra `serve`. Raises
         ValueError for a port that cannot be listened on.
         """
-        from pa_console.service.connections import listen  # noqa: PLC0415 - with the extra
-        from pa_console.service.http_server import serving  # noqa: PLC0415 - FastAPI
-        from pa_console.service.served_session import ServedSession  # noqa: PLC0415
-        from pa_console.service.tokens import TOKENS_FILE, TokenBook  # noqa: PLC0415
+        from pa_console.http.connections import listen  # noqa: PLC0415 - with the extra
+        from pa_console.http.http_server import serving  # noqa: PLC0415 - FastAPI
+        from pa_console.http.served_session import ServedSession  # noqa: PLC0415
+        from pa_console.http.tokens import TOKENS_FILE, TokenBook  # noqa: PLC0415
 
         client = ServedSession(self._station, self.state, lambda: self.log, told=self._told)
         tokens = TokenBook(key_path().with_name(TOKENS_FILE))

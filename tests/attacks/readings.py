@@ -11,12 +11,12 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from pa_console.language.canonical_words import canonical_order
+from pa_console.language.mention_check import check_mentions
+from pa_console.language.order import Order
+from pa_console.language.reading import read_asked
 from pa_console.orchestrator.intake.spelling_correction import respell
 from pa_console.orchestrator.station.assembly import load_site
-from pa_console.orders.canonical_words import canonical_order
-from pa_console.orders.mention_check import check_mentions
-from pa_console.orders.order import Order
-from pa_console.orders.reading import read_asked
 from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World

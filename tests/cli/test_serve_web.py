@@ -12,9 +12,9 @@ import pytest
 from yarl import URL
 
 from pa_console.cli.serve import web
-from pa_console.service import connections
-from pa_console.service.connections import listen
-from pa_console.service.tokens import TokenBook
+from pa_console.http import connections
+from pa_console.http.connections import listen
+from pa_console.http.tokens import TokenBook
 
 APP = """
 import json, sys

@@ -15,6 +15,9 @@ from typing import NamedTuple
 
 from pa_console.evaluation.runs.jobs import load_with_worlds
 from pa_console.fleets.simulated import SimulatedFleet
+from pa_console.language.canonical_words import canonical_meaning, canonical_order
+from pa_console.language.clause_grammar import asked_pattern
+from pa_console.language.reading import asked_words, read_asked
 from pa_console.llm.backend import Completed, Request
 from pa_console.llm.roles.dialect import DIALECTS, Dialect, DialectName
 from pa_console.llm.roles.grammar import (
@@ -32,9 +35,6 @@ from pa_console.orchestrator.station.assembly import Site, load_site, open_stati
 from pa_console.orchestrator.station.headless import run_missions
 from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.orchestrator.tasking.command_choices import commands_serving
-from pa_console.orders.canonical_words import canonical_meaning, canonical_order
-from pa_console.orders.clause_grammar import asked_pattern
-from pa_console.orders.reading import asked_words, read_asked
 from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.resources import data_folder
 from pa_console.schema.events.event import Event, MissionVerified, Role

@@ -5,6 +5,7 @@ import json
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from pa_console.language.name_linking import link_names
 from pa_console.llm.roles.compact_prompt import (
     compact_judge_prompt,
     compact_outcome_prompt,
@@ -13,7 +14,6 @@ from pa_console.llm.roles.compact_prompt import (
 )
 from pa_console.llm.roles.dialect import DIALECTS
 from pa_console.llm.roles.prompts import Prompt
-from pa_console.orders.name_linking import link_names
 from pa_console.schema.mission import Verification
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import GateTimeline, Rehearsal, Timeline

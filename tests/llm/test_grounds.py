@@ -7,10 +7,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from llguidance import LLMatcher, LLTokenizer
 
+from pa_console.language.clause_grammar import (
+    ASKED_ONCE,
+    asked_now,
+    grounded_asked,
+    grounded_reason,
+)
+from pa_console.language.condition import Condition, holds, in_words
+from pa_console.language.digest_facts import DigestFacts, conditions, evidence, tracks_of_digest
 from pa_console.llm.roles.grammar import compact_opening_grammar, plan_grammar
-from pa_console.orders.clause_grammar import ASKED_ONCE, asked_now, grounded_asked, grounded_reason
-from pa_console.orders.condition import Condition, holds, in_words
-from pa_console.orders.digest_facts import DigestFacts, conditions, evidence, tracks_of_digest
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Digest, Selection
 from tests.llm.site import WORLD, picture

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.orders.name_linking import link_names
+from pa_console.language.name_linking import link_names
 from pa_training.situations.worlds import shipped_world
 from tests.llm import site
 

@@ -7,6 +7,7 @@ import pytest
 import pytest_asyncio
 
 from pa_console.fleets.simulated import SimulatedFleet
+from pa_console.language.reading import asked_words, read_asked
 from pa_console.llm.engine import Engine
 from pa_console.llm.models.catalogue import Catalog, find_model
 from pa_console.llm.models.fetching import pull
@@ -19,7 +20,6 @@ from pa_console.orchestrator.planning.understanding import Retrieved
 from pa_console.orchestrator.station.assembly import Site, load_site, open_station
 from pa_console.orchestrator.station.headless import run_missions
 from pa_console.orchestrator.station.ticking import SteppedClock
-from pa_console.orders.reading import asked_words, read_asked
 from pa_console.schema.events.event import Event
 from pa_console.schema.mission import Mission
 from pa_console.session.state.fold import MissionTrace, SessionState

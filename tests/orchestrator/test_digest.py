@@ -3,9 +3,9 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pa_console.language.digest_facts import tracks_of_digest
 from pa_console.llm.roles.prompts import planner_prompt
 from pa_console.orchestrator.planning.digest import digest_picture
-from pa_console.orders.digest_facts import tracks_of_digest
 from pa_console.resources import find_data
 from pa_console.schema.telemetry import GateCover
 from pa_console.sim.worlds.world_file import load_world

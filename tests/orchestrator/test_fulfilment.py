@@ -8,6 +8,8 @@ from functools import cache
 
 import pytest
 
+from pa_console.language.canonical_words import canonical_order
+from pa_console.language.reading import read_asked
 from pa_console.llm.roles.dialect import DIALECTS
 from pa_console.orchestrator.planning.judging import (
     OutcomeCase,
@@ -17,8 +19,6 @@ from pa_console.orchestrator.planning.judging import (
 )
 from pa_console.orchestrator.planning.plan_moves import PlanMoves
 from pa_console.orchestrator.tasking.fulfilment import gaps
-from pa_console.orders.canonical_words import canonical_order
-from pa_console.orders.reading import read_asked
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import data_folder
 from pa_console.schema.incident import FailAsset, Incident, PlaceAsset, SetBattery, SpawnTrack

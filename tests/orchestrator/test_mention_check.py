@@ -4,8 +4,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from pa_console.language.mention_check import MentionCheck, check_mentions
 from pa_console.orchestrator.station.assembly import Site
-from pa_console.orders.mention_check import MentionCheck, check_mentions
 from pa_console.schema.plan import Action, Plan
 from pa_console.sim.checkpoint import Checkpoint
 from tests.attacks.readings import measure

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from pa_console.language.clause_grammar import exactly
+from pa_console.language.distinct_readings import agree, distinct
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.orchestrator.planning.standing_approval import Approver, standing_approver
 from pa_console.orchestrator.station.station import Station
-from pa_console.orders.clause_grammar import exactly
-from pa_console.orders.distinct_readings import agree, distinct
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import Decision

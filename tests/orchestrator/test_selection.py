@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pa_console.language.world_names import named, names_meant
 from pa_console.llm.roles.grammar import plan_grammar
 from pa_console.llm.roles.prompts import fixed_part, planner_prompt
 from pa_console.orchestrator.planning.digest import digest_picture
@@ -15,7 +16,6 @@ from pa_console.orchestrator.planning.picture_selection import (
     MOST_TRACKS,
     select,
 )
-from pa_console.orders.world_names import named, names_meant
 from pa_console.resources import find_data
 from pa_console.schema.mission import Mission
 from pa_console.schema.rule import Rule

@@ -6,10 +6,10 @@ from dataclasses import replace
 from datetime import UTC, datetime
 
 from pa_console.fleets.simulated import SimulatedFleet
+from pa_console.language.reading import asked_words, read_reason
 from pa_console.llm.roles.clause_prompt import reading_prompt
 from pa_console.orchestrator.planning.digest import digest_picture
 from pa_console.orchestrator.tasking.served_plans import served_plan, still
-from pa_console.orders.reading import asked_words, read_reason
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan

@@ -2,10 +2,10 @@
 
 import pytest
 
+from pa_console.language.canonical_words import canonical_order
+from pa_console.language.reading import read_asked
 from pa_console.llm.roles.grammar import CommandSlot, slot_grammar
 from pa_console.orchestrator.tasking.command_choices import commands_serving
-from pa_console.orders.canonical_words import canonical_order
-from pa_console.orders.reading import read_asked
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import data_folder
 from pa_console.schema.incident import FailAsset, Incident, PlaceAsset, SetBattery, SpawnTrack

@@ -2,10 +2,10 @@
 
 import pytest
 
+from pa_console.language.canonical_words import canonical_order
+from pa_console.language.reading import read_asked
 from pa_console.orchestrator.planning.plan_moves import PlanMoves
 from pa_console.orchestrator.tasking.obstacles import unmet_asks
-from pa_console.orders.canonical_words import canonical_order
-from pa_console.orders.reading import read_asked
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import data_folder
 from pa_console.schema.events import event as ev

@@ -7,8 +7,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pa_console.evaluation.scoring.success_conditions import compile_conditions
+from pa_console.language.order import Ask, Order, Who
 from pa_console.llm.roles.grammar import REASON_CHARS
-from pa_console.orders.order import Ask, Order, Who
 from pa_console.policy.checks.findings import problems
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import find_data

@@ -9,8 +9,8 @@ from typing import Any
 from textual import events
 from textual.pilot import Pilot
 
+from pa_console.language.questions.question import Question
 from pa_console.orchestrator.answers.alternatives import Alternative
-from pa_console.orders.questions.question import Question
 from pa_console.schema.events.event import (
     AlarmAcknowledged,
     AllStopped,

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from textual.widgets import Static
 
+from pa_console.language.questions.question import Question
 from pa_console.orchestrator.answers.alternatives import Alternative
-from pa_console.orders.questions.question import Question
 from pa_console.schema.events.event import AnswerLine
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import RehearsedReading

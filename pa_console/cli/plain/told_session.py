@@ -10,7 +10,7 @@ from pa_console.cli.plain.status import (
     standing_lines,
     status_lines,
 )
-from pa_console.orders.plain_words import plain_reading
+from pa_console.language.plain_words import plain_reading
 from pa_console.schema.events import event as ev
 from pa_console.session.state.fold import MissionTrace, Notice, SessionState
 from pa_console.session.status_words import status_of

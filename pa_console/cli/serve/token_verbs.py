@@ -7,7 +7,7 @@ from rich.table import Table
 
 from pa_console.cli.output import errors, out, print_json
 from pa_console.fleets.authorization import Role, Trust
-from pa_console.service.tokens import TOKENS_FILE, RoleOf, TokenBook
+from pa_console.http.tokens import TOKENS_FILE, RoleOf, TokenBook
 from pa_console.signing import SITE_OWNER, key_path, site_keys
 
 

@@ -25,10 +25,10 @@ from pa_console.cli.output import errors, out
 from pa_console.cli.serve.token_verbs import this_user, token_book
 from pa_console.end_signals import end_signals, exit_code_of
 from pa_console.fleets.authorization import RefusedError
-from pa_console.service.connections import ADDRESS, BACKLOG, Listening, listen
-from pa_console.service.guard import BODY_S, MOST_BYTES, NAMES
-from pa_console.service.rates import Rate
-from pa_console.service.tokens import Bearer, TokenBook
+from pa_console.http.connections import ADDRESS, BACKLOG, Listening, listen
+from pa_console.http.guard import BODY_S, MOST_BYTES, NAMES
+from pa_console.http.rates import Rate
+from pa_console.http.tokens import Bearer, TokenBook
 
 COOKIE = "pa-console-{port}"
 """The name of a browser's cookie: a browser sends it to every port of this address, and only the

@@ -7,12 +7,12 @@ read. The answer is the beginning of a plan; the console makes the rest of it.
 import json
 from collections.abc import Iterator, Sequence
 
+from pa_console.language.clauses import ASKED
+from pa_console.language.digest_facts import told_assets, told_frames, tracks_of_digest
+from pa_console.language.name_linking import link_names
 from pa_console.llm.roles.answer_schema import TEXT, Schema
 from pa_console.llm.roles.prompts import Prompt, mission_line
 from pa_console.llm.roles.taught_orders import TaughtOrder, nearest_orders
-from pa_console.orders.clauses import ASKED
-from pa_console.orders.digest_facts import told_assets, told_frames, tracks_of_digest
-from pa_console.orders.name_linking import link_names
 from pa_console.schema.mission import Mission
 from pa_console.schema.rule import Rule
 from pa_console.schema.telemetry import Digest

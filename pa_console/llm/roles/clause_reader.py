@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import regex
 
+from pa_console.language.clause_grammar import grounded_asked
+from pa_console.language.clauses import ASKED
 from pa_console.llm.backend import Backend, OnText, Request, ask_model, confidence
 from pa_console.llm.roles.clause_prompt import MAX_TOKENS, SCHEMA, reading_prompt
 from pa_console.llm.roles.grammar import begun_grammar
 from pa_console.llm.roles.judge import OrderRead
 from pa_console.llm.roles.prompts import Prompt
-from pa_console.orders.clause_grammar import grounded_asked
-from pa_console.orders.clauses import ASKED
 from pa_console.schema.events.event import Role
 from pa_console.schema.mission import Mission
 from pa_console.schema.telemetry import Digest

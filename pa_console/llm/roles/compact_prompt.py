@@ -7,6 +7,8 @@ assets and places stand under their own names, however the operator said them.
 
 from collections.abc import Iterator, Sequence
 
+from pa_console.language.digest_facts import asset_state, standing
+from pa_console.language.name_linking import link_names
 from pa_console.llm.roles.prompt_facts import (
     FEW_FRAMES,
     line_if_any,
@@ -14,8 +16,6 @@ from pa_console.llm.roles.prompt_facts import (
     verification_facts,
 )
 from pa_console.llm.roles.prompts import Prompt, mission_line
-from pa_console.orders.digest_facts import asset_state, standing
-from pa_console.orders.name_linking import link_names
 from pa_console.schema.events.event import Role
 from pa_console.schema.mission import Mission, Verification
 from pa_console.schema.plan import Plan

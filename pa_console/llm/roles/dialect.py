@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from pa_console.language.clause_grammar import ASKED_ONCE, grounded_asked, grounded_reason
 from pa_console.llm.roles.clause_prompt import MAX_TOKENS, reading_prefix, reading_prompt
 from pa_console.llm.roles.compact_prompt import (
     compact_fixed,
@@ -30,7 +31,6 @@ from pa_console.llm.roles.prompts import (
     outcome_prompt,
     planner_prompt,
 )
-from pa_console.orders.clause_grammar import ASKED_ONCE, grounded_asked, grounded_reason
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events.event import Role
 from pa_console.schema.rule import Rule

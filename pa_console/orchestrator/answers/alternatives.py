@@ -4,6 +4,7 @@ from collections.abc import AsyncGenerator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from pa_console.language.plain_words import plain_reading
 from pa_console.orchestrator.answers.planned import asked_of, attempt_of
 from pa_console.orchestrator.answers.why_plan import rehearsed_in_words
 from pa_console.orchestrator.planning.reading_rehearsal import (
@@ -11,7 +12,6 @@ from pa_console.orchestrator.planning.reading_rehearsal import (
     rehearse_reading,
 )
 from pa_console.orchestrator.planning.safeguards import CheckBasis
-from pa_console.orders.plain_words import plain_reading
 from pa_console.schema.events.questions import AnswerLine
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import RehearsedReading

@@ -7,6 +7,7 @@ goes through. No model is asked, nothing is decided, and no command is given.
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from pa_console.language.questions.question import Question
 from pa_console.orchestrator.answers.alternatives import Alternative, find_alternatives
 from pa_console.orchestrator.answers.gate_cover import gate_lines
 from pa_console.orchestrator.answers.planned import attempt_of
@@ -14,7 +15,6 @@ from pa_console.orchestrator.answers.why_asset import asset_lines, not_in_plan
 from pa_console.orchestrator.answers.why_not import why_not_lines
 from pa_console.orchestrator.answers.why_plan import checked_lines, end_lines, plan_lines
 from pa_console.orchestrator.planning.safeguards import CheckBasis
-from pa_console.orders.questions.question import Question
 from pa_console.schema.events.questions import AnswerLine, QuestionAnswered
 from pa_console.session.state.fold import SessionState
 from pa_console.session.state.mission_trace import Attempt, MissionTrace

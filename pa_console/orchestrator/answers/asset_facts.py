@@ -6,7 +6,7 @@ They use the same measure as the planner's list of free assets.
 import math
 from collections.abc import Iterator
 
-from pa_console.orders.picture_facts import is_free, sole_covers
+from pa_console.language.picture_facts import is_free, sole_covers
 from pa_console.policy.checks.check_context import goes_to
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.plan import Action

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from pa_console.orders.reading import asked_words, read_asked
+from pa_console.language.reading import asked_words, read_asked
 from pa_console.schema.plan import Action
 from pa_console.schema.world import AssetKind, World
 from pa_console.session.state.mission_trace import Attempt, MissionTrace, chosen_attempt, rounds

@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 
+from pa_console.language.questions.question import Question
+from pa_console.language.questions.question_grammar import read_question
+from pa_console.language.references.scene import Scene
 from pa_console.orchestrator.intake.spelling_correction import read_words
-from pa_console.orders.questions.question import Question
-from pa_console.orders.questions.question_grammar import read_question
-from pa_console.orders.references.scene import Scene
 from pa_console.policy.checks.plain_text import compatible_form
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.mission import MAX_MISSION_TEXT

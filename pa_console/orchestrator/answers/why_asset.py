@@ -6,6 +6,7 @@ asset was free, that the record does not say why it was not taken.
 
 from collections.abc import Iterator, Sequence
 
+from pa_console.language.world_names import named
 from pa_console.orchestrator.answers.asset_facts import (
     against,
     distance_m,
@@ -15,7 +16,6 @@ from pa_console.orchestrator.answers.asset_facts import (
     who_is_able,
 )
 from pa_console.orchestrator.answers.planned import actions_of, asked_of, kind_asked_for
-from pa_console.orders.world_names import named
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.events.questions import AnswerLine
 from pa_console.schema.plan import Action

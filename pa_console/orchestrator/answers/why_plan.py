@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
+from pa_console.language.plain_words import plain_reading
 from pa_console.orchestrator.answers.planned import asked_of, attempt_of
 from pa_console.orchestrator.answers.why_asset import asset_lines
-from pa_console.orders.plain_words import plain_reading
 from pa_console.schema.events.questions import AnswerLine
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.text.quantities import count, few

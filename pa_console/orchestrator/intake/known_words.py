@@ -11,7 +11,7 @@ from rapidfuzz import fuzz, process
 from rapidfuzz.distance import OSA
 from spellchecker import SpellChecker
 
-from pa_console.orders.world_names import KIND_WORDS, NEARLY, WORD
+from pa_console.language.world_names import KIND_WORDS, NEARLY, WORD
 from pa_console.policy.retrieval.related_words import default_vocabulary
 from pa_console.policy.rulebook import Rulebook
 from pa_console.resources import data_folder

@@ -9,10 +9,10 @@ import json
 import re
 from typing import NamedTuple
 
+from pa_console.language.mentions import find_mentions, speaks_of_site
+from pa_console.language.name_linking import link_names
+from pa_console.language.verb_lexicon import find_verbs
 from pa_console.orchestrator.intake.known_words import SHORT, english, name_words, rule_words
-from pa_console.orders.mentions import find_mentions, speaks_of_site
-from pa_console.orders.name_linking import link_names
-from pa_console.orders.verb_lexicon import find_verbs
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.world import World
 

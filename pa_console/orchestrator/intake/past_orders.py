@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from pa_console.orders.references.scene import Move, PastMission, Scene, after
+from pa_console.language.references.scene import Move, PastMission, Scene, after
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture

@@ -21,13 +21,13 @@ from pa_console.fleets.bus.told import Told
 from pa_console.fleets.station_authority import approval_of
 from pa_console.fleets.vda5050.session_messages import Countersignature, StopAsked
 from pa_console.fleets.vda5050.vehicle import EXPIRY_S
+from pa_console.language.questions.question import Question
 from pa_console.orchestrator.answers.alternatives import Alternative
 from pa_console.orchestrator.execution.stop_confirmation import CONFIRM_S
 from pa_console.orchestrator.joined.shared_log import LOOK_S, SharedLog
 from pa_console.orchestrator.joined.site_copy import SiteCopy
 from pa_console.orchestrator.planning.approval import inadmissible
 from pa_console.orchestrator.station.left_missions import LeftMissions
-from pa_console.orders.questions.question import Question
 from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident

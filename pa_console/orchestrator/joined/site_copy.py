@@ -7,6 +7,8 @@ over the last picture that has come; where this copy does not fit the session, t
 from collections.abc import AsyncGenerator, Callable
 
 from pa_console.fleets.shown_picture import ShownPicture
+from pa_console.language.questions.question import Question
+from pa_console.language.references.scene import Scene
 from pa_console.orchestrator.answers.alternatives import Alternative
 from pa_console.orchestrator.answers.answering import Answer, answer
 from pa_console.orchestrator.answers.question_reading import question_in
@@ -15,8 +17,6 @@ from pa_console.orchestrator.planning.reading_rehearsal import (
     rehearse_reading,
 )
 from pa_console.orchestrator.station.session_site import has_rules_of
-from pa_console.orders.questions.question import Question
-from pa_console.orders.references.scene import Scene
 from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.policy.trust.core_rules import with_core

@@ -8,6 +8,8 @@ import asyncio
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
+from pa_console.language.references.resolution import chosen, names_something
+from pa_console.language.references.scene import Move
 from pa_console.orchestrator.execution.execution import Executed, Execution
 from pa_console.orchestrator.execution.step_feed import StepFeed
 from pa_console.orchestrator.intake.past_orders import ordered_by
@@ -46,8 +48,6 @@ from pa_console.orchestrator.planning.understanding import (
     retrieve,
     understand,
 )
-from pa_console.orders.references.resolution import chosen, names_something
-from pa_console.orders.references.scene import Move
 from pa_console.policy.ordering.moments import moment
 from pa_console.policy.ordering.monitor import Monitor, halts
 from pa_console.schema.alarm import Alarm

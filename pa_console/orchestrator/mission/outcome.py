@@ -3,9 +3,9 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+from pa_console.language.reading import read_reason
 from pa_console.orchestrator.mission.workflow_progress import WorkflowProgress
 from pa_console.orchestrator.tasking.fulfilment import is_to_be_warned
-from pa_console.orders.reading import read_reason
 from pa_console.policy.ordering.monitor import Monitor
 from pa_console.schema.alarm import Alarm
 from pa_console.schema.mission import Mission, MissionStatus, Verification

@@ -7,6 +7,10 @@ from time import perf_counter
 from typing import Self
 
 from pa_console.fleets.fleet import Fleet
+from pa_console.language.references.outcome import Unclear
+from pa_console.language.references.resolution import Answers, Resolved, resolve
+from pa_console.language.references.scene import Scene
+from pa_console.language.standing.order_words import ReadStanding, read_standing
 from pa_console.llm.engine import Engine
 from pa_console.llm.roles.clause_reader import ClauseReader
 from pa_console.llm.roles.dialect import DIALECTS, Dialect, dialect_in
@@ -20,10 +24,6 @@ from pa_console.orchestrator.intake.past_orders import PastOrders
 from pa_console.orchestrator.intake.spelling_correction import read_words
 from pa_console.orchestrator.intake.standing_orders import StandingOrders
 from pa_console.orchestrator.station.journal import Journal
-from pa_console.orders.references.outcome import Unclear
-from pa_console.orders.references.resolution import Answers, Resolved, resolve
-from pa_console.orders.references.scene import Scene
-from pa_console.orders.standing.order_words import ReadStanding, read_standing
 from pa_console.policy.checks.sightings import Sightings
 from pa_console.policy.ordering.monitor import Monitor
 from pa_console.policy.retrieval.retriever import DEFAULT_METHOD, Retriever

@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from pa_console.language.mention_check import NOTHING_SAID, MentionCheck
+from pa_console.language.order import Reading
+from pa_console.language.reading import read_asked, read_reason
 from pa_console.llm.roles.grammar import PLANNED
 from pa_console.orchestrator.planning.plan_moves import PlanMoves
 from pa_console.orchestrator.planning.safeguards import Examination
 from pa_console.orchestrator.tasking.fulfilment import gaps
 from pa_console.orchestrator.tasking.obstacles import unmet_asks
-from pa_console.orders.mention_check import NOTHING_SAID, MentionCheck
-from pa_console.orders.order import Reading
-from pa_console.orders.reading import read_asked, read_reason
 from pa_console.schema.finding import Verdict
 from pa_console.schema.world import World
 from pa_console.session.confidence import Evidence, SecondAnswer, calibrated_confidence

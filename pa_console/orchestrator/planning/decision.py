@@ -9,6 +9,10 @@ from dataclasses import dataclass
 from itertools import islice
 
 from pa_console.fleets.fleet import Countersigned
+from pa_console.language.distinct_readings import distinct
+from pa_console.language.mention_check import check_mentions
+from pa_console.language.order import Task
+from pa_console.language.reading import asked_words, read_asked
 from pa_console.llm.roles.grammar import PLANNED
 from pa_console.orchestrator.execution.premises import way_to_safety
 from pa_console.orchestrator.mission.services import MissionContext
@@ -23,10 +27,6 @@ from pa_console.orchestrator.planning.planning import Planned
 from pa_console.orchestrator.planning.proposal import other_readings
 from pa_console.orchestrator.planning.standing_approval import unasked_decision
 from pa_console.orchestrator.planning.understanding import NotUnderstood, StandingOffer
-from pa_console.orders.distinct_readings import distinct
-from pa_console.orders.mention_check import check_mentions
-from pa_console.orders.order import Task
-from pa_console.orders.reading import asked_words, read_asked
 from pa_console.schema.events import event as ev
 from pa_console.schema.events.event import MOST_READINGS
 from pa_console.schema.mission import ELSEWHERE, Decision, MissionStatus

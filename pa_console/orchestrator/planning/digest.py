@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
+from pa_console.language.picture_facts import is_free, sole_covers
 from pa_console.orchestrator.intake.alarm_causes import silence
-from pa_console.orders.picture_facts import is_free, sole_covers
 from pa_console.schema.telemetry import AssetTelemetry, Digest, Picture, Selection, Track
 from pa_console.schema.world import KINDS, World
 

@@ -11,6 +11,9 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import NamedTuple
 
+from pa_console.language.canonical_words import planned
+from pa_console.language.clause_grammar import MOST_PLANNED, WORD, exactly
+from pa_console.language.reading import read_asked
 from pa_console.llm.roles.answer_schema import verdict_schema
 from pa_console.llm.roles.dialect import Dialect
 from pa_console.llm.roles.grammar import (
@@ -26,9 +29,6 @@ from pa_console.orchestrator.planning.candidate import Candidate
 from pa_console.orchestrator.planning.digest import digest_picture
 from pa_console.orchestrator.planning.plan_moves import PlanMoves
 from pa_console.orchestrator.tasking.fulfilment import gaps
-from pa_console.orders.canonical_words import planned
-from pa_console.orders.clause_grammar import MOST_PLANNED, WORD, exactly
-from pa_console.orders.reading import read_asked
 from pa_console.policy.checks.findings import ORDER_ID
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev

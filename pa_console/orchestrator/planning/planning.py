@@ -3,6 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from pa_console.language.mention_check import NOTHING_SAID, MentionCheck, check_mentions
+from pa_console.language.order import Reading
+from pa_console.language.reading import asked_words, read_asked, read_reason
 from pa_console.orchestrator.mission.services import MissionContext
 from pa_console.orchestrator.planning.candidate import Candidate, better, fulfilment_of
 from pa_console.orchestrator.planning.judging import PlanCase, judge_plan
@@ -18,9 +21,6 @@ from pa_console.orchestrator.planning.proposal import (
 from pa_console.orchestrator.planning.safeguards import Examination, examine
 from pa_console.orchestrator.planning.second_reader import likelier, read_again
 from pa_console.orchestrator.planning.understanding import Retrieved
-from pa_console.orders.mention_check import NOTHING_SAID, MentionCheck, check_mentions
-from pa_console.orders.order import Reading
-from pa_console.orders.reading import asked_words, read_asked, read_reason
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan

@@ -7,6 +7,9 @@ from itertools import islice
 from time import perf_counter
 from typing import Literal
 
+from pa_console.language.clause_grammar import asked_now, grounded_reason
+from pa_console.language.exclusions import excluded_names
+from pa_console.language.reading import asked_words, read_asked
 from pa_console.llm.backend import OnText
 from pa_console.llm.roles.answer_schema import Schema, plan_schema, slot_schema
 from pa_console.llm.roles.clause_reader import ReadingQuestion
@@ -26,9 +29,6 @@ from pa_console.orchestrator.planning.picture_selection import select
 from pa_console.orchestrator.planning.understanding import Retrieved
 from pa_console.orchestrator.tasking.command_choices import commands_serving
 from pa_console.orchestrator.tasking.served_plans import served_plan, still
-from pa_console.orders.clause_grammar import asked_now, grounded_reason
-from pa_console.orders.exclusions import excluded_names
-from pa_console.orders.reading import asked_words, read_asked
 from pa_console.schema.command import Verb
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Usage

@@ -8,10 +8,10 @@ import asyncio
 from collections.abc import AsyncGenerator, Iterator, Sequence
 from itertools import islice, product
 
+from pa_console.language.reading import read_asked
 from pa_console.llm.roles.grammar import CommandSlot
 from pa_console.orchestrator.planning.safeguards import CheckBasis, examine
 from pa_console.orchestrator.tasking.command_choices import commands_serving
-from pa_console.orders.reading import read_asked
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import RehearsedReading

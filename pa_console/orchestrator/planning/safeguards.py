@@ -10,8 +10,8 @@ from typing import Protocol
 from shapely import Point, Polygon
 
 from pa_console.fleets.fleet import Outlook
+from pa_console.language.exclusions import excluded_names
 from pa_console.orchestrator.planning.rehearsal import order_moments, rehearse
-from pa_console.orders.exclusions import excluded_names
 from pa_console.policy.checks.check_context import goes_to
 from pa_console.policy.checks.findings import ORDER_ID, problems
 from pa_console.policy.checks.rule_checks import prepare_checks

@@ -10,13 +10,13 @@ doubt less and decides nothing.
 import asyncio
 from dataclasses import replace
 
+from pa_console.language.distinct_readings import agree
+from pa_console.language.reading import asked_words
 from pa_console.llm.roles.clause_reader import ClauseReader, ask_what_is_asked
 from pa_console.llm.roles.judge import Judge, OrderRead
 from pa_console.orchestrator.mission.services import MissionContext
 from pa_console.orchestrator.planning.candidate import Candidate, ReadAgain
 from pa_console.orchestrator.planning.judging import PlanCase, ask_about_plan
-from pa_console.orders.distinct_readings import agree
-from pa_console.orders.reading import asked_words
 from pa_console.schema.events import event as ev
 
 DOUBT = 0.8

@@ -4,11 +4,11 @@ import asyncio
 from dataclasses import dataclass, replace
 from time import perf_counter
 
+from pa_console.language.contradiction import contradiction
+from pa_console.language.references.outcome import Unclear
+from pa_console.language.references.resolution import Answers
 from pa_console.orchestrator.intake.standing_orders import example_subject, starts_now
 from pa_console.orchestrator.mission.services import MissionContext
-from pa_console.orders.contradiction import contradiction
-from pa_console.orders.references.outcome import Unclear
-from pa_console.orders.references.resolution import Answers
 from pa_console.policy.checks.rule_checks import check_mission
 from pa_console.policy.standing_conditions import StandingCondition
 from pa_console.schema.command import Verb

@@ -7,6 +7,7 @@ from functools import partial
 
 from pa_console import __version__
 from pa_console.fleets.fleet import Countersigned, Simulated
+from pa_console.language.questions.question import Question
 from pa_console.orchestrator.answers.alternatives import Alternative
 from pa_console.orchestrator.answers.answering import answer
 from pa_console.orchestrator.answers.question_reading import IS_QUESTION, question_in
@@ -29,7 +30,6 @@ from pa_console.orchestrator.station.outside_reports import Outside, pass_on
 from pa_console.orchestrator.station.resumed_session import ResumedSession
 from pa_console.orchestrator.station.rules_in_force import RulesReload, RulesWatch
 from pa_console.orchestrator.station.ticking import Clock, Ticking
-from pa_console.orders.questions.question import Question
 from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev

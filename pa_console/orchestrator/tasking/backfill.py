@@ -5,10 +5,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from pa_console.language.order import Ask
 from pa_console.llm.roles.grammar import CommandSlot
 from pa_console.orchestrator.planning.plan_moves import PlanMoves
 from pa_console.orchestrator.tasking.obstacles import unfit
-from pa_console.orders.order import Ask
 from pa_console.schema.world import AssetKind
 
 

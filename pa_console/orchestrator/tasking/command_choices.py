@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations, islice
 
+from pa_console.language.order import Ask, Reading, Task
 from pa_console.llm.roles.grammar import CommandSlot
 from pa_console.orchestrator.tasking.backfill import (
     CommandUnit,
@@ -23,7 +24,6 @@ from pa_console.orchestrator.tasking.backfill import (
 )
 from pa_console.orchestrator.tasking.fulfilment import is_to_be_warned, of_everyone, reporters
 from pa_console.orchestrator.tasking.obstacles import is_of, obstacle_to, unfit
-from pa_console.orders.order import Ask, Reading, Task
 from pa_console.policy.checks.check_context import goes_to
 from pa_console.schema.plan import MAX_ACTIONS, Action, Plan
 from pa_console.schema.telemetry import Picture, Track

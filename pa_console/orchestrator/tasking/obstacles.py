@@ -8,15 +8,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from pa_console.orchestrator.planning.plan_moves import PlanMoves
-from pa_console.orders.feasibility import (
+from pa_console.language.feasibility import (
     VERB_FOR,
     Obstacle,
     asset_obstacles,
     can_do,
     obstacle,
 )
-from pa_console.orders.order import Ask, Reading, Task
+from pa_console.language.order import Ask, Reading, Task
+from pa_console.orchestrator.planning.plan_moves import PlanMoves
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import PLAIN_KINDS, AssetKind, World

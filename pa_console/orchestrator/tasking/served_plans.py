@@ -5,8 +5,8 @@ The commands are those of `command_choices.py`; each goes to its first candidate
 
 from collections.abc import Sequence
 
+from pa_console.language.digest_facts import asset_state
 from pa_console.llm.roles.grammar import CommandSlot
-from pa_console.orders.digest_facts import asset_state
 from pa_console.schema.plan import MAX_REASON, Action, Plan
 from pa_console.schema.telemetry import Digest, Picture
 

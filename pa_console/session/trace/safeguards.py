@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from pa_console.orders.plain_words import plain_reading
+from pa_console.language.plain_words import plain_reading
 from pa_console.schema.events.event import ApprovalRequested, OrderReadAgain
 from pa_console.schema.finding import Finding, Verdict
 from pa_console.schema.rehearsal import (

@@ -7,7 +7,7 @@ from typing import Protocol
 from textual.binding import Binding, InvalidBinding
 from textual.keys import REPLACED_KEYS, Keys, key_to_character
 
-from pa_console.orders.references.resolution import MOST_CHOICES
+from pa_console.language.references.resolution import MOST_CHOICES
 from pa_console.schema.events.event import MOST_READINGS
 from pa_console.tui.actions.registry import ACTIONS, ConsoleAction, action_of, key_text
 

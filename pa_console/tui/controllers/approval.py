@@ -2,11 +2,11 @@
 
 from textual.screen import Screen
 
+from pa_console.language.plain_words import plain_reading
+from pa_console.language.questions.question import Question
 from pa_console.orchestrator.answers.alternatives import Alternative
 from pa_console.orchestrator.answers.answering import NO_OTHER
 from pa_console.orchestrator.answers.planned import attempt_of
-from pa_console.orders.plain_words import plain_reading
-from pa_console.orders.questions.question import Question
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan

@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from pa_console.language.plain_words import plain_reading
+from pa_console.language.reading import asked_words
 from pa_console.orchestrator.answers.alternatives import order_for
-from pa_console.orders.plain_words import plain_reading
-from pa_console.orders.reading import asked_words
 from pa_console.schema.mission import Decision
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World

@@ -2,8 +2,8 @@
 
 import pytest
 
+from pa_console.language.reading import read_asked, read_reason
 from pa_console.llm.models.catalogue import LocalModel
-from pa_console.orders.reading import read_asked, read_reason
 from pa_training.adapters.material import Tokeniser
 from pa_training.samples.sample import Sample
 from pa_training.samples.selection import judge_readings, reading_of, readings

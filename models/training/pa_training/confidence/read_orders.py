@@ -14,6 +14,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pa_console.fleets.simulated import SimulatedFleet
+from pa_console.language.canonical_words import canonical_meaning
+from pa_console.language.clause_grammar import grounded_reason
+from pa_console.language.clauses import ASKED
+from pa_console.language.distinct_readings import agree
+from pa_console.language.mention_check import check_mentions
+from pa_console.language.order import Order
+from pa_console.language.reading import asked_words, read_asked, read_reason
 from pa_console.llm.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.llm.roles.grammar import slot_grammar
@@ -26,13 +33,6 @@ from pa_console.orchestrator.planning.second_reader import DOUBT, LEAST
 from pa_console.orchestrator.planning.understanding import Retrieved
 from pa_console.orchestrator.tasking.command_choices import commands_serving
 from pa_console.orchestrator.tasking.obstacles import unmet_asks
-from pa_console.orders.canonical_words import canonical_meaning
-from pa_console.orders.clause_grammar import grounded_reason
-from pa_console.orders.clauses import ASKED
-from pa_console.orders.distinct_readings import agree
-from pa_console.orders.mention_check import check_mentions
-from pa_console.orders.order import Order
-from pa_console.orders.reading import asked_words, read_asked, read_reason
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import find_data
 from pa_console.schema.base import StrictModel

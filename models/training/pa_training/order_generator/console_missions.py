@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from functools import cache
 
+from pa_console.language.feasibility import KIND_FOR
+from pa_console.language.order import Ask, Order, Task, Who
 from pa_console.orchestrator.intake.alarm_causes import Cause, causes
-from pa_console.orders.feasibility import KIND_FOR
-from pa_console.orders.order import Ask, Order, Task, Who
 from pa_console.policy.ordering.moments import moment
 from pa_console.policy.ordering.workflow import WorkflowRun
 from pa_console.policy.rulebook import Rulebook, load_rules

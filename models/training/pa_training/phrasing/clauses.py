@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from pa_console.orders.condition import Condition
-from pa_console.orders.order import Ask, Who
+from pa_console.language.condition import Condition
+from pa_console.language.order import Ask, Who
 from pa_console.schema.world import AssetKind
 from pa_training.phrasing.names import Form, number_word
 from pa_training.phrasing.phrase_bank import KEYS

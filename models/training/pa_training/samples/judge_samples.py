@@ -6,13 +6,13 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
+from pa_console.language.canonical_words import canonical_order
 from pa_console.llm.roles.compact_prompt import compact_judge_prompt, picture_prefix
 from pa_console.llm.roles.grammar import MOST_VIOLATED, PLANNED
 from pa_console.llm.roles.prompts import Prompt
 from pa_console.orchestrator.planning.judging import compare_with_order, judged_rules
 from pa_console.orchestrator.planning.plan_moves import PlanMoves
 from pa_console.orchestrator.planning.safeguards import Examination
-from pa_console.orders.canonical_words import canonical_order
 from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.evaluation import MissionCase

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from pa_console.language.order import Order
 from pa_console.llm.roles.compact_prompt import compact_planner_prompt, picture_prefix
 from pa_console.llm.roles.prompts import Prompt
-from pa_console.orders.order import Order
 from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.command import Verb

@@ -17,11 +17,11 @@ from typing import NamedTuple
 
 from pydantic import Field
 
+from pa_console.language.canonical_words import canonical_order
+from pa_console.language.order import Ask, Order, Task
+from pa_console.language.picture_facts import due_asks
 from pa_console.llm.roles.grammar import REASON_CHARS
 from pa_console.orchestrator.execution.premises import ENCOUNTERS
-from pa_console.orders.canonical_words import canonical_order
-from pa_console.orders.order import Ask, Order, Task
-from pa_console.orders.picture_facts import due_asks
 from pa_console.schema.base import Positive, StrictModel
 from pa_console.schema.command import Verb
 from pa_console.schema.evaluation import Expectation

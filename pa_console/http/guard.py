@@ -1,0 +1,134 @@
+"""The outermost guard of every request: from this machine, to its own name, not too large.
+
+An error inside becomes a problem without a traceback.
+"""
+
+import asyncio
+from collections.abc import Callable
+from ipaddress import ip_address
+
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from pa_console.http.connections import Listening
+from pa_console.http.problems import ProblemError, internal_error
+
+CONNECTION = "pa_console.connection"
+"""The key of a request's `Connection` in its scope."""
+MOST_BYTES = 65_536
+"""The longest body of a request."""
+BODY_S = 10.0
+"""A body has to be here within this time."""
+NAMES = ("127.0.0.1", "localhost", "[::1]")
+HEADERS = (
+    (b"cache-control", b"no-store"),
+    (b"x-content-type-options", b"nosniff"),
+    (b"referrer-policy", b"same-origin"),
+    (b"x-frame-options", b"DENY"),
+    (
+        b"content-security-policy",
+        b"default-src 'self'; img-src 'self' data:; style-src 'self' 'unsafe-inline'; "
+        b"script-src 'self' 'unsafe-inline'; frame-ancestors 'none'; form-action 'self'",
+    ),
+)
+
+
+class Guard:
+    """Lets requests to `app` pass that come from loopback, for one of this machine's names.
+
+    The names are those at the port that is listened at: a page of another site whose name leads
+    here is refused, and so is what a browser sends for a page of another site. `failed` is told of
+    a defect.
+    """
+
+    def __init__(
+        self, app: ASGIApp, listening: Listening, failed: Callable[[Exception], None]
+    ) -> None:
+        self._app, self._listening, self._failed = app, listening, failed
+        port: int = listening.getsockname()[1]
+        self._hosts = {f"{name}:{port}" for name in NAMES}
+        self._origins = {f"http://{host}" for host in self._hosts}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request."""
+        if scope["type"] == "lifespan":
+            await self._app(scope, receive, send)
+            return
+        if scope["type"] != "http":
+            return
+        answer = _Answer(send)
+        with self._listening.request(scope["client"]) as scope[CONNECTION]:
+            try:
+                self._admit(scope)
+                await self._app(scope, _Body(scope, receive), answer)
+            except ProblemError as problem:
+                await self._tell(problem, scope, receive, answer)
+            except Exception as error:
+                self._failed(error)
+                await self._tell(internal_error(), scope, receive, answer)
+
+    def _admit(self, scope: Scope) -> None:
+        client = scope.get("client")
+        if client is None or not ip_address(client[0]).is_loopback:
+            raise ProblemError(403, "not-from-here", "only this machine is let in",
+                               remedy="use an SSH tunnel: ssh -L")  # fmt: skip
+        headers = scope["headers"]
+        hosts = [value.decode("latin-1").lower() for name, value in headers if name == b"host"]
+        if len(hosts) != 1 or hosts[0] not in self._hosts:
+            raise ProblemError(421, "wrong-host", "the request is for another name", field="Host",
+                               remedy=f"ask {min(self._hosts)}")  # fmt: skip
+        origins = [value.decode("latin-1").lower() for name, value in headers if name == b"origin"]
+        if any(origin not in self._origins for origin in origins):
+            raise ProblemError(403, "wrong-origin", "a page of another site may ask nothing",
+                               field="Origin")  # fmt: skip
+
+    async def _tell(
+        self, problem: ProblemError, scope: Scope, receive: Receive, answer: "_Answer"
+    ) -> None:
+        if not answer.begun:
+            await problem.response()(scope, receive, answer)
+
+
+class _Answer:
+    """Sends an answer with the headers that every one has."""
+
+    def __init__(self, send: Send) -> None:
+        self._send, self.begun = send, False
+
+    async def __call__(self, message: Message) -> None:
+        if message["type"] == "http.response.start":
+            self.begun = True
+            own = {name for name, _ in message["headers"]}
+            more = [header for header in HEADERS if header[0] not in own]
+            message = {**message, "headers": [*message["headers"], *more]}
+        await self._send(message)
+
+
+class _Body:
+    """Receives a body that is neither too long nor too slow."""
+
+    def __init__(self, scope: Scope, receive: Receive) -> None:
+        self._receive, self._left, self._whole = receive, MOST_BYTES, False
+        for name, value in scope["headers"]:
+            if name == b"content-length" and (not value.isdigit() or int(value) > MOST_BYTES):
+                raise _too_large()
+        self._until = asyncio.get_running_loop().time() + BODY_S
+
+    async def __call__(self) -> Message:
+        if self._whole:
+            return await self._receive()
+        try:
+            async with asyncio.timeout_at(self._until):
+                message = await self._receive()
+        except TimeoutError as error:
+            raise ProblemError(408, "too-slow", f"no whole body within {BODY_S:g} s") from error
+        if message["type"] == "http.request":
+            self._left -= len(message.get("body", b""))
+            self._whole = not message.get("more_body", False)
+            if self._left < 0:
+                raise _too_large()
+        return message
+
+
+def _too_large() -> ProblemError:
+    return ProblemError(413, "too-large", f"a body has at most {MOST_BYTES} bytes",
+                        field="body", remedy="send less")  # fmt: skip

@@ -1,0 +1,424 @@
+"""The interface itself: every path, who may use it, and what it answers."""
+
+import json
+from collections.abc import AsyncGenerator, Callable
+from contextlib import aclosing
+from dataclasses import dataclass
+from typing import Annotated, Any, cast
+
+from fastapi import Depends, FastAPI, Header, Path, Query, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse, StreamingResponse
+from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
+from fastapi_offline import FastAPIOffline
+from starlette.exceptions import HTTPException
+
+from pa_console import __version__
+from pa_console.fleets.authorization import RefusedError, Role
+from pa_console.http import views
+from pa_console.http.event_feed import Numbered
+from pa_console.http.guard import CONNECTION
+from pa_console.http.problems import ProblemDetails, ProblemError, internal_error
+from pa_console.http.rates import Rate
+from pa_console.http.served_session import ServedSession
+from pa_console.http.tokens import Bearer, TokenBook
+from pa_console.schema.events import event as ev
+
+READS, WRITES, ASKS, WRONG = (50.0, 200), (5.0, 20), (2.0, 10), (2.0, 20)
+"""Requests a second and at once: reads, writes and questions of each person, wrong tokens of
+everybody. A question may take rehearsals."""
+MOST_READERS = 8
+"""The number of event streams that one person may have open."""
+ABOUT = """\
+The running session of PA Console, for programs of this machine.
+
+Every call needs a bearer token. An observer reads and asks; an operator also gives missions,
+decides, stops.
+What is given here goes through the same checks, the same gate and the same signed log as in the
+console. Nothing is ever approved by itself: a decision names the plan that was shown, and is made
+in the name of the person whose token it is. Errors are problem details (RFC 9457).
+"""
+_bearer = HTTPBearer(auto_error=False, description="made by pa-console serve --make-token ROLE")
+_PROBLEMS: dict[int | str, dict[str, Any]] = {
+    code: {"model": ProblemDetails, "description": about}
+    for code, about in {
+        401: "no token, or one that is not known",
+        403: "the person may not do this",
+        409: "not in the state in which the session is",
+        422: "a field is not what it should be",
+        429: "too often",
+    }.items()
+}
+
+
+Given = Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)]
+
+
+class _Doors:
+    """Lets people in by their tokens, as often as they may come."""
+
+    def __init__(self, tokens: TokenBook) -> None:
+        self._tokens = tokens
+        self._reads, self._writes, self._asks = Rate(*READS), Rate(*WRITES), Rate(*ASKS)
+        self._wrong = Rate(*WRONG)
+
+    def observer(self, given: Given) -> Bearer:
+        """Admit a reader, within the rate limit."""
+        return self._count(self._reads, self._enter(given, "observer"))
+
+    def asker(self, given: Given) -> Bearer:
+        """Admit a reader with a question, within the rate limit."""
+        return self._count(self._asks, self._enter(given, "observer"))
+
+    def lets_read(self, given: Given) -> bool:
+        """Return whether a reader's token is still valid."""
+        try:
+            return self._enter(given, "observer").may("observer")
+        except ProblemError:
+            return False
+
+    def operator(self, given: Given) -> Bearer:
+        """Admit an operator, within the rate limit."""
+        return self._count(self._writes, self._enter(given, "operator"))
+
+    def stopper(self, given: Given) -> Bearer:
+        """Admit a person who may stop everything, without a rate limit."""
+        return self._enter(given, "operator")
+
+    def _enter(self, given: HTTPAuthorizationCredentials | None, role: Role) -> Bearer:
+        """Return whose token is `given`; raises ProblemError for one who may not do so much."""
+        bearer = self._known(given)
+        if not bearer.may(role):
+            raise ProblemError(
+                403, "role-too-low", f"{bearer.person} is {bearer.role}; this needs {role}",
+                remedy="use a token of that role",
+            )  # fmt: skip
+        return bearer
+
+    def _known(self, given: HTTPAuthorizationCredentials | None) -> Bearer:
+        bearer = None
+        try:
+            if given is not None:
+                bearer = self._tokens.find(given.credentials)
+        except RefusedError as error:
+            raise ProblemError(403, "not-in-the-roster", str(error)) from error
+        except (ValueError, OSError) as error:
+            raise ProblemError(401, "no-tokens", str(error)) from error
+        if bearer is None:
+            self._count(self._wrong, Bearer("", "observer"))
+            raise ProblemError(
+                401, "no-token", "this needs a token of this session", field="Authorization",
+                remedy="Authorization: Bearer TOKEN; pa-console serve --make-token ROLE makes one",
+            )  # fmt: skip
+        return bearer
+
+    def _count(self, rate: Rate, bearer: Bearer) -> Bearer:
+        if after_s := rate.take(bearer.person):
+            raise ProblemError(429, "too-often", "there were too many requests",
+                               remedy=f"wait {after_s} s", after_s=after_s)  # fmt: skip
+        return bearer
+
+
+def _observer(request: Request, given: Given) -> Bearer:
+    return _through(request, _doors(request).observer(given))
+
+
+def _asker(request: Request, given: Given) -> Bearer:
+    return _through(request, _doors(request).asker(given))
+
+
+def _operator(request: Request, given: Given) -> Bearer:
+    return _through(request, _doors(request).operator(given))
+
+
+def _stopper(request: Request, given: Given) -> Bearer:
+    return _through(request, _doors(request).stopper(given))
+
+
+def _through(request: Request, bearer: Bearer) -> Bearer:
+    """Return who was let in, and note that on the connection, which the guard has found."""
+    if CONNECTION in request.scope:
+        request.scope[CONNECTION].let_in(commands=bearer.may("operator"))
+    return bearer
+
+
+def _doors(request: Request) -> _Doors:
+    return cast(_Doors, request.app.state.doors)
+
+
+Watching = Annotated[Bearer, Depends(_observer)]
+Asking = Annotated[Bearer, Depends(_asker)]
+Commanding = Annotated[Bearer, Depends(_operator)]
+Stopping = Annotated[Bearer, Depends(_stopper)]
+"""The sender of a request, checked for the right to read, to ask, to command, or to stop
+everything."""
+
+
+def make_app(
+    session: ServedSession, tokens: TokenBook, failed: Callable[[Exception], None]
+) -> FastAPI:
+    """Return the interface to `session` for the holders of `tokens`.
+
+    `failed` is called with a defect. The guard has to stand before it.
+    """
+    app = FastAPIOffline(
+        title="PA Console",
+        version=__version__,
+        description=ABOUT,
+        redoc_url=None,
+        responses=_PROBLEMS,
+        swagger_ui_parameters={"tryItOutEnabled": True},
+    )
+    app.state.doors = _Doors(tokens)
+    _add_reads(app, session)
+    _add_events(app, session)
+    _add_questions(app, session)
+    _add_commands(app, session)
+    _add_problems(app, failed)
+    return app
+
+
+def _add_reads(app: FastAPI, session: ServedSession) -> None:
+    """Add what an observer may read."""
+
+    @app.get("/v1/whoami", tags=["session"])
+    async def whoami(who: Watching) -> views.WhoView:
+        """Return the owner of the token."""
+        return views.WhoView(person=who.person, role=who.role)
+
+    @app.get("/v1/state", tags=["session"])
+    async def state(_: Watching) -> views.StateView:
+        """Return the session as it stands: picture, alarms, queue, stop, what waits."""
+        return views.state_view(session.state, session.feed.number)
+
+    @app.get("/v1/rules", tags=["session"])
+    async def rules(_: Watching) -> views.RulesView:
+        """Return the rules in force."""
+        book = session.station.rulebook
+        return views.RulesView(name=book.name, sha256=book.sha256, seal=book.seal, rules=book.rules)
+
+    @app.get("/v1/missions", tags=["missions"])
+    async def missions(_: Watching) -> list[views.MissionView]:
+        """List the missions of the session, oldest first."""
+        return [views.mission_view(trace) for trace in session.state.missions.values()]
+
+    @app.get("/v1/missions/{id}", tags=["missions"], responses={404: {"model": ProblemDetails}})
+    async def mission(_: Watching, name: Annotated[str, Path(alias="id")]) -> views.MissionDetail:
+        """Return a mission with every plan that was made for it, and the findings on each."""
+        return views.mission_detail(session.mission(name))
+
+    @app.get("/v1/plans", tags=["plans"])
+    async def plans(_: Watching) -> list[views.PlanView]:
+        """Return the plan that waits for a decision, with its SHA-256; none where none waits."""
+        waiting = session.waiting
+        return [views.plan_view(*waiting)] if waiting is not None else []
+
+    @app.get("/v1/plans/{request_id}/approval", tags=["plans"])
+    async def approval(
+        who: Watching,
+        request_id: Annotated[str, Path()],
+        person: Annotated[
+            str | None, Query(description="who is to sign; by default whose token it is")
+        ] = None,
+    ) -> views.ToSignView:
+        """Return exactly what a second person signs, where the rules ask two people for the plan.
+
+        `to_sign` are the bytes; `pa-console keys sign` signs them on the person's own machine, and
+        so does any program that has Ed25519.
+        """
+        return session.to_sign(request_id, person or who.person)
+
+
+def _add_events(app: FastAPI, session: ServedSession) -> None:
+    """Add the stream of events."""
+    readers: dict[str, int] = {}
+
+    @app.get(
+        "/v1/events",
+        tags=["session"],
+        response_class=StreamingResponse,
+        responses={200: {"content": {"text/event-stream": {}}}},
+    )
+    async def events(
+        request: Request,
+        given: Given,
+        who: Watching,
+        kind: Annotated[
+            list[str] | None, Query(description="only these kinds, such as mission_finished")
+        ] = None,
+        last_event_id: Annotated[
+            str | None, Header(description="go on after this event: SESSION.NUMBER")
+        ] = None,
+    ) -> StreamingResponse:
+        """Stream the session's events, as its log has them, as server-sent events.
+
+        Each has an id; whoever comes back with it as `Last-Event-ID` misses nothing. Without one,
+        the stream begins with what happens next.
+        """
+        if readers.get(who.person, 0) >= MOST_READERS:
+            raise ProblemError(429, "too-many-streams", f"{MOST_READERS} streams are open already",
+                               remedy="close one", after_s=10)  # fmt: skip
+        doors, after = _doors(request), _number(session, last_event_id)
+        reader = _Reader(who.person, frozenset(kind or ()), lambda: doors.lets_read(given))
+        return StreamingResponse(
+            _stream(session, after, reader, readers), media_type="text/event-stream"
+        )
+
+
+def _add_questions(app: FastAPI, session: ServedSession) -> None:
+    """Add what an observer may ask."""
+
+    @app.post("/v1/questions", tags=["session"])
+    async def ask(_: Asking, body: views.QuestionBody) -> ev.QuestionAnswered:
+        """Answer a question such as *Why?* or *Why not Robot_T02?* from the record.
+
+        It is about the plan that waits, else about the mission that is worked on or was last. No
+        model is asked, no decision follows, and any other text is refused:
+        no mission is made of it. The answer is logged.
+        """
+        return await session.answer(body.text)
+
+
+def _add_commands(app: FastAPI, session: ServedSession) -> None:
+    """Add what an operator may do."""
+
+    @app.post("/v1/missions", tags=["missions"], status_code=201)
+    async def submit(_: Commanding, body: views.MissionBody) -> views.MissionView:
+        """Give a mission in plain language; it is queued, and its plan will wait for a decision."""
+        return views.mission_view(session.submit(body.text))
+
+    @app.post("/v1/missions/{id}/cancel", tags=["missions"], status_code=204)
+    async def cancel(_: Commanding, name: Annotated[str, Path(alias="id")]) -> None:
+        """Cancel a mission: what moves for it goes to safety; a waiting one leaves the queue."""
+        session.cancel(name)
+
+    @app.post("/v1/decisions", tags=["plans"])
+    async def decide(who: Commanding, body: views.DecisionBody) -> views.DecisionView:
+        """Decide about the plan that was shown, in the name of the token's person.
+
+        It is 409 where another plan waits by now, or this one is not what was shown.
+        """
+        return await session.decide(who, body)
+
+    @app.post("/v1/plans/{request_id}/signatures", tags=["plans"])
+    async def countersign(
+        _: Commanding, request_id: Annotated[str, Path()], body: views.SignatureBody
+    ) -> views.DecisionView:
+        """Take in what a second person has signed of the plan that waits.
+
+        It counts for the person whose key has made it, whoever brings it, once, and for this very
+        plan. It is not `accepted` while somebody's approval is lacking: `detail` says whose.
+        """
+        return await session.countersign(request_id, body)
+
+    @app.post(
+        "/v1/alarms/{id}/acknowledge",
+        tags=["alarms"],
+        status_code=204,
+        responses={404: {"model": ProblemDetails}},
+    )
+    async def acknowledge(who: Commanding, name: Annotated[str, Path(alias="id")]) -> None:
+        """Note that the token's person has seen an open alarm; it stays open until it is over."""
+        session.acknowledge(who, name)
+
+    @app.post("/v1/stop", tags=["stop"], status_code=204)
+    async def stop(who: Stopping) -> None:
+        """STOP: every asset is told to hold. It needs no body and is never too often."""
+        session.stop_all(who)
+
+    @app.post("/v1/release", tags=["stop"], status_code=204)
+    async def release(who: Commanding) -> None:
+        """Release the stop; no asset moves by that."""
+        session.release(who)
+
+
+def _add_problems(app: FastAPI, failed: Callable[[Exception], None]) -> None:
+    """Word everything that can go wrong as problem details."""
+
+    @app.exception_handler(ProblemError)
+    async def problem(_: Request, error: Exception) -> JSONResponse:
+        return cast(ProblemError, error).response()
+
+    @app.exception_handler(RequestValidationError)
+    async def invalid(_: Request, error: Exception) -> JSONResponse:
+        first = cast(RequestValidationError, error).errors()[0]
+        place = [str(part) for part in first["loc"] if part not in ("body", "query", "path")]
+        return ProblemError(
+            422, "not-valid", str(first["msg"]).removeprefix("Value error, "),
+            field=".".join(place), remedy="/docs has the fields of every request",
+        ).response()  # fmt: skip
+
+    @app.exception_handler(HTTPException)
+    async def refused(_: Request, error: Exception) -> JSONResponse:
+        cause = error.__cause__
+        if isinstance(cause, ProblemError):
+            return cause.response()
+        refused = cast(HTTPException, error)
+        if refused.status_code == 400:
+            return ProblemError(
+                422, "not-valid", "the body cannot be read", field="body",
+                remedy="send JSON in UTF-8; /docs has its fields",
+            ).response()  # fmt: skip
+        kind = {404: "no-such-path", 405: "no-such-method"}.get(refused.status_code, "refused")
+        return ProblemError(
+            refused.status_code, kind, str(refused.detail), remedy="/docs lists what there is"
+        ).response()
+
+    @app.exception_handler(Exception)
+    async def broken(_: Request, error: Exception) -> JSONResponse:
+        failed(error)
+        return internal_error().response()
+
+
+def _number(session: ServedSession, last: str | None) -> int:
+    """Return the number of the event to go on after."""
+    if last is None:
+        return session.feed.number
+    started = session.state.started
+    name, _, number = last.rpartition(".")
+    if not number.isdecimal() or len(number) > 12:
+        raise ProblemError(422, "not-valid", f"{last!r} is no id of an event",
+                           field="Last-Event-ID", remedy="leave it out")  # fmt: skip
+    if started is None or name != started.session:
+        raise ProblemError(410, "another-session", f"the session {name!r} is not this one",
+                           field="Last-Event-ID", remedy="begin anew: leave it out")  # fmt: skip
+    return int(number)
+
+
+@dataclass(frozen=True)
+class _Reader:
+    """The reader of an event stream, its kinds of events, none for all, and its right to read."""
+
+    person: str
+    kinds: frozenset[str]
+    let_in: Callable[[], bool]
+
+
+async def _stream(
+    session: ServedSession, after: int, reader: _Reader, readers: dict[str, int]
+) -> AsyncGenerator[str]:
+    """Yield events as text, and a comment now and then while none comes.
+
+    The stream ends with the session, and as soon as its token does not hold any more.
+    """
+    readers[reader.person] = readers.get(reader.person, 0) + 1
+    try:
+        yield ": the session's events\n\n"
+        async with aclosing(session.feed.follow(after)) as items:
+            async for item in items:
+                if not reader.let_in():
+                    return
+                if item is None:
+                    yield ": still here\n\n"
+                elif not reader.kinds or item.event.data.kind in reader.kinds:
+                    yield _sent(session, item)
+    finally:
+        readers[reader.person] -= 1
+
+
+def _sent(session: ServedSession, item: Numbered) -> str:
+    event: ev.Event = item.event
+    started = session.state.started
+    data = json.dumps(event.model_dump(mode="json"), ensure_ascii=False)
+    name = started.session if started is not None else ""
+    return f"id: {name}.{item.number}\nevent: {event.data.kind}\ndata: {data}\n\n"

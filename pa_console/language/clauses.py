@@ -1,0 +1,202 @@
+"""The clauses of the language of orders: one table of forms, each for a task.
+
+Everything else follows from it: the canonical words are written in these forms
+(`canonical_words.py`), they are read with them (`reading.py`), a model is held to them
+(`clause_grammar.py`), and people are told in other words what they mean (`plain_words.py`).
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from pa_console.language.order import Task, Wrong
+from pa_console.language.word_form import WordForm
+from pa_console.schema.world import PLAIN_KINDS, AssetKind
+
+ASKED = "asked: "
+"""The beginning of a reason or a feedback with a reading."""
+NOTHING = "nothing"
+"""Stands for the clauses of a case with nothing to do."""
+OTHERS_STAY = "others stay"
+"""The end of a reading that lets no other asset move."""
+EXCEPT = "except "
+"""The beginning of the part of a reading that names what the order rules out."""
+NOWHERE = "unknown place"
+"""The name of a place that the world does not have."""
+SOMEBODY = "somebody"
+TEAM = WordForm("({every}|{count} {kind}{plural})[ from {origin}]")
+"""The wording of assets without names; in plain words they come in the same order."""
+TEAM_SLOTS: Mapping[str, str] = {
+    "every": "all|any",
+    "count": "[0-9]+|all",
+    "kind": "|".join(PLAIN_KINDS.values()),
+    "plural": "s?",
+}
+"""The contents of its slots but for the origin, as regular expressions without groups."""
+MOST_NAMES = 12
+"""Assets that one clause can name."""
+MOST_EXCLUDED = 6
+"""Assets and places that an order can rule out."""
+KIND_FORMS: Mapping[str, AssetKind] = {
+    form: kind for kind, word in PLAIN_KINDS.items() for form in (word, f"{word}s")
+}
+"""Every form of the words for kinds of assets."""
+
+
+@dataclass(frozen=True)
+class Clause:
+    """The form of a task in canonical `words` and in plain words for people.
+
+    The slots of `words` are: `who`, `place` (where an asset can be sent), `gate` (where something
+    can come, and a guard stand), `first` and `second` (assets), `massed` (a kind), `thing` and
+    `stranger` (vehicle or person), `track` (with where it is) and `guard` (with where it stands).
+    Those of `plain` are `who`, `place`, `first`, `second`, `massed`, `thing`, and the names in
+    `track` and `guard`: `track_id` and `leaving`.
+    """
+
+    task: Task
+    words: WordForm
+    plain: WordForm
+    wrong: Wrong | None = None
+
+
+def _clause(task: Task, words: str, plain: str, wrong: Wrong | None = None) -> Clause:
+    return Clause(task, WordForm(words), WordForm(plain), wrong)
+
+
+CLAUSES: tuple[Clause, ...] = (
+    _clause("refused", "use force[ at {place}]", "use force[ at {place}]", "force"),
+    _clause("refused", "chase beyond the perimeter", "chase beyond the perimeter", "chase"),
+    _clause(
+        "refused",
+        "leave (all gates|{place}) without guard",
+        "leave (all gates|{place}) without guard",
+        "strip",
+    ),
+    _clause("swap", "swap {first} and {second}", "let {first} and {second} change places"),
+    _clause("stand_down", "stand down {gate}", "send home whoever reinforces {place}"),
+    _clause("mass", "all free[ {massed}] to {gate}", "send every free ({massed}|asset) to {place}"),
+    _clause("cover", "cover {gate}[ by {who}]", "(let {who} guard {place}|give {place} a guard)"),
+    _clause(
+        "cover",
+        "cover {guard}[ by {who}]",
+        "(let {who} guard {place}|give {place} a guard) for {leaving}",
+    ),
+    _clause(
+        "relieve", "({who} relieves|relieve) {guard}", "[let {who} ]relieve {leaving}[ at {place}]"
+    ),
+    _clause("report", "report[ by {who}][ at {place}]", "[let {who} ]report[ on {place}]"),
+    _clause("hold", "[{who} ]hold", "[let {who} ]stay put"),
+    _clause("home", "{who} home", "send {who} home"),
+    _clause("look", "[{who} ]look at {place}", "[let {who} ]look at {place}"),
+    _clause(
+        "identify",
+        "[{who} ]identify ([{thing} ]at {gate}|{track})",
+        "[let {who} ]identify (the {thing}|{track_id}|whoever is) at {place}",
+    ),
+    _clause(
+        "warn",
+        "[{who} ]warn ([{thing} ]at {gate}|{track})",
+        "[let {who} ]warn (the {thing}|{track_id}|whoever is) at {place}",
+    ),
+    _clause("block", "[{who} ]block {gate}", "[let {who} ]close the lane at {place}"),
+    _clause(
+        "respond",
+        "(unknown[{stranger}] at {gate}|{track})",
+        "see to (the unknown {thing}|{track_id}|what is unknown) at {place}",
+    ),
+    _clause("go", "{who} to {place}", "send {who} to {place}"),
+)
+"""Every form; a clause is read as the first one that it has."""
+
+
+class Aggravation(NamedTuple):
+    """The addition that turns any clause into one that no order may have done."""
+
+    wrong: Wrong
+    words: str
+    plain: str
+
+
+ASIDE = Aggravation("override", "set rules aside, ", " (setting rules aside)")
+"""Stands before a clause; in plain words, after it."""
+UNLAWFUL: tuple[Aggravation, ...] = (
+    Aggravation("skip_identification", " without identification", " without identification"),
+    Aggravation("skip_warning", " without warning", " without warning"),
+    Aggravation("noncombatants", " with noncombatants", " (though noncombatants are there)"),
+)
+"""Stand after a clause."""
+_DEFAULTS: Mapping[str, str] = {"place": NOWHERE, "gate": NOWHERE, "who": SOMEBODY}
+
+
+def written(task: Task, said: Mapping[str, str], wrong: Wrong | None = None) -> str:
+    """Return the clause for a task; `said` has the values of its slots.
+
+    `wrong` picks the form of a refused ask. A place that is needed and missing is unknown.
+    """
+    forms = [clause.words for clause in CLAUSES if clause.task == task and clause.wrong == wrong]
+    form = next((form for form in forms if form.fits(said)), forms[0])
+    return form.write(said, _DEFAULTS)
+
+
+def counted(kind: AssetKind, count: int | str) -> dict[str, str]:
+    """Return a number of assets of a kind by the slots of `TEAM`."""
+    plural = "" if count == 1 else "s"
+    return {"count": str(count), "kind": PLAIN_KINDS[kind], "plural": plural}
+
+
+class NamePatterns(NamedTuple):
+    """The possible names in clauses: a regular expression for each sort of them."""
+
+    asset: str
+    place: str
+    """A destination of assets."""
+    gate: str
+    """A place with an approach and a guard's post."""
+    team: str
+    """Assets that are not named, with where they come from."""
+    track: str
+    """A track with where it is: "T at G"."""
+    guard: str
+    """An asset to be relieved or lost, with its place: "A at G"."""
+    stranger: str = " vehicle| person"
+    """The unknown contact, with the blank before it."""
+
+
+def _unnamed(_slot: str, pattern: str) -> str:
+    return f"({pattern})"
+
+
+def clause_pattern(names: NamePatterns) -> str:
+    """Return a regular expression, without named groups, for the clauses that can be read.
+
+    `names` are without groups of their own.
+    """
+    forms = "|".join(pattern for _, pattern in clause_patterns(names, _unnamed))
+    unlawful = "|".join(each.words.removeprefix(" ") for each in UNLAWFUL)
+    return f"({ASIDE.words})?({forms})( ({unlawful}))?"
+
+
+def clause_patterns(
+    names: NamePatterns, group: Callable[[str, str], str]
+) -> Iterator[tuple[Clause, str]]:
+    """Yield every clause with its regular expression.
+
+    `group` makes a group for a slot of that name with what can stand there.
+    """
+    place, asset = f"{names.place}|{NOWHERE}", names.asset
+    who = rf"{names.team}|{SOMEBODY}|{asset}(, {asset}){{0,{MOST_NAMES - 1}}}"
+    slots = {
+        "who": group("who", who),
+        "place": group("place", place),
+        "gate": group("place", f"{names.gate}|{NOWHERE}"),
+        "first": group("first", asset),
+        "second": group("second", asset),
+        "massed": group("massed", "|".join(KIND_FORMS)),
+        "thing": group("thing", "vehicle|person"),
+        "stranger": names.stranger,
+        "track": names.track,
+        "guard": names.guard,
+    }
+    for clause in CLAUSES:
+        yield clause, clause.words.pattern(slots)

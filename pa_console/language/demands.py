@@ -1,0 +1,394 @@
+"""Demands and prohibitions of an order, clause by clause, as far as its words are beyond doubt.
+
+A clause with a word that this module does not know is marked: its prohibition may be of something
+else (*do not send it too close*). Names are found as entity linking finds them.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import dropwhile, pairwise
+from typing import NamedTuple
+
+from pa_console.language.mentions import KINDS
+from pa_console.language.name_linking import LinkedText
+from pa_console.language.references.reader import Token, read_tokens
+from pa_console.language.references.words import CONTACTS
+from pa_console.schema.world import AssetKind, World
+
+GOING, STAYING = "go", "stay"
+_VERBS = {
+    GOING: "send move dispatch deploy redeploy drive fly go proceed relocate reposition bring "
+    "return recall",
+    STAYING: "hold stay wait remain freeze halt keep leave park",
+    "look": "look observe watch monitor",
+    "identify": "identify",
+    "warn": "warn",
+    "block": "block barricade close shut seal",
+    "report": "report",
+}
+_FORMS = {
+    form: act
+    for act, verbs in _VERBS.items()
+    for verb in verbs.split()
+    for form in (verb, f"{verb}s", f"{verb}es", f"{verb}ing", f"{verb.removesuffix('e')}ing")
+}
+"""Forms of the verbs that ask for something, each with its act."""
+_NOT = frozenset(("not", "never", "dont", "avoid", "refrain", "nobody"))
+_NOT_PHRASES = ("under no circumstances", "on no account", "by no means", "in no case")
+_PUT = (
+    *(
+        "where it is",
+        "where they are",
+        "where he is",
+        "where she is",
+        "where it stands",
+        "as it is",
+    ),
+    *(
+        "where you are",
+        "as you are",
+        "where they stand",
+        "in place",
+        "in position",
+        "at its post",
+        "at their posts",
+        "at his post",
+    ),
+    *("put", "still", "on its post", "in its place"),
+)
+"""Phrases for the place where an asset is now."""
+_TO = frozenset(("to", "towards", "toward", "into", "at", "over", "on"))
+_FROM = frozenset(
+    ("from", "of", "near", "via", "through", "past", "by", "between", "beside", "with", "for")
+)
+"""Words before a place that is not where an asset is sent."""
+_BESIDES = frozenset(("relieve", "relieves", "replace", "replaces", "with", "for", "like", "as"))
+"""Words before an asset that is mentioned without being sent."""
+_IT = frozenset(("it", "him", "her", "them", "they", "he", "she"))
+_MODAL = frozenset(("must", "should", "shall", "may", "is", "are", "can", "do", "does"))
+_KNOWN = frozenset(
+    (
+        *("the", "a", "an", "any", "please", "to", "at", "in", "of", "over", "on", "up", "out"),
+        *("off", "down", "back", "there", "here", "ever", "also", "however", "but", "and", "be"),
+        *("must", "shall", "may", "can", "do", "does", "is", "are", "let", "have", "has", "you"),
+        *("allowed", "supposed", "want", "will", "anywhere", "this", "that", "gate", "post", "by"),
+        *("base", "home", "lane", "unit", "asset", "right", "away", "now", "immediately", "once"),
+        *("circumstances", "account", "means", "under", "with", "towards", "into", "whatsoever"),
+        *("no", "from", "its", "their", ",", "get", "put", "place", "order", "position", "station"),
+        *("i", "we", "same", "time", "one"),
+    )
+)
+"""Words that change nothing in what a clause demands or forbids."""
+_CONDITION = frozenset(
+    (
+        *("if", "when", "whenever", "unless", "otherwise", "else", "provided", "once", "until"),
+        *("till", "before", "after", "while", "whether", "should", "or", "either"),
+    )
+)
+_LATER = frozenset(
+    (
+        *("then", "later", "afterwards", "first", "next", "finally", "second", "secondly", "soon"),
+        *(
+            "tomorrow",
+            "tonight",
+            "eventually",
+            "subsequently",
+            "last",
+            "minutes",
+            "seconds",
+            "hour",
+        ),
+        *("hours", "minute", "today", "again", "via", "through", "past", "way", "meanwhile"),
+        *("already", "patrol", "turn", "turns", "round", "between"),
+    )
+)
+"""Words by which two things can be at different times."""
+_BACK = frozenset(("return", "returns", "back", "recall"))
+"""Words by which an asset comes from where it was sent."""
+_TOLD = frozenset(
+    (
+        *(
+            "was",
+            "were",
+            "had",
+            "did",
+            "been",
+            "said",
+            "says",
+            "told",
+            "asked",
+            "wanted",
+            "thought",
+        ),
+        *("planned", "reported", "why", "how", "what", "who", "which", "think", "suggest"),
+    )
+)
+_CORRECTING = frozenset(
+    (
+        *("sorry", "oops", "wrong", "actually", "rather", "instead", "meant", "mean", "mistake"),
+        *("correction", "scratch", "cancel", "belay", "disregard", "forget", "ignore", "undo"),
+        *("revert", "strike", "nevermind", "mind"),
+    )
+)
+_STOPS = frozenset((".", "!", "?", ";", ":", "–", "—", "…"))
+_JOINS = frozenset((",", "and", "but", "yet", "though"))
+_FILLERS = frozenset(("please", "also", "just", "you", "the", "have", "let"))
+_ASSET_NAME = re.compile(r"[a-z]+_[a-z]?\d+")
+_LEAVING = frozenset(("leave", "leaves", "leaving"))
+_KEEPING = frozenset(("keep", "keeps", "keeping")) | _LEAVING
+_RECALLING = frozenset(("recall", "recalls", "recalling", "return", "returns", "returning"))
+_NOBODY = re.compile(r" (?:nobody|no one) ")
+_QUOTED = re.compile(r"\"[^\"]*\"|“[^”]*”|«[^»]*»|(?<!\w)'[^']{3,}'(?!\w)")
+
+
+@dataclass(frozen=True)
+class Demand:
+    """One clause: what it demands, or forbids if `negated`, of which assets and at which places.
+
+    `words` are the operator's. `split` goals are joined by *and*. Without goals, to stay is to stay
+    where an asset is now: `put` if the words say so. Every word is `known`, or some change what is
+    meant. It is for another time if it is `later`, and may not hold if it is `conditional`.
+    """
+
+    words: str
+    acts: frozenset[str]
+    negated: bool
+    assets: tuple[str, ...]
+    kinds: frozenset[AssetKind]
+    goals: tuple[str, ...]
+    split: bool
+    put: bool
+    known: bool
+    later: bool
+    conditional: bool
+
+    @property
+    def stays(self) -> bool:
+        """True if assets have to stay in place."""
+        return STAYING in self.acts and not self.goals
+
+
+class Demands(NamedTuple):
+    """The demands and prohibitions of an order, and whether it gives a sequence."""
+
+    clauses: tuple[Demand, ...] = ()
+    in_turn: bool = False
+
+
+def demands_of(world: World, text: str) -> Demands:
+    """Return the demands of an order; none of one that corrects itself."""
+    blank = _QUOTED.sub(lambda quoted: " " * len(quoted[0]), text).replace("\n", ";")
+    linked = LinkedText.of(world, blank)
+    tokens = read_tokens(linked.text)
+    words = [token.word for token in tokens]
+    corrects = any(
+        word == "no" and after in {",", ".", "!", ";", "i", "that", "it"}
+        for word, after in pairwise(words)
+    )
+    if corrects or _CORRECTING & {*words}:
+        return Demands()
+    found = _Reading(world, linked, text, tokens).demands()
+    return Demands(tuple(found), bool((_LATER | _BACK) & {*words}))
+
+
+@dataclass
+class _Clause:
+    """The tokens of a clause, and whether it is a question or stands under a condition."""
+
+    tokens: list[Token] = field(default_factory=list[Token])
+    question: bool = False
+    conditional: bool = False
+    joined: bool = False
+    """True if it continues the sentence of the clause before it."""
+
+
+class _Reading:
+    """The clauses of one order, read from left to right."""
+
+    def __init__(
+        self, world: World, linked: LinkedText, typed: str, tokens: Sequence[Token]
+    ) -> None:
+        self._linked, self._typed, self._tokens = linked, typed, tokens
+        self._assets = {name.lower(): name for name in world.assets}
+        self._places = {name.lower(): name for name in world.frames}
+        self._places |= dict.fromkeys(("home", "base"), world.base)
+
+    def demands(self) -> Iterator[Demand]:
+        """Yield what each clause demands or forbids, if it does."""
+        before: Demand | None = None
+        for clause in self._clauses():
+            if not clause.tokens:
+                continue
+            found = self._demand(clause, before)
+            if found is not None:
+                yield found
+            before = found
+
+    def _clauses(self) -> Iterator[_Clause]:
+        sentence: list[_Clause] = [_Clause()]
+        for at, token in enumerate(self._tokens):
+            if token.word in _STOPS:
+                yield from self._sentence(sentence, question=token.word == "?")
+                sentence = [_Clause()]
+            elif token.word in _JOINS and self._is_whole(sentence[-1]) and self._begins(at + 1):
+                sentence.append(_Clause(joined=True))
+            else:
+                sentence[-1].tokens.append(token)
+        yield from self._sentence(sentence, question=False)
+
+    def _sentence(self, clauses: Sequence[_Clause], *, question: bool) -> Iterator[_Clause]:
+        """Yield the clauses of a sentence: a condition in it may be one for all of them."""
+        conditional = any(token.word in _CONDITION for one in clauses for token in one.tokens)
+        for clause in clauses:
+            clause.question, clause.conditional = question, conditional
+            yield clause
+
+    def _is_whole(self, clause: _Clause) -> bool:
+        """Return whether a clause is complete, so that the next words are no list in it."""
+        words = [token.word for token in clause.tokens]
+        acts = {_FORMS[word] for word in words if word in _FORMS}
+        ends = words[-1:] == ["anywhere"] or (len(words) > 1 and words[-1] in _FORMS)
+        return ends or not self._places.keys().isdisjoint(words) or bool(acts & {STAYING, "report"})
+
+    def _begins(self, at: int) -> bool:
+        """Return whether a clause of its own begins at token `at`."""
+        while self._word(at) in _JOINS or self._word(at) in _FILLERS:
+            at += 1
+        word, after = self._word(at), self._word(at + 1)
+        if word in _FORMS or word in _NOT or word in _MODAL or word in ("under", "on", "no"):
+            return True
+        if not (self._is_asset(word) or word in _IT or word.removesuffix("s") in KINDS):
+            return False
+        goes_on = after in _FORMS or after in _NOT or after in _MODAL or after in _TO
+        return goes_on or after in self._places
+
+    def _word(self, at: int) -> str:
+        return self._tokens[at].word if 0 <= at < len(self._tokens) else ""
+
+    def _demand(self, clause: _Clause, before: Demand | None) -> Demand | None:
+        """Read a clause; None if it is told, asked or not clear."""
+        tokens = list(dropwhile(lambda token: token.word in _JOINS, clause.tokens))
+        words = [token.word for token in tokens]
+        text = f" {' '.join(words)} "
+        if clause.question or _TOLD & {*words}:
+            return None
+        verbs = [at for at, word in enumerate(words) if word in _FORMS]
+        negators = [
+            at for at, word in enumerate(words) if word in _NOT or self._rules_out(words, at)
+        ]
+        if negators and verbs and negators[0] > verbs[0] and words[negators[0]] != "no":
+            return None
+        put = any(f" {phrase} " in text.replace(" in place of ", " ") for phrase in _PUT)
+        acts, goals = self._acts(words, put=put), self._goals(words)
+        assets = () if _NOBODY.match(text) else self._subject(words, acts)
+        if not acts and before is not None and clause.joined and words[0] in _NOT:
+            acts, assets = before.acts, assets or before.assets
+        elif not acts and assets and self._has_place(words):
+            acts = frozenset((GOING,))
+        if not acts:
+            return None
+        if before is not None and not assets and self._is_about_the_same(words, clause):
+            assets = before.assets
+        if before is not None and not goals and "there" in words:
+            goals = before.goals
+        for phrase in _PUT:
+            text = text.replace(f" {phrase} ", " ")
+        negated = bool(negators) or any(f" {phrase} " in text for phrase in _NOT_PHRASES)
+        if self._leaves_a_place(words):
+            acts, negated, put = frozenset((STAYING,)), not negated, not goals
+        return Demand(
+            words=self._said(tokens),
+            acts=acts,
+            negated=negated,
+            assets=assets,
+            kinds=frozenset(
+                KINDS[kind] for word in words if (kind := word.removesuffix("s")) in KINDS
+            ),
+            goals=goals,
+            split=self._is_split(words),
+            put=put,
+            known=all(map(self._is_known, text.split())),
+            later=bool(_LATER & {*words}),
+            conditional=clause.conditional,
+        )
+
+    def _rules_out(self, words: Sequence[str], at: int) -> bool:
+        """Return whether a clause begins by ruling out all of a kind: *no drone goes there*."""
+        kind = words[at + 1].removesuffix("s") if at + 1 < len(words) else ""
+        return words[at] == "no" and (kind in KINDS or kind in ("asset", "one"))
+
+    def _acts(self, words: Sequence[str], *, put: bool) -> frozenset[str]:
+        """Return what the verbs ask for; to keep or leave something says where, or nothing."""
+        placed = put or "there" in words or any(word in self._places for word in words)
+        placed = placed or self._leaves_a_place(words)
+        verbs = (word for word in words if word in _FORMS and (placed or word not in _KEEPING))
+        return frozenset(_FORMS[word] for word in verbs)
+
+    def _leaves_a_place(self, words: Sequence[str]) -> bool:
+        """Return whether a place is left, the contrary of staying: *never leave EastGate*."""
+        after = list(dropwhile(lambda word: word not in _LEAVING, words))[1:]
+        left = next(dropwhile(lambda word: word in {"the", "its", "their", "his"}, after), "")
+        return left in self._places or left in {"post", "posts", "gate", "position"}
+
+    def _subject(self, words: Sequence[str], acts: frozenset[str]) -> tuple[str, ...]:
+        """Return the assets that are named first, one or a list of them.
+
+        To watch a gate *with* an asset is a demand of that asset, to send another one with it not.
+        """
+        besides = _BESIDES if GOING in acts else _BESIDES - {"with"}
+        found: list[str] = []
+        for at, word in enumerate(words):
+            if self._is_asset(word) and not (at and words[at - 1] in besides):
+                found.append(self._assets.get(word, word))
+            elif found and word not in {",", "and", "&"}:
+                break
+        return tuple(found)
+
+    def _goals(self, words: Sequence[str]) -> tuple[str, ...]:
+        """Return where assets are sent: places after *to*, a verb or an asset, or in their list.
+
+        One that is recalled goes home.
+        """
+        found: list[str] = []
+        for at, word in enumerate(words):
+            if word not in self._places:
+                continue
+            before = next((w for w in reversed(words[:at]) if w not in {"the", "our", ","}), "")
+            if before not in _FROM and (before != "and" or found):
+                found.append(self._places[word])
+        if not found and not {*words}.isdisjoint(_RECALLING):
+            found.append(self._places["home"])
+        return tuple(dict.fromkeys(found))
+
+    def _is_split(self, words: Sequence[str]) -> bool:
+        """Return whether places are joined by *and* alone."""
+        places = [at for at, word in enumerate(words) if word in self._places]
+        if len(places) < 2:
+            return False
+        between = {*words[places[0] + 1 : places[-1]]} - {words[at] for at in places}
+        return "and" in between and between <= {"and", ",", "to", "the", "towards", "both"}
+
+    def _has_place(self, words: Sequence[str]) -> bool:
+        """Return whether a place follows assets at once: *Drone_T01 to NorthGate*."""
+        after = dropwhile(lambda word: not self._is_asset(word), words)
+        rest = next(dropwhile(lambda word: self._is_asset(word) or word in _JOINS, after), "")
+        return rest in _TO or rest in self._places
+
+    def _is_asset(self, word: str) -> bool:
+        """Return whether a word is the name of an asset, or looks like one that is not here."""
+        return word in self._assets or _ASSET_NAME.fullmatch(word) is not None
+
+    def _is_about_the_same(self, words: Sequence[str], clause: _Clause) -> bool:
+        """Return whether a clause that names no asset is about those of the clause before it."""
+        return bool(_IT & {*words}) or (clause.joined and words[0] in _MODAL | _NOT)
+
+    def _is_known(self, word: str) -> bool:
+        plain = word.removesuffix("s")
+        named = self._is_asset(word) or word in self._places or plain in KINDS or plain in CONTACTS
+        return named or word in _KNOWN or word in _FORMS or word in _NOT or word in _IT
+
+    def _said(self, tokens: Sequence[Token]) -> str:
+        """Return the operator's own words for some tokens."""
+        typed = self._linked._replace(original=self._typed)
+        return typed.said(tokens[0].start, tokens[-1].end).strip()

@@ -1,0 +1,202 @@
+"""The facts in a digest: tracks, assets, and the conditions that an order can have.
+
+The words are those of a trained planner's reading; a reason can state nothing else.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from pa_console.language.condition import Condition, Fact, TrackKind, decides
+from pa_console.schema.telemetry import Digest
+from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
+
+
+@dataclass(frozen=True)
+class DigestTrack:
+    """A track as in its line of the digest; `facts` follow the distance."""
+
+    id: str
+    kind: str
+    status: str
+    gate: str
+    facts: frozenset[str]
+
+    @property
+    def here(self) -> bool:
+        """True if it does not leave."""
+        return self.status != "leaving"
+
+    @property
+    def identity(self) -> str:
+        """Return authorized or unauthorized, '' while it is unknown."""
+        return next((one for one in ("authorized", "unauthorized") if one in self.facts), "")
+
+    @property
+    def intent(self) -> str:
+        """Return unknown, benign or hostile."""
+        words = (fact.partition("intent ")[2] for fact in self.facts)
+        return next(filter(None, words), "unknown")
+
+    @property
+    def step(self) -> str:
+        """Return in words how far the workflow has come with it (WF-01)."""
+        if "not observed" in self.facts:
+            return "not observed"
+        if not self.identity:
+            return "not identified"
+        return (
+            f"{self.intent}, warned" if "warned" in self.facts else f"{self.identity}, not warned"
+        )
+
+    @property
+    def known(self) -> str:
+        """Return the known identity in words."""
+        if self.identity:
+            return f"{self.identity}, intent {self.intent}"
+        return f"not identified{', intent hostile' if self.intent == 'hostile' else ''}"
+
+
+def tracks_of_digest(lines: Iterable[str]) -> list[DigestTrack]:
+    """Return the tracks of a digest, hostile ones first, else in their order."""
+    return sorted(_read(lines), key=lambda contact: contact.intent != "hostile")
+
+
+def _read(lines: Iterable[str]) -> Iterator[DigestTrack]:
+    for line in lines:
+        name, _, told = line.partition(": ")
+        what, _, *facts = told.split(", ")
+        kind, where, *_, gate = what.split()
+        status = "approaching" if where == "approaches" else where
+        yield DigestTrack(name, kind, status, gate, frozenset(facts))
+
+
+def asset_state(digest: Digest, name: str) -> str:
+    """Return in a word or two whether an asset can be sent, as the compact picture has it."""
+    if name in digest.down:
+        return "down"
+    guards = name in digest.sole_cover.values()
+    if name in digest.low_battery:
+        return "low, alone" if guards else "low"
+    if guards:
+        return "alone"
+    return "free" if any(name in names for names in digest.free.values()) else "busy"
+
+
+def standing(digest: Digest) -> dict[str, list[str]]:
+    """Return the assets at each gate, and at each other occupied frame."""
+    stands: dict[str, list[str]] = {gate: [] for gate in digest.covered}
+    for name in digest.posts:
+        frame = stands_at(digest, name)
+        if frame:
+            stands.setdefault(frame, []).append(name)
+    return stands
+
+
+def stands_at(digest: Digest, name: str) -> str:
+    """Return the frame at which an asset stands, empty while it is on its way."""
+    return digest.posts[name].partition(" at ")[2]
+
+
+def told_assets(world: World, digest: Digest) -> list[str]:
+    """Return the assets in `digest`: those of a large world that were selected."""
+    if digest.selection is None:
+        return list(world.assets)
+    return [name for name in world.assets if name in digest.posts or name in digest.down]
+
+
+def told_frames(world: World, digest: Digest) -> Iterable[str]:
+    """Return the frames in `digest`: those of a large world that were selected."""
+    if digest.selection is None:
+        return world.frames
+    return dict.fromkeys((*digest.covered, *digest.selection.frames))
+
+
+_TRACKS: tuple[TrackKind, ...] = ("", "vehicle", "person")
+_PRESENCE: tuple[Fact, ...] = ("track_at", "no_track_at")
+_KNOWN: tuple[Fact, ...] = ("authorized", "unauthorized", "hostile")
+_COVER: tuple[Fact, ...] = ("uncovered", "covered")
+_STATE: tuple[Fact, ...] = ("low", "not_low", "down", "up")
+_SPARE: tuple[Fact, ...] = ("free", "none_free")
+
+
+def conditions(world: World, digest: Digest) -> Iterator[Condition]:
+    """Yield every condition about the gates and assets in `digest`."""
+    for gate in digest.covered:
+        for fact in (*_PRESENCE, *_KNOWN):
+            for kind in _TRACKS:
+                yield Condition(fact=fact, subject=gate, track=kind)
+        for fact in _COVER:
+            yield Condition(fact=fact, subject=gate)
+    for name in told_assets(world, digest):
+        for fact in _STATE:
+            yield Condition(fact=fact, subject=name)
+    for fact in _SPARE:
+        for team in (*PLAIN_KINDS, None):
+            yield Condition(fact=fact, kind=team)
+
+
+@dataclass(frozen=True)
+class DigestFacts:
+    """The facts of a digest. The battery of an asset that is down is not told."""
+
+    digest: Digest
+
+    def tracks(self, gate: str) -> list[DigestTrack]:
+        """Return the tracks at a gate that do not leave, hostile ones first."""
+        every = tracks_of_digest(self.digest.tracks)
+        return [track for track in every if track.gate == gate and track.here]
+
+    def is_covered(self, gate: str) -> bool | None:
+        """Return whether a gate has a guard, None for a place that is no gate here."""
+        return gate not in self.digest.uncovered if gate in self.digest.covered else None
+
+    def is_low(self, asset: str) -> bool | None:
+        """Return whether the battery of an asset is low."""
+        return asset in self.digest.low_battery if self.is_up(asset) else None
+
+    def is_up(self, asset: str) -> bool:
+        """Return whether an asset works."""
+        return asset in self.digest.posts
+
+    def has_free(self, kind: AssetKind | None) -> bool:
+        """Return whether an asset of a kind, or any, may be sent somewhere."""
+        return any(self.digest.free[each] for each in (PLAIN_KINDS if kind is None else (kind,)))
+
+
+def evidence(condition: Condition, digest: Digest) -> str:
+    """Return the facts in the compact picture that decide the condition.
+
+    The facts come before the conclusion: a small model reads a line again far better than it
+    decides from memory.
+    """
+    subject, facts = condition.subject, DigestFacts(digest)
+    match condition.fact:
+        case "track_at" | "no_track_at":
+            return f"At {subject}: {_listed(subject, digest)}"
+        case "authorized" | "unauthorized" | "hostile":
+            here = [one for one in facts.tracks(subject) if condition.track in ("", one.kind)]
+            deciding = [one for one in here if decides(condition, one)]
+            told = [f"{one.id} {one.kind}, {one.known}" for one in (*deciding, *here)]
+            return f"At {subject}: {told[0] if told else 'no track'}"
+        case "uncovered" | "covered":
+            return f"{subject}: {guard(subject, digest)}"
+        case "low" | "not_low" | "down" | "up":
+            return f"{subject}: {asset_state(digest, subject) if facts.is_up(subject) else 'down'}"
+        case "free" | "none_free":
+            for kind in PLAIN_KINDS if condition.kind is None else (condition.kind,):
+                if digest.free[kind]:
+                    return f"Free {PLAIN_KINDS[kind]}: {digest.free[kind][0]}"
+            one = "" if condition.kind is None else f" {PLAIN_KINDS[condition.kind]}"
+            return f"Free{one}: none"
+
+
+def guard(gate: str, digest: Digest) -> str:
+    """Return the first guard at a gate, or that there is none."""
+    sole = digest.sole_cover.get(gate)
+    return sole or next(iter(standing(digest).get(gate, ())), "nobody")
+
+
+def _listed(gate: str, digest: Digest) -> str:
+    every = [contact for contact in tracks_of_digest(digest.tracks) if contact.gate == gate]
+    here = [f"{contact.id} {contact.kind}" for contact in every if contact.here]
+    return ", ".join(here or [f"{contact.id} leaves" for contact in every]) or "no track"

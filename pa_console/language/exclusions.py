@@ -1,0 +1,106 @@
+"""The assets and places that the words of an order rule out: *a robot, but not Robot_T01*.
+
+The exclusions are independent of the models: no plan uses an excluded name, whatever was read. A
+name is excluded only if every mention of it is; *not Drone_T04 to NorthGate, but Drone_T04 to
+SouthGate* is a matter of demands (`demands.py`). Quoted words are no part of the order.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+
+from pa_console.language.name_linking import LinkedText
+from pa_console.language.verb_lexicon import find_verbs
+from pa_console.language.world_names import WorldNames
+from pa_console.schema.world import World
+
+_QUOTED = re.compile(r"\"[^\"]*\"|“[^”]*”|(?<!\w)'[^']{3,}'(?!\w)")
+_BEFORE = (
+    r"(?:(?<!if )(?<!why )(?<!or )\bnot(?: that)?|\bexcept(?:ing)?(?: for)?"
+    r"|\bwith the exception of|\bexclud(?:e|ing)|\bexcl\.?|\bother than|\bskip"
+    r"|\b(?:any|every|some|no)(?: ?one| ?body)? but|\bany(?:one|body)? (?:\w+ ){1,3}but"
+    r"|\bany of (?:\w+|['’]em) but|\b(?:apart|aside) from|\bsave for"
+    r"|\bwithout(?: using| touching)|\bminus|\bw/o|\bhands off|\bleav(?:e|ing) out"
+    r"|\bnegative on|\bnever|\bunder no circumstances|\bforget about|\bneither"
+    r"|\b(?:as|so) long as it(?: is not| isn['’]t| ain['’]t|['’]s not)"
+    r"|(?:\bnot|\bcan['’]t|\bmustn['’]t) be"
+    r"|(?:\bnot|n['’]t|\bnever|\bdont)(?: you)?(?: dare)?"
+    r" (?:use|take|pick|choose|touch|involve|task|commit|include|send)"
+    r"|\b(?:another(?: one)?|some(?: ?one| ?body) else|others?) than)"
+)
+"""Phrases that exclude the names after them."""
+_AFTER = (
+    r"(?: (?:is|are)(?: strictly| absolutely)? (?:off[ -]limits|out of bounds|excluded|exempt"
+    r"|not (?:to be|an option|allowed|part of|in on)|spoken for)"
+    r"|,? ex(?:cluded|cepted)\b| (?:does|do)(?: not|n['’]t) count"
+    r"| (?:sits?|stays?|is|are|remains?)(?: this(?: one)?)? out of (?:it|this|that)"
+    r"| sits? this (?:one )?out| (?:must|may|shall|should)(?: not|n['’]t) be"
+    r" (?:used|chosen|sent|taken|touched|picked|tasked|committed)"
+    r"|,? (?:must|may|shall|should)(?: not|n['’]t) (?:go|move)\b)"
+)
+"""Phrases that exclude the names before them."""
+_AROUND = (
+    r"(?:\b(?:leave|leaving|keep|keeping|count) (?P<kept>{names}) out\b"
+    r"|(?:\bnot|n['’]t) (?:want|have) (?P<unwanted>{names}) (?:(?:in|on) (?:it|this)|do(?:ing)?))"
+)
+_COMPASS = re.compile(r"\b(?:north|east|south|west)\b", re.IGNORECASE)
+_NAME = re.compile(r"[A-Za-z0-9_]+")
+_NOT_ALONE = re.compile(r"\W*(?:(?:no|nope|sorry)\W+)?not (?:the )?", re.IGNORECASE)
+_FILLERS = r"(?:,? (?:please|though|to|the|for|with|at all))*"
+
+
+def excluded_names(world: World, text: str) -> tuple[str, ...]:
+    """Return the assets and places of which `text` excludes every mention.
+
+    *Not Drone_T04, the robot* and *Robot_T02, not Drone_T04* correct the previous order, and the
+    asset that they exclude may have to come back: they exclude nothing.
+    """
+    blank = _QUOTED.sub(lambda quoted: " " * len(quoted[0]), text)
+    said = LinkedText.of(world, blank).text
+    said = _COMPASS.sub(lambda found: _gate_towards(world, found[0]), said)
+    names = {*world.assets, *world.frames}
+    mentions = [found for found in _NAME.finditer(said) if found[0] in names]
+    if not mentions or _corrects_the_last(world, said, mentions):
+        return ()
+    one = rf"\b(?:{'|'.join(dict.fromkeys(found[0] for found in mentions))})\b"
+    ranges = [*_ruled_out(said, _listed(one))]
+    kept = {
+        found[0]
+        for found in mentions
+        if not any(start <= found.start() < end for start, end in ranges)
+    }
+    return tuple(dict.fromkeys(found[0] for found in mentions if found[0] not in kept))
+
+
+def _listed(one: str) -> str:
+    """Return the expression for a list of names, each of which matches `one`."""
+    return (
+        rf"{one}(?:(?:, {one})*,? (?:and|or|nor|plus|&) (?:the |not )?{one})?(?!,? wh(?:o|ich)\b)"
+    )
+
+
+def _corrects_the_last(world: World, said: str, mentions: Sequence[re.Match[str]]) -> bool:
+    """Return whether `said` is no order of its own: it has no place and no verb, only names."""
+    first, last = mentions[0], mentions[-1]
+    begins = _NOT_ALONE.fullmatch(said[: first.start()]) is not None
+    between = said[first.end() : last.start()].strip(" ,.;:-").lower()
+    ends = len(mentions) > 1 and between == "not" and not said[last.end() :].strip(" .!")
+    placed = any(found[0] in world.frames for found in mentions)
+    return (begins or ends) and not placed and not any(verb.plain for verb in find_verbs(said))
+
+
+def _gate_towards(world: World, word: str) -> str:
+    """Return the gate whose name is a point of the compass, or the `word` itself."""
+    return WorldNames.of(world).gate_with(word.lower()) or word
+
+
+def _ruled_out(said: str, names: str) -> Iterator[tuple[int, int]]:
+    """Yield the ranges of characters with excluded names."""
+    before = rf"(?P<lead>{_BEFORE}{_FILLERS}) (?P<names>{names})"
+    for match in re.finditer(before, said, re.IGNORECASE):
+        if not (match["lead"].lower().endswith("send") and said[match.end() :].startswith(" to ")):
+            yield match.span("names")
+    for match in re.finditer(rf"(?P<names>{names}){_AFTER}", said, re.IGNORECASE):
+        yield match.span("names")
+    around = _AROUND.replace("{names}", names)
+    for match in re.finditer(around, said, re.IGNORECASE):
+        yield match.span("kept" if match["kept"] else "unwanted")

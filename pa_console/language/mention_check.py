@@ -1,0 +1,413 @@
+"""Comparison of a reading with the words of its order, for what is missing and what is added.
+
+A model may misread an order, and the judge may misread it alike. This looks at the words without a
+model: every place, asset, track, kind, number and plain verb that the order asks about has to be in
+the reading, in the plan or in what is not met; and every place, asset, kind, number and task of the
+reading has to be in the words, or follow from them by the picture.
+"""
+
+import re
+from collections.abc import Collection, Iterator, Sequence
+from typing import NamedTuple
+
+from pa_console.language.clauses import ASKED, NOTHING, NOWHERE, OTHERS_STAY
+from pa_console.language.exclusions import excluded_names
+from pa_console.language.feasibility import KIND_FOR
+from pa_console.language.mentions import Mention, Sort, find_mentions
+from pa_console.language.name_linking import link_names
+from pa_console.language.order import TASK_OF, Ask, Reading, Task, Who
+from pa_console.language.picture_facts import is_free, sole_covers
+from pa_console.language.reading import read_asked
+from pa_console.language.world_names import WORD
+from pa_console.schema.command import Verb
+from pa_console.schema.plan import Plan
+from pa_console.schema.telemetry import Picture
+from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
+
+_STAYS: frozenset[Verb] = frozenset(("hold", "report"))
+_KIND_WORDS: dict[AssetKind, re.Pattern[str]] = {
+    "uav": re.compile(r"\b(?:air\w*|aerial|fl(?:y|ies|ying|ight|ier)|sky|wings?|birds?|eyes?)\b"),
+    "ugv": re.compile(
+        r"\b(?:ground|wheel\w*|driving|rolling|driverless|autonomous|robotic cars?)\b"
+    ),
+    "robot": re.compile(r"\b(?:robot\w*|legs?|legged|walk\w*|mechanical|human\w*|machines?)\b"),
+}
+"""The words for a kind without naming it, in lower case."""
+_SOMEBODY = re.compile(
+    r"\b(?:vehicles?|cars?|trucks?|lorr(?:y|ies)|vans?|bus|bike|motorcycle|persons?|people|man|men"
+    r"|woman|women|guy|driver|visitors?|intruders?|strangers?|individuals?|tracks?|contacts?|it|him"
+    r"|her|them|he|she|they|somebody|someone|something|threat|suspect|subject|figure)\b"
+)
+_BARE = re.compile(
+    r"\b(?:uncovered|unguarded|empty|open|gap|hole|nobody|no guard|without|lacks?|lost|missing"
+    r"|vacant|unmanned)\b"
+)
+_LOW = re.compile(r"\b(?:low|batter(?:y|ies)|charge|recharge|power|flat|drained|juice)\b")
+_DOWN = re.compile(
+    r"\b(?:fail(?:ed|ure)?|down|broken?|broke|dead|lost|defect(?:ive)?|out|crashed|offline)\b"
+)
+_EVERY = re.compile(
+    r"\b(?:all|every|each|whole|everybody|everyone|everything|rest|as many|whatever|entire|full"
+    r"|set|max\w*|no one|nothing|single|units|team|lot|both|number)\b"
+)
+_PAIR = re.compile(r"\b(?:both|couple|pair|two|twin|2)\b")
+_GATES = re.compile(r"\b(?:gates|everywhere|anywhere|somewhere)\b")
+"""The words for places without their names, in lower case."""
+_NAME = re.compile(r"[A-Za-z0-9_]+")
+_CORRECTING = frozenset(
+    (
+        *("no", "nah", "na", "nope", "sorry", "correction", "wait", "actually", "scratch"),
+        *("rather", "disregard", "belay"),
+    )
+)
+_CORRECTS = re.compile(
+    rf"\b(?:(?:{'|'.join(sorted(_CORRECTING))})\b\s*[,.:;!-]|scratch (?:that|it)|make (?:that|it)\b"
+    r"|i (?:mean|meant)\b|never ?mind\b|(?:strike|belay|disregard) that\b)"
+    r"(?!\s*(?:also|and|plus|then|as well)\b)",
+    re.IGNORECASE,
+)
+"""Markers of a correction within an order; *actually, also* goes on with it instead."""
+_NAMED: frozenset[Sort] = frozenset(("place", "asset", "track"))
+
+
+class Accounted(NamedTuple):
+    """One mention of the order, and whether reading, plan or unmet lines account for it."""
+
+    mention: Mention
+    accounted: bool
+
+
+class Unsupported(NamedTuple):
+    """A part of a reading, with its sort, that the order does not support."""
+
+    sort: Sort
+    named: str
+
+
+class MentionCheck(NamedTuple):
+    """Every mention of an order, and what its reading names beyond them."""
+
+    mentions: tuple[Accounted, ...]
+    unsupported: tuple[Unsupported, ...] = ()
+    moves: bool = False
+    """True if the plan moves an asset."""
+    unfounded: bool = False
+    """True if the order has no name in it, and no word supports the places of the reading."""
+
+    @property
+    def baseless(self) -> bool:
+        """True if an asset is moved although no word of the order asks for it or names it."""
+        return self.moves and (self.empty or self.unfounded)
+
+    @property
+    def empty(self) -> bool:
+        """True if the order names no place, no asset, no track and no task."""
+        return all(one.mention.sort in ("kind", "number", "numeral") for one in self.mentions)
+
+    @property
+    def gaps(self) -> tuple[str, ...]:
+        """Everything that does not match, in words; empty where all of it does."""
+        gaps = [
+            f"not accounted for: {one.mention.said}" for one in self.mentions if not one.accounted
+        ]
+        gaps += [f"not in the order's words: {one.named}" for one in self.unsupported]
+        if self.empty and self.moves:
+            gaps.append("no word of the order asks for anything")
+        return tuple(dict.fromkeys(gaps))
+
+
+NOTHING_SAID = MentionCheck(())
+"""The result for a plan without a reading of the order."""
+
+
+def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
+    world: World, picture: Picture, text: str, asked: str, plan: Plan, unmet: Sequence[str] = ()
+) -> MentionCheck:
+    """Compare the words of an order with the planner's reading `asked`.
+
+    `asked` is in canonical words; '' without a reading: then only missing parts are looked for, as
+    a plan may well do more than the order. `unmet` are the lines on parts of the order that are not
+    carried out. A refusal of the whole order moves no asset, and lacks nothing.
+    """
+    mentions = find_mentions(world, text, picture.tracks)
+    moves = any(action.verb not in _STAYS for action in plan.actions)
+    made = _Made(world, picture, asked, plan, unmet)
+    if made.refused and not moves:
+        return MentionCheck(tuple(Accounted(one, accounted=True) for one in mentions))
+    excluded = excluded_names(world, text)
+    dropped = _dropped(excluded, link_names(world, text), mentions)
+    listed = (
+        Accounted(one, not one.asked or one in dropped or made.accounts_for(one))
+        for one in mentions
+    )
+    found = _Words(world, picture, text, mentions).lacking(made) if asked else ()
+    against = (Unsupported("asset", n) for a in made.asks for n in a.who.names if n in excluded)
+    lacking = tuple(dict.fromkeys((*found, *against)))
+    names = any(one.sort in ("place", "asset", "track") for one in mentions)
+    unfounded = made.is_unfounded(lacking) and not names and not _GATES.search(text.lower())
+    return MentionCheck(tuple(listed), lacking, moves, unfounded)
+
+
+def _dropped(excluded: Collection[str], linked: str, mentions: Sequence[Mention]) -> set[Mention]:
+    """Return the mentions of `excluded` names, and those that a correction in the order replaces.
+
+    An excluded name is never used (`exclusions.py`), so no reading has to account for it. `linked`
+    is the order with its names linked.
+    """
+    found = {one for one in mentions if one.means in excluded}
+    corrections = [match.start() for match in _CORRECTS.finditer(linked)]
+    if corrections:
+        before = [one for one in mentions if linked.rfind(one.said) < corrections[-1]]
+        after = {one.sort for one in mentions if linked.rfind(one.said) > corrections[-1]}
+        found.update(one for one in before if one.sort in _NAMED and one.sort in after)
+        found.update(one for one in mentions if one.said.lower() in _CORRECTING)
+    return found
+
+
+class _Made:
+    """The result of an order: the names in its reading, its plan and the unmet lines."""
+
+    def __init__(
+        self, world: World, picture: Picture, asked: str, plan: Plan, unmet: Sequence[str]
+    ) -> None:
+        self._world, self._picture = world, picture
+        said, _, evidence = asked.partition("; now: ")
+        self.asks = tuple(_asks(said)) if asked else ()
+        under = re.match(r"asked: if ([^:]+):", said)
+        self.subjects = _NAME.findall(under[1]) if under is not None else []
+        """The names that the action depends on."""
+        self.refused = bool(self.asks) and all(w.task == "refused" for w in self.asks)
+        self._others_stay = OTHERS_STAY in said or OTHERS_STAY in evidence
+        self._may_hold = self._others_stay or f"else: {NOTHING}" in said or not self.asks
+        acting = [action for action in plan.actions if action.verb not in _STAYS]
+        doing = acting if asked else plan.actions
+        self._tasks: set[Task] = {ask.task for ask in self.asks}
+        self._tasks |= {TASK_OF[action.verb] for action in doing}
+        self._names = {*_NAME.findall(said), *(name for line in unmet for name in _words(line))}
+        self._names.update(name for a in doing for name in (a.agent, a.target) if name)
+        if self._tasks & {"home", "stand_down"}:
+            self._names.add(world.base)
+        self._assets = [name for name in world.assets if name in self._names]
+        read = set(_NAME.findall(said)) if asked else self._names
+        self._stood = {_at(picture, name) for name in self._assets if name in read}
+        """The places of the assets that the reading names: *the one at the north gate*."""
+        self._acting = len({action.agent for action in acting})
+
+    def is_unfounded(self, lacking: Sequence[Unsupported]) -> bool:
+        """Return whether every place of the reading is `lacking` in the words of the order.
+
+        For a reading without a place its assets are compared, and for one without names its tasks.
+        """
+        missing = {one.named for one in lacking}
+        placed = [ask for ask in self.asks if ask.place not in ("", NOWHERE)]
+        if placed:
+            return all({ask.place, ask.leaving} & missing for ask in placed)
+        named = {name for ask in self.asks for name in (*ask.who.names, ask.leaving) if name}
+        named.update(PLAIN_KINDS[ask.who.kind] for ask in self.asks if ask.who.kind is not None)
+        if not named:
+            return any(one.sort == "verb" for one in lacking)
+        return named <= missing
+
+    def accounts_for(self, one: Mention) -> bool:
+        """Return whether the mention `one` of the order has its part here."""
+        match one.sort:
+            case "place":
+                return one.means in self._names or one.means in self._stood
+            case "asset":
+                return one.means in self._names or self._meant(one.means)
+            case "track":
+                gate = self._picture.tracks[one.means].gate
+                return one.means in self._names or gate in self._names
+            case "kind":
+                return self._has_kind(one.means)
+            case "number":
+                return self._has_number(one.means)
+            case "numeral":
+                return True
+            case "verb":
+                return self._has_task(one.tasks)
+
+    def _meant(self, name: str) -> bool:
+        """Return whether `name` is one of all assets meant, or one that is replaced."""
+        place, spec = _at(self._picture, name), self._world.assets.get(name)
+        if not self.asks and place in self._names:
+            return True
+        for ask in self.asks:
+            left = ask.place or _at(self._picture, ask.leaving)
+            if ask.task in ("cover", "relieve") and ask.leaving in ("", name) and left == place:
+                return True
+        every = (ask.who for ask in self.asks if ask.who.count == "all")
+        return spec is not None and any(team.kind in (None, spec.kind) for team in every)
+
+    def _has_kind(self, kind: str) -> bool:
+        kinds: set[str | None] = {ask.who.kind for ask in self.asks}
+        kinds |= {self._world.assets[name].kind for name in self._assets}
+        kinds |= {KIND_FOR.get(task) for task in self._tasks}
+        every = any(ask.who == Who(count="all") for ask in self.asks)
+        return kind in kinds or every or not self.asks
+
+    def _has_number(self, number: str) -> bool:
+        teams = [ask.who for ask in self.asks]
+        if self._others_stay or not teams:
+            return True
+        if number == "all":
+            return any(team.count == "all" or len(team.names) > 1 for team in teams)
+        counts = {len(team.names) or team.count for team in teams}
+        return int(number) in counts | {len(teams), len(self._assets), self._acting}
+
+    def _has_task(self, tasks: Collection[Task]) -> bool:
+        if "hold" in tasks and self._may_hold:
+            return True
+        return bool(self._tasks & {*tasks, "refused"})
+
+
+class _Words:
+    """The parts of a reading that the words of an order support."""
+
+    def __init__(
+        self, world: World, picture: Picture, text: str, mentions: Sequence[Mention]
+    ) -> None:
+        self._world, self._picture, self._text = world, picture, text.lower()
+        self._names = {one.means for one in mentions if one.sort in ("place", "asset", "track")}
+        self._placed = any(one.sort == "place" for one in mentions)
+        self._kinds = {one.means for one in mentions if one.sort == "kind"}
+        self._numbers = {one.means for one in mentions if one.sort in ("number", "numeral")}
+        self._tasks = {task for one in mentions for task in one.supports}
+        self._plain = any(
+            one.sort == "verb" and one.asked and "hold" not in one.tasks for one in mentions
+        )
+
+    def lacking(self, made: _Made) -> Iterator[Unsupported]:
+        """Yield what `made` names and nothing here supports."""
+        for name in made.subjects:
+            if name in self._world.assets and not self._has_asset(name):
+                yield Unsupported("asset", name)
+            if name in self._world.frames and name not in self._names:
+                yield Unsupported("place", name)
+        for ask in made.asks:
+            if ask.task in ("refused", "unreadable"):
+                continue
+            if ask.place not in ("", NOWHERE) and not self._has_place(ask.place, ask):
+                yield Unsupported("place", ask.place)
+            for name in filter(None, (*ask.who.names, ask.leaving)):
+                left = name == ask.leaving and _at(self._picture, name) in self._names
+                if not left and not self._has_asset(name):
+                    yield Unsupported("asset", name)
+            yield from self._team(ask.who)
+            if not self._has_task(ask):
+                yield Unsupported("verb", ask.words)
+
+    def _has_place(self, place: str, ask: Ask) -> bool:
+        """Return True if `place` is named or, without any named place, follows from the picture."""
+        if place in self._names or (ask.leaving and _at(self._picture, ask.leaving) == place):
+            return True
+        tracks = [track for track in self._picture.tracks.values() if track.gate == place]
+        if any(track.id in self._names for track in tracks):
+            return True
+        if self._placed:
+            return False
+        cover = self._picture.gates.get(place)
+        bare = cover is not None and not cover.covered
+        there = (name for name in self._picture.assets if _at(self._picture, name) == place)
+        return (
+            (bool(tracks) and _SOMEBODY.search(self._text) is not None)
+            or (bare and _BARE.search(self._text) is not None)
+            or any(self._told(name) or name in self._names for name in there)
+        )
+
+    def _told(self, name: str) -> bool:
+        """Return whether the words describe `name` by its fault."""
+        asset = self._picture.assets.get(name)
+        if asset is None:
+            return False
+        low = asset.low_battery and _LOW.search(self._text) is not None
+        return low or (not asset.available and _DOWN.search(self._text) is not None)
+
+    def _has_asset(self, name: str) -> bool:
+        """Return whether `name` is named or described, or its number stands without a name.
+
+        *The drone* names the only one that there is, or the only one that is free.
+        """
+        digits = re.findall(r"\d+", name)
+        numbered = bool(digits) and str(int(digits[-1])) in self._numbers
+        return name in self._names or numbered or self._told(name) or self._is_the_only(name)
+
+    def _is_the_only(self, name: str) -> bool:
+        """Return whether `name` is the only one of its kind, or the only free one of it.
+
+        The kind has to be mentioned.
+        """
+        spec = self._world.assets.get(name)
+        if spec is None or spec.kind not in self._kinds:
+            return False
+        team = [other for other, each in self._world.assets.items() if each.kind == spec.kind]
+        alone, assets = {*sole_covers(self._picture).values()}, self._picture.assets
+        free = [other for other in team if other in assets and is_free(assets[other], alone)]
+        return team == [name] or free == [name]
+
+    def _team(self, team: Who) -> Iterator[Unsupported]:
+        if team.kind is not None and not self._has_kind(team.kind):
+            yield Unsupported("kind", PLAIN_KINDS[team.kind])
+        if team.count == "all":
+            if _EVERY.search(self._text) is None:
+                yield Unsupported("number", "all")
+        elif team.count > 1 and not self._has_number(team.count):
+            yield Unsupported("number", str(team.count))
+
+    def _has_number(self, number: int) -> bool:
+        paired = number == 2 and _PAIR.search(self._text) is not None
+        return paired or str(number) in self._numbers
+
+    def _has_kind(self, kind: AssetKind) -> bool:
+        """Return True if the order names the kind, by its own word or by that of a team."""
+        words = {_singular(word) for word in _NAME.findall(self._text)}
+        if kind in self._kinds or words & self._teams(kind):
+            return True
+        if _KIND_WORDS[kind].search(self._text) is not None:
+            return True
+        return kind == "ugv" and not self._kinds and "vehicle" in self._text
+
+    def _teams(self, kind: AssetKind) -> set[str]:
+        """Return the words in the names of assets of `kind`."""
+        names = (name for name, spec in self._world.assets.items() if spec.kind == kind)
+        words = (word.lower() for name in names for word in WORD.findall(name))
+        return {word for word in words if len(word) > 1 and word.isalpha()}
+
+    def _has_task(self, ask: Ask) -> bool:
+        """Return True if a word means the task or none is needed, as in `van at east`."""
+        if ask.task in self._tasks:
+            return True
+        if ask.task == "respond":
+            visited = any(track.gate == ask.place for track in self._picture.tracks.values())
+            return visited or _SOMEBODY.search(self._text) is not None
+        if ask.task == "report" and "?" in self._text:
+            return True
+        if ask.task == "relieve" and {"go", "home"} <= self._tasks:
+            return True
+        somewhere = self._placed or ask.place == NOWHERE
+        return ask.task in ("go", "mass", "home") and not self._plain and somewhere
+
+
+def _asks(asked: str) -> Iterator[Ask]:
+    """Yield the asks in every case of a condition."""
+    words = asked.removeprefix(ASKED)
+    case = re.fullmatch(r"if [^:]+: (.+?), else: (.+)", words)
+    for part in (case[1], case[2]) if case is not None else (words,):
+        reading = read_asked(f"{ASKED}{part}") or Reading(())
+        yield from reading.asks
+
+
+def _words(line: str) -> list[str]:
+    return _NAME.findall(line)
+
+
+def _singular(word: str) -> str:
+    return word[:-3] + "y" if word.endswith("ies") else word.removesuffix("s")
+
+
+def _at(picture: Picture, name: str) -> str:
+    """Return where an asset has its post or is, or a track is; '' for neither."""
+    if name in picture.tracks:
+        return picture.tracks[name].gate
+    asset = picture.assets.get(name)
+    return "" if asset is None else asset.post or asset.at or ""

@@ -1,0 +1,329 @@
+"""Mentions in an order: places, assets, tracks, kinds, numbers and verbs.
+
+Names are found as entity linking finds them (`name_linking.py`). A name is asked about, or only
+told, quoted, addressed or ruled out: *the east gate is quiet, send a drone to the west gate* asks
+for nothing at the east gate, *East gate, this is Watch* for nothing there either. Of an order that
+asks in no clause, every clause counts as asking.
+"""
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Literal, NamedTuple
+
+from pa_console.language.name_linking import link_names
+from pa_console.language.order import Task
+from pa_console.language.verb_lexicon import find_verbs
+from pa_console.language.world_names import GATE, NUMBERS, WORD, WorldNames
+from pa_console.schema.world import AssetKind, World
+
+Sort = Literal["place", "asset", "track", "kind", "number", "numeral", "verb"]
+_COMPASS = {
+    f"{word}{end}": word for word in ("north", "east", "south", "west") for end in ("", "ern")
+}
+
+KINDS: dict[str, AssetKind] = {
+    **dict.fromkeys(
+        ("drone", "uav", "uas", "quad", "copter", "quadcopter", "hexacopter", "multicopter"), "uav"
+    ),
+    **dict.fromkeys(
+        (
+            "quadrotor",
+            "multirotor",
+            "rotorcraft",
+            "aircraft",
+            "helicopter",
+            "chopper",
+            "airframe",
+            "flyer",
+            "flier",
+        ),
+        "uav",
+    ),
+    **dict.fromkeys(("ugv", "rover", "buggy", "buggie"), "ugv"),
+    **dict.fromkeys(("robot", "bot", "humanoid", "android", "walker", "biped", "droid"), "robot"),
+}
+"""The words for kinds; a vehicle may as well be one that comes to a gate."""
+ASSETS = frozenset(("asset", "unit", "machine", "device", "platform"))
+"""The words for any asset."""
+_ALL = frozenset(("all", "every", "each", "both", "everyone", "everybody", "everything"))
+_NAMES = frozenset(("place", "asset", "track", "kind"))
+_OF_SITES = re.compile(
+    r"\b(?:assets?|units?|machines?|platforms?|team|fleet|everyone|everybody|everything|nobody"
+    r"|gates?|posts?|guards?|unguarded|uncovered|gaps?|cover|relief|perimeter|positions|base"
+    r"|checkpoint|site|fence"
+    r"|boundary|walls?|vehicles?|cars?|trucks?|vans?|lorr(?:y|ies)|person|people|intruders?"
+    r"|strangers?|visitors?|tracks?|birds?|aerial|scouts?|cameras?|battery|batteries"
+    r"|(?:all|each|every one) of (?:you|them)|[a-z]{1,3}-?\d{1,2})\b"
+)
+"""Parts of sites under any name, in lower case."""
+_LONGEST = 3
+"""Words of a name that are looked at together."""
+_SPELT = {
+    word: word[0]
+    for word in (
+        *("alpha", "alfa", "bravo", "charlie", "delta", "echo", "foxtrot", "golf", "hotel"),
+        *("india", "juliet", "kilo", "lima", "mike", "november", "oscar", "papa"),
+    )
+}
+_CAR = re.compile(r"(?:cars?|trucks?|vehicles?)")
+_WORD = re.compile(r"[^\W_][\w-]*", re.UNICODE)
+_QUOTED = re.compile(r"\"[^\"]*\"|“[^”]*”|```.*?```|(?<!\w)'[^']{3,}'(?!\w)|<[^<>]*>")
+_CLAUSE = re.compile(r"[^.!?;,\n]+(?:\.(?=\w)[^.!?;,\n]*)*")
+_TOLD = re.compile(
+    r"\b(?:am|is|was|were|are|been|has|had|have|did|does|got|gave|will|says?|said|asked|reported"
+    r"|came|went|stood|forgot|lost|took|made|ran|met|fell|broke|bought|(?!un)[a-z]+(?<!e)ed|left|passed|turned|looks|looked|seems|seemed|likes|prefers|trusts|swears"
+    r"|belongs|wrote|heard|saw|knows?|thinks?|thought|spoke|talked|told|used|can|fine|ok|okay|quiet"
+    r"|calm|normal|clear|settled|gone|urgent|checked|idle|yesterday|today|tomorrow|tonight|earlier"
+    r"|always|planned|unchanged|affected|covered|completed?|closed|over|done|serviced|needed|reports"
+    r"|calling|writing|on post|as briefed|nothing|no change|not|never|in order|wet|dry|icy|foggy"
+    r"|busy|new)\b|['’](?:s|re|ve)\b",
+    re.IGNORECASE,
+)
+_REQUEST = re.compile(
+    r"\b(?:please|pls|should|must|shall|needs?|wants?|let|would like|would be|required|has to"
+    r"|have to|is to|are to|going to|get|time)\b|['’]d like",
+    re.IGNORECASE,
+)
+_RULED_OUT = re.compile(
+    r"(?:\b(?:not|never|no|nobody|without|instead of|rather than|except|forget|ignore|disregard)"
+    r"|n['’]t)\b(?:(?!\b(?:but|and|only|then|just)\b).)*$",
+    re.IGNORECASE,
+)
+_STATION = re.compile(r"\s*this is\b", re.IGNORECASE)
+"""The words of a radio message after the call signs of its addressees."""
+_MOST_ADDRESSED = 3
+"""Words of a call sign."""
+_STAYS_ON = re.compile(
+    r"\band (?:then )?(?:just )?(?P<verb>hold|stay|wait|remain)\b"
+    r"(?= *(?:$|(?:there|here|put|inside|outside|with (?:it|them|him|her)|until|till|for)\b))",
+    re.IGNORECASE,
+)
+"""*Go to the gate and stay there*: whoever is sent somewhere stays there anyhow."""
+_IF = re.compile(
+    r"\b(?:if|when|whether|unless|in case|provided|as long as|should|given that|suppose"
+    r"|condition|once|otherwise|else)\b",
+    re.IGNORECASE,
+)
+
+
+class Mention(NamedTuple):
+    """Words of an order as `said`, and their meaning: a name, a kind, a number, a verb.
+
+    `asked` is False for words that are reported, quoted or ruled out, or call a place by radio.
+    """
+
+    sort: Sort
+    said: str
+    means: str
+    asked: bool = True
+    tasks: frozenset[Task] = frozenset()
+    """The tasks that a verb goes with."""
+    supports: frozenset[Task] = frozenset()
+    """The tasks that a verb means."""
+
+
+class _Clause(NamedTuple):
+    """A part of the text between two stops, and whether it asks for anything."""
+
+    text: str
+    asks: bool
+    quoted: bool = False
+    addressed: bool = False
+    """True if it is a call sign at the start of a radio message."""
+
+    def asks_about(self, start: int, sort: Sort) -> bool:
+        """Return whether it asks about a mention of this `sort` that begins at `start`."""
+        called = self.addressed and sort == "place"
+        return self.asks and not called and not _RULED_OUT.search(self.text[:start])
+
+
+def find_mentions(world: World, text: str, tracks: Iterable[str] = ()) -> tuple[Mention, ...]:
+    """Return everything that `text` names of `world` and of the `tracks` in sight, in its order.
+
+    Without a name that is known, a word that looks like an asset's (`Drone_T99`) counts as one.
+    """
+    finder = _Finder(world, tracks)
+    return tuple(dict.fromkeys(finder.find(link_names(world, text))))
+
+
+def speaks_of_site(world: World, text: str, tracks: Iterable[str] = ()) -> bool:
+    """Return whether `text` mentions a part of a site: place, asset, kind, post, visitor.
+
+    A passing mention counts: this only separates texts about other matters.
+    """
+    low, names = text.lower(), WorldNames.of(world)
+    if _OF_SITES.search(low) or any(names.team(word) for word in re.findall("[a-z]+", low)):
+        return True
+    return any(one.sort in _NAMES for one in find_mentions(world, text, tracks))
+
+
+class _Finder:
+    """Looks for the names of one world."""
+
+    def __init__(self, world: World, tracks: Iterable[str]) -> None:
+        self._sorts: dict[str, tuple[Sort, str]] = {}
+        for name in tracks:
+            self._sorts[name.lower()] = ("track", name)
+        for name in world.assets:
+            self._sorts[name.lower()] = ("asset", name)
+        places = [*world.frames, *world.zones]
+        for name in places:
+            self._sorts[name.lower()] = ("place", name)
+        self._squashed = {_squashed(name): found for name, found in self._sorts.items()}
+        self._parts = _own_words(places)
+        self._compass = {
+            word: self._parts[whole] for word, whole in _COMPASS.items() if whole in self._parts
+        }
+
+    def find(self, text: str) -> Iterator[Mention]:
+        for clause in _clauses(text):
+            yield from self._of(clause)
+
+    def _of(self, clause: _Clause) -> Iterator[Mention]:
+        words = [(found[0], found.start()) for found in _WORD.finditer(clause.text)]
+        assets: set[int] = set()
+        for at, (word, start) in enumerate(words):
+            low = word.lower().removeprefix("frame_")
+            if found := self._sorts.get(low):
+                sort, means = found
+                yield Mention(sort, word, means, clause.asks_about(start, sort))
+                assets.update((at,) if sort == "asset" else ())
+            elif _is_name(word):
+                yield Mention("asset", word, word, clause.asks_about(start, "asset"))
+            elif whole := self._spelt(words, at):
+                sort, means = whole
+                yield Mention(sort, word, means, clause.asks_about(start, sort))
+                assets.update((at,) if sort == "asset" else ())
+            elif low in self._compass:
+                asked = clause.asks_about(start, "place")
+                yield Mention("place", word, self._compass[low], asked)
+            elif low in self._parts:
+                yield Mention("place", word, self._parts[low], False)
+            elif (number := _numeral(low)) and not _counts(words, at):
+                yield Mention("numeral", word, number, False)
+        yield from _kinds(words, assets, clause)
+        stays_on = {found.start("verb") for found in _STAYS_ON.finditer(clause.text)}
+        sent = False
+        for verb in find_verbs(clause.text):
+            plain = verb.plain and clause.asks_about(verb.start, "verb")
+            plain = plain and not (sent and verb.start in stays_on)
+            sent = sent or "go" in verb.tasks
+            yield Mention("verb", verb.word, verb.word, plain, verb.tasks, verb.means)
+
+    def _spelt(self, words: Sequence[tuple[str, int]], at: int) -> tuple[Sort, str] | None:
+        """Return what a name is that is spelt in several words: `Gate Charlie`, `harpy-b`."""
+        for end in range(min(at + _LONGEST, len(words)), at, -1):
+            spelt = [word for word, _ in words[at:end]]
+            found = self._squashed.get(_squashed(" ".join(_letter(word) for word in spelt)))
+            if found is not None:
+                return found
+        return None
+
+
+def _letter(word: str) -> str:
+    return _SPELT.get(word.lower(), word)
+
+
+def _squashed(name: str) -> str:
+    return re.sub(r"[\W_]", "", name).lower()
+
+
+def _clauses(text: str) -> list[_Clause]:
+    """Return the clauses of `text`, quoted ones first."""
+    quoted = [_Clause(found[0], asks=False, quoted=True) for found in _QUOTED.finditer(text)]
+    parts = [found[0] for found in _CLAUSE.finditer(_QUOTED.sub(" , ", text)) if found[0].strip()]
+    addressed = _addressed(parts)
+    asks = [_asks(part) for part in parts]
+    if not any(asks):
+        asks = [True] * len(parts)
+    told = zip(parts, asks, strict=True)
+    return [
+        *quoted,
+        *(_Clause(part, ask, addressed=at < addressed) for at, (part, ask) in enumerate(told)),
+    ]
+
+
+def _addressed(parts: Sequence[str]) -> int:
+    """Return how many clauses at the start are call signs: *Plaza, Plaza, this is Watch*."""
+    for at, part in enumerate(parts):
+        if _STATION.match(part):
+            return at
+        if len(part.split()) > _MOST_ADDRESSED:
+            break
+    return 0
+
+
+def _asks(clause: str) -> bool:
+    """Return whether a clause asks for an action: it has a verb for it, or no sign of a report."""
+    if _REQUEST.search(clause) or any(verb.plain for verb in find_verbs(clause)):
+        return True
+    return not _TOLD.search(clause)
+
+
+def _kinds(
+    words: Sequence[tuple[str, int]], assets: set[int], clause: _Clause
+) -> Iterator[Mention]:
+    """Yield the kinds that are spoken of, and how many of them or of all assets."""
+    for at, (word, start) in enumerate(words):
+        asked = clause.asks_about(start, "kind")
+        kind = KINDS.get(word.lower()) or KINDS.get(word.lower().removesuffix("s"))
+        after = words[at + 1][0].lower() if at + 1 < len(words) else ""
+        if kind == "robot" and _CAR.fullmatch(after):
+            kind = "ugv"
+        if kind is None and word.lower().removesuffix("s") not in ASSETS:
+            continue
+        if kind is not None and at + 1 not in assets:
+            yield Mention("kind", word, kind, asked)
+        count = _counted([before.lower() for before, _ in words[max(at - 5, 0) : at]])
+        if count:
+            yield Mention("number", f"{count} {word}", count, asked)
+    for word, _ in words:
+        if word.lower() in ("everyone", "everybody", "everything"):
+            yield Mention("number", word, "all", False)
+
+
+def _counted(before: Sequence[str]) -> str:
+    """Return how many are meant by a noun after the words `before`: a number, `all`, or ''."""
+    for word in reversed(before):
+        if word in _ALL:
+            return "2" if word == "both" else "all"
+        if word in NUMBERS[1:]:
+            return str(NUMBERS.index(word))
+        if word.isdigit():
+            return str(int(word)) if len(word) < 3 and int(word) < len(NUMBERS) else ""
+        if word in KINDS or word in ("and", "with", "to", "at", "for", "a", "an", "no", "than"):
+            return ""
+    return ""
+
+
+def _numeral(word: str) -> str:
+    """Return the number that a word is or ends with, as in `t05`; '' for none."""
+    if word in NUMBERS:
+        return str(NUMBERS.index(word))
+    found = re.fullmatch(r"[a-z]*?0*(\d{1,4})", word)
+    return found[1] if found is not None else ""
+
+
+def _counts(words: Sequence[tuple[str, int]], at: int) -> bool:
+    """Return whether the word at `at` is the number of the next noun."""
+    after = [word.lower().removesuffix("s") for word, _ in words[at + 1 : at + 4]]
+    return words[at][0].isalpha() and any(word in KINDS or word in ASSETS for word in after)
+
+
+def _is_name(word: str) -> bool:
+    """Return whether a word looks like an asset's name: letters, an underscore and a number."""
+    return re.fullmatch(r"[A-Za-z]+_[A-Z]?\d+", word) is not None
+
+
+def _own_words(places: Sequence[str]) -> dict[str, str]:
+    """Return the words that one place alone has, with the place: `north` for NorthGate."""
+    found: dict[str, list[str]] = {}
+    for name in places:
+        words = [word.lower() for word in WORD.findall(name)]
+        for word in words if len(words) > 1 else ():
+            found.setdefault(word, []).append(name)
+    return {
+        word: names[0]
+        for word, names in found.items()
+        if len(names) == 1 and word.isalpha() and len(word) > 2 and word != GATE
+    }

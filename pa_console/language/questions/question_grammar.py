@@ -1,0 +1,362 @@
+"""The grammar of questions to the console, such as *Why not the robot?*, beside orders.
+
+The whole text has to be such a question, from its first word to its last: one word more and it is
+an order, as *Why is nobody there? Send someone.* and *Send the robot instead* are. So it is with
+*Why not send the robot?*, which asks for it. The grammar is written by hand and reads from left to
+right; what it does not know is no question.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from pa_console.language.name_linking import link_names
+from pa_console.language.questions import question_words as words
+from pa_console.language.questions.question import Question
+from pa_console.language.references.description import fitting
+from pa_console.language.references.description_grammar import find_descriptions
+from pa_console.language.references.reader import Reader, read_tokens
+from pa_console.language.references.scene import Scene
+from pa_console.language.references.traits import is_bare
+from pa_console.language.references.words import BARE, asset_at, place_at
+from pa_console.schema.events.questions import QuestionTopic
+
+MOST_WORDS = 24
+"""A longer text is no question of these."""
+
+_SUGGESTING = ("do", "does")
+"""Verbs that with *not* may be an order: *Why don't you stop?*"""
+
+
+class _Asked(NamedTuple):
+    topic: QuestionTopic
+    subjects: tuple[str, ...] = ()
+
+
+def read_question(scene: Scene, text: str) -> Question | None:
+    """Return the question that `text` asks of the console, None where it is none."""
+    linked = link_names(scene.world, text)
+    tokens = read_tokens(linked)
+    if not tokens or len(tokens) > MOST_WORDS:
+        return None
+    grammar = _Grammar(scene, linked, Reader(tokens))
+    asked = grammar.question()
+    return Question(text, asked.topic, asked.subjects) if asked is not None else None
+
+
+class _Grammar:
+    """Tries one form of a question after another on the words that `reader` has."""
+
+    def __init__(self, scene: Scene, text: str, reader: Reader) -> None:
+        self._scene, self._text, self._reader = scene, text, reader
+
+    def question(self) -> _Asked | None:
+        reader = self._reader
+        while reader.take(*words.OPENING):
+            pass
+        ways: tuple[Callable[[], _Asked | None], ...] = (
+            self._alternatives, self._against, self._why_gate, self._why_plan, self._why_asset,
+            self._why_not_asset,
+        )  # fmt: skip
+        start = reader.at
+        for way in ways:
+            reader.at = start
+            found = way()
+            if found is not None and self._ended():
+                return found
+        return None
+
+    def _ended(self) -> bool:
+        """Return whether the text ends here."""
+        self._reader.skip(words.CLOSING)
+        return self._reader.over
+
+    def _why(self) -> bool:
+        taken = self._reader.take(*words.WHY)
+        self._reader.take(",")
+        return bool(taken)
+
+    # ------------------------------------------------------------------ why this plan
+
+    def _why_plan(self) -> _Asked | None:
+        """Read *Why?*, *why that plan*, *why was it refused*, *why can't I approve it*."""
+        reader = self._reader
+        if not self._why():
+            return None
+        if reader.take(*words.THAT) and self._at_end():
+            return _Asked("plan")
+        reader.take("not")
+        if self._at_end():
+            return _Asked("plan")
+        auxiliary = reader.take_in(words.AUXILIARIES)
+        if not auxiliary and not reader.take(*words.PLAN_SUBJECTS):
+            return None
+        if reader.take("not") and auxiliary in _SUGGESTING:
+            return None
+        reader.take(*words.PLAN_SUBJECTS)
+        reader.take_in(words.AUXILIARIES)
+        reader.skip(words.NOTHING_ELSE)
+        return _Asked("plan") if reader.take(*words.DONE_TO_PLAN) else None
+
+    def _at_end(self) -> bool:
+        """Return whether the text ends here; further words are not passed over."""
+        start = self._reader.at
+        ended = self._ended()
+        self._reader.at = start
+        return ended
+
+    # ------------------------------------------------------------------ why him, why not him
+
+    def _why_asset(self) -> _Asked | None:
+        """Read *why Drone_T04*, *why did you send the robot*, *why is that drone going there*."""
+        reader = self._reader
+        if not self._why():
+            return None
+        if subjects := self._assets():
+            if reader.take(*words.INSTEAD_OF):
+                others = self._assets()
+                return _Asked("other_asset", others) if others else None
+            self._task()
+            return _Asked("asset", subjects)
+        if not reader.take_in(words.AUXILIARIES):
+            return None
+        return self._sending(negated=False)
+
+    def _why_not_asset(self) -> _Asked | None:
+        """Read *why not the robot*, *why didn't you send Robot_T02*, *why is he not sent*.
+
+        *Why don't you send the robot?* asks for it.
+        """
+        reader = self._reader
+        if not self._why():
+            return None
+        if reader.take("not"):
+            reader.take("with", "use")
+            subjects = self._assets()
+            reader.take("instead")
+            self._place()
+            reader.take("instead")
+            return _Asked("other_asset", subjects) if subjects else None
+        auxiliary = reader.take_in(words.AUXILIARIES)
+        suggests = auxiliary in _SUGGESTING and reader.word() == "not"
+        return self._sending(negated=True) if auxiliary and not suggests else None
+
+    def _sending(self, *, negated: bool) -> _Asked | None:
+        """Read who was sent or was not: *you send the robot there*, *the robot not going home*."""
+        reader = self._reader
+        no = bool(reader.take("not"))
+        if reader.take("it"):
+            subjects = self._assets()
+            return _Asked("asset", subjects) if subjects and not (no or negated) else None
+        if reader.take(*words.SPEAKERS):
+            no = bool(reader.take("not")) or no
+            if not reader.take_in(words.SENDING):
+                return None
+            reader.take("with", "for", "on")
+            subjects = self._assets()
+        else:
+            subjects = self._assets()
+            no = bool(reader.take("not")) or no
+            reader.take("being", "been", "to be", "the one")
+            if subjects and not reader.take_in(words.SENDING):
+                return None
+        self._task()
+        if not subjects or no != negated:
+            return None
+        return _Asked("other_asset" if no else "asset", subjects)
+
+    def _against(self) -> _Asked | None:
+        """Read *what speaks against the robot*."""
+        if not self._reader.take(*words.AGAINST):
+            return None
+        if self._reader.take(*words.THAT) and self._at_end():
+            return _Asked("plan")
+        subjects = self._assets()
+        self._task()
+        return _Asked("other_asset", subjects) if subjects else None
+
+    def _task(self) -> None:
+        """Read the purpose of sending an asset, if it is only a place."""
+        reader = self._reader
+        reader.take("instead")
+        self._place()
+        reader.take("for that", "for this", "for it", "and nobody else", "of all", "instead")
+
+    def _place(self) -> None:
+        reader, start = self._reader, self._reader.at
+        if reader.take("over there", "there", "back home", "home", "back", "away"):
+            return
+        if reader.take("over to", "to", "at", "for", "towards") and not place_at(
+            self._scene, reader
+        ):
+            reader.at = start
+
+    def _assets(self) -> tuple[str, ...]:
+        """Read the assets: a name, the mark, a description, or a kind.
+
+        A kind may mean all of it; none if there is none.
+        """
+        reader, scene = self._reader, self._scene
+        if name := asset_at(scene, reader):
+            return (name,)
+        start = reader.at
+        if reader.take("that one", "this one", "him", "her"):
+            marked = scene.pointer in scene.world.assets
+            return (scene.pointer,) if marked else ()
+        if described := self._described():
+            return described
+        reader.take(
+            *("that", "this", "the other", "the", "another", "an", "a", "one of the", "our"),
+            *("those", "these", "any", "some", "one"),
+        )
+        reader.take("other", "free", "nearer", "idle", "ground")
+        team = scene.members(reader.word())
+        if not team:
+            reader.at = start
+            return ()
+        reader.at += 1
+        return scene.in_order(team)
+
+    def _described(self) -> tuple[str, ...]:
+        """Read a description of an asset that begins here; none where none does."""
+        reader, tokens = self._reader, self._reader.tokens
+        if reader.over:
+            return ()
+        begins = tokens[reader.at].start
+        for one in find_descriptions(self._scene, tokens, self._text):
+            if one.start != begins or one.sort != "asset":
+                continue
+            if one.ranking is not None and one.ranking.distance and not one.ranking.place:
+                return ()
+            names = fitting(self._scene, one)
+            if names:
+                reader.at = next(
+                    (n for n, each in enumerate(tokens) if each.start >= one.end), len(tokens)
+                )
+            return names
+        return ()
+
+    # ------------------------------------------------------------------ why a gate is bare
+
+    def _why_gate(self) -> _Asked | None:
+        """Read *why is nobody at the north gate*, *why has the gate no guard*."""
+        reader = self._reader
+        if not self._why():
+            return None
+        auxiliary = reader.take_in(words.AUXILIARIES)
+        reader.take("there")
+        if auxiliary and reader.take(*words.NOBODY):
+            reader.take("there", "left", "standing")
+            gate = self._gate() if reader.take(*words.AT) else ""
+            return _Asked("gate", (gate,)) if gate else None
+        reader.take("you", "we", "they")
+        leaves = bool(reader.take("leave", "left", "leaving"))
+        gate = self._gate()
+        if not gate or not auxiliary:
+            return None
+        reader.take("still", "suddenly", "always", "currently")
+        bare = reader.take_in(BARE) or reader.take(*(f"not {way}" for way in words.GUARDED))
+        bare = bare or reader.take("without a guard", "without guard", "without cover", "alone")
+        if not bare and not leaves and reader.take("have", "got", ""):
+            bare = reader.take("no guard", "no guards", "no cover", "nobody")
+        if not bare and auxiliary in ("has", "had", "does"):
+            bare = reader.take("no guard", "no guards", "no cover", "nobody", "lost its guard")
+        return _Asked("gate", (gate,)) if bare else None
+
+    def _gate(self) -> str:
+        """Read which gate is meant: its name, the marked one, or the one that has no guard."""
+        reader, scene = self._reader, self._scene
+        start = reader.at
+        place = place_at(scene, reader)
+        if place:
+            return place if place in scene.gates else ""
+        if reader.take("this gate", "that gate") and scene.pointer in scene.gates:
+            return scene.pointer
+        reader.at = start
+        bare = [gate for gate in scene.gates if is_bare(scene, gate)]
+        if reader.take("the gate", "this gate", "that gate", "a gate") and len(bare) == 1:
+            return bare[0]
+        reader.at = start
+        return ""
+
+    # ------------------------------------------------------------------ what else
+
+    def _alternatives(self) -> _Asked | None:
+        """Read *What would you do instead*, *what else could we do*, *any other option*."""
+        forms = (self._what_else, self._how_else, self._other_options, self._differently)
+        start = self._reader.at
+        for form in forms:
+            self._reader.at = start
+            if form() and self._at_end():
+                return _Asked("alternatives")
+        return None
+
+    def _what_else(self) -> bool:
+        """Read *what else*, *what would you do otherwise*, *what else is there*."""
+        reader = self._reader
+        if not reader.take("what"):
+            return False
+        other = bool(reader.take_in(words.ELSE))
+        if other and self._at_end():
+            return True
+        if other and reader.take("is there", "is possible", "is on offer", "would work", "is left"):
+            return True
+        if not reader.take_in(words.WOULD):
+            return False
+        if not reader.take(*words.WHOSE_TURN) and not other:
+            return False
+        other = bool(reader.take_in(words.ELSE)) or other
+        if not reader.take(*words.DOING):
+            return False
+        reader.take(*words.ABOUT_IT)
+        other = bool(reader.take(*words.INSTEAD_OF_IT) or reader.take_in(words.ELSE)) or other
+        reader.take(*words.ABOUT_IT)
+        return other
+
+    def _how_else(self) -> bool:
+        """Read *how else*, *how else could we do that*."""
+        reader = self._reader
+        if not reader.take("how else", "how otherwise"):
+            return False
+        if self._at_end():
+            return True
+        if not reader.take_in(words.WOULD):
+            return False
+        return bool(
+            reader.take("it be done", "this be done", "that be done")
+            or (
+                reader.take(*words.WHOSE_TURN)
+                and reader.take("do it", "do this", "do that", "do so")
+            )
+        )
+
+    def _other_options(self) -> bool:
+        """Read *is there another way*, *any other option*, *show me other plans*."""
+        reader = self._reader
+        reader.take(*words.IS_THERE)
+        reader.take(*words.ARTICLES)
+        reader.take("sound", "good", "legal", "possible")
+        if reader.take_in(words.ALTERNATIVES):
+            reader.take("plan", "plans")
+        else:
+            other = bool(reader.take(*words.OTHER))
+            reader.take("possible", "sound", "good")
+            if not other or not reader.take_in(words.OPTIONS):
+                return False
+        reader.take(*words.INSTEAD_OF_IT, "instead")
+        reader.take(*words.ABOUT_IT)
+        return True
+
+    def _differently(self) -> bool:
+        """Read *can it be done differently*, *could you do that another way*."""
+        reader = self._reader
+        if not reader.take("can", "could", "would", "might"):
+            return False
+        if not reader.take(
+            *("it be done", "this be done", "that be done", "you do it", "you do this"),
+            *("you do that", "we do it", "we do this", "we do that", "one do it", "one do that"),
+        ):
+            return False
+        return bool(
+            reader.take_in(words.ELSE)
+            or reader.take("another way", "in another way", "any other way", "some other way")
+        )

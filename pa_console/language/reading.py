@@ -1,0 +1,183 @@
+"""A trained model's reading of an order, parsed from the canonical words of its reason.
+
+A reason begins with the reading, clause by clause, in a fixed word order and with the world's own
+names (`clauses.py`; `canonical_words.py` writes the same words). A clause that is not one of these
+is kept as it is and means nothing to the console.
+"""
+
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import lru_cache
+from typing import Literal
+
+from pa_console.language.clauses import (
+    ASIDE,
+    ASKED,
+    EXCEPT,
+    KIND_FORMS,
+    NOTHING,
+    NOWHERE,
+    OTHERS_STAY,
+    SOMEBODY,
+    TEAM,
+    TEAM_SLOTS,
+    UNLAWFUL,
+    Clause,
+    NamePatterns,
+    clause_patterns,
+)
+from pa_console.language.order import ANYBODY, Ask, Reading, Who, Wrong
+
+NAME = r"[A-Za-z0-9_]+"
+_ANY = NamePatterns(
+    asset=NAME,
+    place=NAME,
+    gate=NAME,
+    team=TEAM.pattern(
+        {slot: f"(?P<{slot}>{said})" for slot, said in (*TEAM_SLOTS.items(), ("origin", NAME))}
+    ),
+    track=rf"(?P<track_id>{NAME}) at (?P<at>{NAME}|{NOWHERE})",
+    guard=rf"(?P<leaving>{NAME})( at (?P<place>{NAME}|{NOWHERE}))?",
+    stranger="(?P<stranger> vehicle| person)",
+)
+"""Everything that can be read, whatever there is."""
+_CLAUSES: tuple[tuple[Clause, re.Pattern[str]], ...] = tuple(
+    (clause, re.compile(pattern))
+    for clause, pattern in clause_patterns(_ANY, lambda slot, what: f"(?P<{slot}>{what})")
+)
+_SLOTS: Mapping[str, str] = {"at": "place", "stranger": "thing"}
+"""The groups of an expression that are not called as the slot for which they stand."""
+_TRACKS: Mapping[str, Literal["vehicle", "person"]] = {"vehicle": "vehicle", "person": "person"}
+_UNDER = re.compile(
+    r"if [^:]+: (?P<then>[^:]+), else: (?P<otherwise>[^:]+); now: (?P<now>.+?), (?P<so>not so|so)"
+    r"(; (?P<facts>.*))?"
+)
+_LIMITS = re.compile(rf"(({EXCEPT}{NAME}(, {NAME})*|{OTHERS_STAY})(; |$))*")
+"""The end of a reading: who is ruled out, and whether others may move."""
+
+
+def read_reason(reason: str) -> Reading | None:
+    """Return the reading in `reason`, None when it does not begin with one.
+
+    A reason that goes on ends with the facts that decide, after the last semicolon.
+    """
+    return _read(reason, with_facts=True)
+
+
+def asked_words(reason: str) -> str:
+    """Return how `reason` begins: what was asked, up to the facts that decide; '' without that."""
+    if read_reason(reason) is None:
+        return ""
+    case = _UNDER.fullmatch(reason.removeprefix(ASKED))
+    if case is not None:
+        facts = _LIMITS.sub("", case["facts"] or "", count=1)
+    else:
+        facts = reason.rpartition("; ")[2] if "; " in reason else ""
+    return reason.removesuffix(facts)
+
+
+def read_asked(words: str) -> Reading | None:
+    """Return the reading in `words`; no other words follow it."""
+    return _read(words, with_facts=False)
+
+
+def clause_of(words: str) -> tuple[Clause, Mapping[str, str]] | None:
+    """Return the form of a lawful clause and its slots, None if it is no clause.
+
+    The slots are those of the plain form, and those of `TEAM` if no asset is named.
+    """
+    for clause, pattern in _CLAUSES:
+        found = pattern.fullmatch(words)
+        if found is not None:
+            return clause, dict(_slots(found))
+    return None
+
+
+def _slots(found: re.Match[str]) -> Iterator[tuple[str, str]]:
+    """Yield the slots of a clause, with the names of every form."""
+    for slot, said in found.groupdict().items():
+        if said:
+            yield _SLOTS.get(slot, slot), said.strip()
+
+
+def _read(text: str, *, with_facts: bool) -> Reading | None:
+    if not text.startswith(ASKED):
+        return None
+    words = text.removeprefix(ASKED)
+    if words.startswith("if "):
+        case = _UNDER.fullmatch(words)
+        if case is None:
+            return Reading((Ask(task="unreadable"),))
+        clauses = case["then"] if case["so"] == "so" else case["otherwise"]
+        found = _LIMITS.match(case["facts"] or "")
+        return _limited(clauses, found[0].split("; ") if found else [])
+    parts = words.split("; ")
+    if with_facts and len(parts) > 1:
+        parts.pop()
+    return _limited(*parted(parts))
+
+
+def parted(parts: Sequence[str]) -> tuple[str, list[str]]:
+    """Return the clauses among the `parts` of a reading, and the limits that the order sets."""
+    limits = [part for part in parts if part == OTHERS_STAY or part.startswith(EXCEPT)]
+    return "; ".join(part for part in parts if part not in limits), limits
+
+
+def _limited(clauses: str, limits: Collection[str]) -> Reading:
+    """Return what `clauses` ask for, within the limits that the order sets."""
+    excluded = (part.removeprefix(EXCEPT) for part in limits if part.startswith(EXCEPT))
+    names = tuple(name for part in excluded for name in part.split(", "))
+    return Reading(tuple(_clauses(clauses)), OTHERS_STAY in limits, names)
+
+
+def _clauses(words: str) -> Iterator[Ask]:
+    """Yield what the clauses of `words` ask for."""
+    if words != NOTHING:
+        yield from map(_ask, words.split("; "))
+
+
+@lru_cache(maxsize=1024)
+def _ask(words: str) -> Ask:
+    """Return what one clause asks for; the same few are read over and over in a mission."""
+    wrong = _aggravated(words)
+    if wrong is not None:
+        return Ask(task="refused", wrong=wrong, words=words)
+    found = clause_of(words)
+    if found is None:
+        return Ask(task="unreadable", words=words)
+    clause, said = found
+    return Ask(
+        task=clause.task,
+        who=_who(clause, said),
+        place=said.get("place", ""),
+        leaving=said.get("leaving", ""),
+        track=_TRACKS.get(said.get("thing", ""), ""),
+        track_id=said.get("track_id", ""),
+        wrong=clause.wrong,
+        words=words,
+    )
+
+
+def _aggravated(words: str) -> Wrong | None:
+    """Return what makes of a clause, whatever it is, one that no order may have."""
+    if words.startswith(ASIDE.words) and words != ASIDE.words:
+        return ASIDE.wrong
+    for each in UNLAWFUL:
+        if words.endswith(each.words) and words != each.words:
+            return each.wrong
+    return None
+
+
+def _who(clause: Clause, said: Mapping[str, str]) -> Who:
+    if clause.task == "swap":
+        return Who(names=(said["first"], said["second"]))
+    if clause.task == "mass":
+        return Who(kind=KIND_FORMS.get(said.get("massed", "")), count="all")
+    origin = said.get("origin", "")
+    if "kind" in said:
+        count = "all" if said["count"] == "all" else int(said["count"])
+        return Who(kind=KIND_FORMS[said["kind"]], count=count, origin=origin)
+    if "every" in said:
+        return Who(count="all" if said["every"] == "all" else 1, origin=origin)
+    who = said.get("who", SOMEBODY)
+    return ANYBODY if who == SOMEBODY else Who(names=tuple(who.split(", ")))

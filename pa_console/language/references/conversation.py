@@ -1,0 +1,420 @@
+"""Orders that lean on those before: *bring it back*, *same for north*, *undo that*, *no, west*.
+
+They are put in full, with what the last missions ordered and where everybody was before. Where two
+things fit, it is asked which is meant.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pa_console.language.references.outcome import Meant, Unclear, listed
+from pa_console.language.references.reader import Reader, read_tokens
+from pa_console.language.references.scene import STILL, Move, PastMission, Scene
+from pa_console.language.references.words import asset_at, place_at
+from pa_console.language.verb_lexicon import find_verbs
+
+_CORRECTING = frozenset(
+    (
+        *("no", "sorry", "oops", "wrong", "actually", "rather", "instead", "meant", "mean"),
+        *("mistake", "correction", "not", "wanted", "change"),
+    )
+)
+_CORRECTING_PHRASES = ("hold on", "make that", "should have been", "make it")
+_UNDOING = (
+    *("undo", "revert", "reverse", "scratch that", "scratch it", "take that back", "never mind"),
+    *("take it back", "forget it", "forget that", "cancel that", "cancel it", "as it was"),
+    *("way they were", "way it was", "as they were", "old positions", "put it back", "put back"),
+    *("roll that back", "unsend", "i take it back"),
+)
+_SAME = frozenset(("same", "ditto", "likewise", "too", "also", "similarly"))
+_MORE = ("another", "one more", "a second", "second", "an additional", "an extra")
+_THERE = (
+    *("over there", "out there", "there", "to that gate", "at that gate", "to the same gate"),
+    *("at the same gate", "same gate", "same place", "that gate", "that place", "the same gate"),
+    *("this gate", "here"),
+)
+_IT = ("that one", "this one", "it", "that thing")
+_THEM = ("both of them", "the both of them", "the two of them", "they both", "them both")
+_THEY = ("them", "they", "these two", "those two", "both")
+_WELL = frozenset(("ok", "okay", "doing", "well", "status", "fine"))
+"""The words that ask about an asset's condition."""
+_HOME = frozenset(("home", "base"))
+_SHORT = 9
+"""An order of more words is put in full by itself."""
+_WEATHER = frozenset(
+    (
+        *("raining", "rains", "snowing", "foggy", "windy", "dark", "cold", "hot", "late", "early"),
+        *("wet", "icy", "seems", "looks", "weather", "time"),
+    )
+)
+"""The verbs and nouns of an *it* that is no asset."""
+_OWN_TASKS = frozenset(("report", "identify", "warn", "block", "look", "hold", "relieve", "swap"))
+_PUTTING = frozenset(("go", "mass", "cover", "home"))
+
+
+@dataclass(frozen=True)
+class _Said:
+    """A name in an order, where it stands, and whether it is ruled out: *not the hub*."""
+
+    name: str
+    at: int
+    end: int
+    ruled_out: bool
+
+
+@dataclass(frozen=True)
+class Retold:
+    """An order put in full: its new `text`, and what was understood.
+
+    It may take back what was ordered last, or take its place.
+    """
+
+    text: str
+    meant: tuple[Meant, ...] = ()
+    undoes: bool = False
+    corrects: bool = False
+
+
+def retell(scene: Scene, text: str) -> Retold | Unclear | None:
+    """Return an order that leans on the one before in full; None where it stands by itself."""
+    if (scene.last is None and not scene.pointer) or not text.strip():
+        return None
+    return _Turn(scene, text).retold()
+
+
+class _Turn:
+    """One order of a conversation, after others, or with something marked on the screen."""
+
+    def __init__(self, scene: Scene, text: str) -> None:
+        self._scene, self._text, self._tokens = scene, text, read_tokens(text)
+        self._last = scene.last or PastMission("", ())
+        self._moves = [move for move in self._last.moves if move.verb not in STILL]
+        self._movers = list(dict.fromkeys(move.agent for move in self._moves))
+        self._words = [token.word for token in self._tokens]
+        self._low = f" {' '.join(word for word in self._words if word[0].isalnum())} "
+        self._assets, self._places = self._names()
+
+    def retold(self) -> Retold | Unclear | None:
+        for way in (
+            self._undone,
+            self._place_corrected,
+            self._agent_corrected,
+            self._same,
+            self._joined,
+            self._brought_back,
+        ):
+            found = way() if self._moves else None
+            if found is not None:
+                return found
+        return self._pronouns()
+
+    # ---------------------------------------------------------------- what is said
+
+    def _names(self) -> tuple[list[_Said], list[_Said]]:
+        assets, places = list[_Said](), list[_Said]()
+        at = 0
+        while at < len(self._tokens):
+            reader = Reader(self._tokens, at)
+            if name := asset_at(self._scene, reader):
+                assets.append(_Said(name, at, reader.at, self._ruled_out(at)))
+            elif (name := place_at(self._scene, reader)) and self._words[at] != "home":
+                places.append(_Said(name, at, reader.at, self._ruled_out(at)))
+            at = max(reader.at, at + 1)
+        return assets, places
+
+    def _ruled_out(self, at: int) -> bool:
+        before = [w for w in self._words[max(at - 3, 0) : at] if w not in ("the", "to", "at")]
+        return bool(before) and (before[-1] == "not" or before[-2:] in (["instead", "of"],))
+
+    def _has(self, *phrases: str) -> str:
+        return next((phrase for phrase in phrases if f" {phrase} " in self._low), "")
+
+    @property
+    def _asked(self) -> list[str]:
+        return [one.name for one in self._assets if not one.ruled_out]
+
+    @property
+    def _wanted(self) -> list[str]:
+        return [one.name for one in self._places if not one.ruled_out]
+
+    @property
+    def _corrects(self) -> bool:
+        return bool(_CORRECTING & set(self._words)) or bool(self._has(*_CORRECTING_PHRASES))
+
+    @property
+    def _short(self) -> bool:
+        return len([word for word in self._words if word[0].isalnum()]) <= _SHORT
+
+    @property
+    def _does(self) -> bool:
+        """Return whether the words ask for a task of their own, other than to go to a place."""
+        verbs = find_verbs(self._text.lower().replace("hold on", ""))
+        return any(v.plain and v.tasks & _OWN_TASKS and not v.means & _PUTTING for v in verbs)
+
+    @property
+    def _asks(self) -> bool:
+        """Return whether the words ask for an action: in small talk *it* is no asset."""
+        words = set(self._words)
+        if self._places or words & (_HOME | {"back"}) or ("?" in words and words & _WELL):
+            return True
+        if self._has(*_THERE) and (self._asked or any(map(self._scene.members, words))):
+            return True
+        return any(verb.plain for verb in find_verbs(self._text))
+
+    @property
+    def _there(self) -> str:
+        """The destination of the last mission; '' for several places."""
+        return self._theres[0] if len(self._theres) == 1 else ""
+
+    @property
+    def _theres(self) -> list[str]:
+        """Every place that *there* may be: where somebody was sent, and what is marked."""
+        marked = [self._scene.pointer] if self._scene.pointer in self._scene.world.frames else []
+        return list(dict.fromkeys((*marked, *map(self._target, self._moves))))
+
+    def _target(self, move: Move) -> str:
+        return self._scene.world.base if move.verb == "return_to_base" else move.target
+
+    # ---------------------------------------------------------------- whole orders
+
+    def _whole(self, order: str, *, undoes: bool = False, corrects: bool = False) -> Retold:
+        whole = Meant(0, len(self._text), self._text.strip(), order)
+        return Retold(order, (whole,), undoes, corrects)
+
+    def _order(self, agent: str, move: Move, place: str = "") -> str:
+        """Return in words that `agent` does the order of `move`, at `place` if given."""
+        target = place or self._target(move)
+        if target == self._scene.world.base:
+            return f"{agent} home"
+        if move.verb in ("observe", "identify", "warn", "block") and not place:
+            return f"{agent} {move.verb} {target}"
+        return f"{agent} to {target}"
+
+    def _returns(self, agents: Sequence[str]) -> list[str]:
+        """Return the orders that bring `agents` back to where they were before the last mission."""
+        orders: list[str] = []
+        for agent in agents:
+            before = next((m.before for m in reversed(self._scene.moved) if m.agent == agent), "")
+            if before and self._scene.place_of(agent) != before:
+                orders.append(
+                    f"{agent} home" if before == self._scene.world.base else f"{agent} to {before}"
+                )
+        return orders
+
+    def _undone(self) -> Retold | None:
+        if not self._has(*_UNDOING) or self._asked or self._wanted:
+            return None
+        orders = self._returns(self._movers)
+        return self._whole(_sentence(orders), undoes=True) if orders else None
+
+    def _place_corrected(self) -> Retold | None:
+        """Resolve *No, the south gate.*: the same for another place."""
+        wanted = self._wanted
+        if len(wanted) != 1 or self._asked or not self._corrects or not self._short or self._does:
+            return None
+        if self._has(*_IT, *_THEY):
+            return None
+        orders = [self._order(move.agent, move, wanted[0]) for move in self._moves]
+        return self._whole(_sentence(orders), corrects=True)
+
+    def _agent_corrected(self) -> Retold | None:
+        """Resolve *Not Drone_T04, Robot_T02.*: the same by another one, and the first one back."""
+        others = [name for name in self._asked if name not in self._movers]
+        there = self._has(*_THERE)
+        if not others or not self._corrects or self._does or (self._wanted and not there):
+            return None
+        if self._wanted or self._has("report", "home"):
+            return None
+        ruled_out = [one.name for one in self._assets if one.ruled_out]
+        replaced = [name for name in self._movers if name in ruled_out] or self._movers
+        move = next(move for move in self._moves if move.agent in replaced)
+        orders = [self._order(other, move) for other in others]
+        return self._whole(_sentence([*orders, *self._returns(replaced)]), corrects=True)
+
+    def _same(self) -> Retold | None:
+        """Resolve *same for Robot_T02* and *same for north*."""
+        same = bool(_SAME & set(self._words)) or bool(self._has("as well"))
+        if not same or not self._short or self._does or self._has(*_THERE):
+            return None
+        asked, wanted = self._asked, self._wanted
+        if asked and not wanted and not self._own_verb():
+            return self._whole(_sentence([self._order(name, self._moves[0]) for name in asked]))
+        if len(wanted) == 1 and not asked and self._has("same", "ditto", "likewise"):
+            return self._same_elsewhere(wanted[0])
+        return None
+
+    def _own_verb(self) -> bool:
+        verbs = find_verbs(self._text)
+        return any(v.plain and v.word not in ("go", "goes", "do") for v in verbs)
+
+    def _same_elsewhere(self, place: str) -> Retold | None:
+        """Return the last order for another `place`; who was named stays, another one goes."""
+        move = self._moves[0]
+        named = any(name in self._last.text for name in self._movers)
+        if not named and self._there and self._there in self._last.text:
+            return self._whole(self._last.text.replace(self._there, place))
+        team = [n for n, spec in self._scene.world.assets.items() if spec.kind == self._kind(move)]
+        other = self._nearest_free(team, place)
+        return self._whole(_sentence([self._order(other, move, place)])) if other else None
+
+    def _kind(self, move: Move) -> str:
+        return self._scene.world.assets[move.agent].kind
+
+    def _nearest_free(self, team: Sequence[str], place: str) -> str:
+        """Return who of `team` is free and nearest to `place`, of those not yet sent; '' for none.
+
+        Any of them is as good as another.
+        """
+        scene = self._scene
+        free = [
+            name
+            for name in team
+            if name not in self._movers and scene.is_free(name) and scene.place_of(name) != place
+        ]
+        return min(free, key=lambda name: scene.distance_m(name, place), default="")
+
+    def _joined(self) -> Retold | Unclear | None:
+        """Resolve *another one there*, *Robot_T01 there too*, *give it company, Robot_T01*."""
+        if self._does or self._has("home", "report", "instead of"):
+            return None
+        there = self._has(*_THERE)
+        place = (self._wanted or [self._there])[0]
+        if not place:
+            return None
+        asked = self._asked
+        company = self._has("join", "joins", "company") and self._has(*_IT, *_THEY)
+        if (there or company) and asked and not self._wanted and self._short:
+            if "where" in self._words or (self._has(*_IT) and not company):
+                return None
+            return self._whole(_sentence([f"{name} to {place}" for name in asked]))
+        more = self._has(*_MORE)
+        if not more or asked or not (there or self._wanted or self._counts(more)):
+            return None
+        teams = [self._scene.members(word) for word in self._words if word not in ("one", "it")]
+        team = next(filter(None, teams), frozenset[str]())
+        if not team:
+            kinds = {self._kind(move) for move in self._moves}
+            team = frozenset(n for n, s in self._scene.world.assets.items() if s.kind in kinds)
+        other = self._nearest_free(sorted(team), place)
+        if other:
+            return self._whole(_sentence([f"{other} to {place}"]))
+        every = self._scene.world.assets
+        free = [n for n in every if self._scene.is_free(n) and n not in self._movers]
+        return Unclear(more, "None of that kind is free. Who is to go?", tuple(free))
+
+    def _counts(self, more: str) -> bool:
+        """Whether one more of us is meant: *another robot*, *one more*, not *the second floor*."""
+        after = self._low.partition(f" {more} ")[2].split()
+        return not after or after[0] == "one" or bool(self._scene.members(after[0]))
+
+    def _brought_back(self) -> Retold | Unclear | None:
+        """Resolve *Bring it back.*: to where it was before."""
+        back = "back" in self._words or self._has("where it came from", "where they came from")
+        if not back or self._wanted or self._does or _HOME & set(self._words) or not self._short:
+            return None
+        agents = [name for name in self._asked if name in {m.agent for m in self._scene.moved}]
+        if not agents:
+            meant = self._they() if self._has(*_THEM, *_THEY) else self._it()
+            if isinstance(meant, Unclear):
+                return meant
+            agents = meant
+        if not agents or not (self._asked or self._has(*_IT, *_THEM, *_THEY)):
+            return None
+        orders = self._returns(agents)
+        return self._whole(_sentence(orders)) if orders else None
+
+    # ---------------------------------------------------------------- pronouns
+
+    def _it(self) -> list[str] | Unclear:
+        """Return who was moved last; of several it has to be asked which one is meant."""
+        pointer = self._scene.pointer
+        marked = [pointer] if pointer in self._scene.world.assets else []
+        if marked and self._has("that one", "this one"):
+            return marked
+        who = list(dict.fromkeys((*marked, *self._movers)))
+        if len(who) < 2:
+            return who
+        found = re.search(rf"\b(?:{'|'.join(_IT)})\b", self._text, re.IGNORECASE)
+        said = found[0] if found is not None else "it"
+        return Unclear(said, f"Who is meant by “{said}”?", tuple(who))
+
+    def _they(self) -> list[str]:
+        """Return who was moved by the last mission; of one alone, with whom was moved before."""
+        if len(self._movers) > 1:
+            return self._movers
+        every = list(dict.fromkeys(move.agent for move in reversed(self._scene.moved)))
+        return list(reversed(every[:2]))
+
+    def _pronouns(self) -> Retold | Unclear | None:
+        """Put names for *it*, *them* and *there*, where nothing before in the order is meant."""
+        meant: list[Meant] = []
+        at = 0
+        while at < len(self._tokens):
+            found = self._pronoun(at, within=bool(meant))
+            if isinstance(found, Unclear):
+                return found
+            if found is None:
+                at += 1
+                continue
+            one, at = found
+            meant.append(one)
+        if not meant or not self._asks:
+            return None
+        text, done = "", 0
+        for one in meant:
+            text += self._text[done : one.start] + one.written
+            done = one.end
+        return Retold(text + self._text[done:], tuple(meant))
+
+    def _pronoun(self, at: int, *, within: bool) -> tuple[Meant, int] | Unclear | None:
+        """Read a pronoun; one that follows another `within` the order is about the same asset."""
+        reader = Reader(self._tokens, at)
+        named = [one for one in self._assets if one.at < at and not one.ruled_out]
+        placed = [one for one in self._places if one.at < at and not one.ruled_out]
+        if reader.take("where it was", "where it came from", "where it stood", "its old gate"):
+            before = [
+                self._scene.place_of(move.agent) if within else move.before for move in self._moves
+            ]
+            place = before[-1] if before else ""
+            return self._replaced(at, reader.at, place, to=True) if place else None
+        if reader.take(*_THERE):
+            return None if placed else self._there_named(at, reader.at)
+        if named:
+            return None
+        if reader.take(*_THEM, *_THEY) and reader.word() not in ("of", "robots", "drones"):
+            they = self._they()
+            return self._replaced(at, reader.at, listed(they)) if they else None
+        reader.at = at
+        if reader.take(*_IT) and not (_WEATHER & {reader.word(), reader.word(1), reader.word(2)}):
+            who = self._it()
+            if isinstance(who, Unclear):
+                return who
+            return self._replaced(at, reader.at, who[0]) if who else None
+        return None
+
+    def _there_named(self, at: int, end: int) -> tuple[Meant, int] | Unclear | None:
+        """Put the name for a word such as *there*; of several places it is asked which one."""
+        if self._there:
+            return self._replaced(at, end, self._there, to=True)
+        if not self._theres:
+            return None
+        said = self._text[self._tokens[at].start : self._tokens[end - 1].end]
+        return Unclear(said, f"Which place is “{said}”?", tuple(self._theres))
+
+    def _replaced(self, at: int, end: int, means: str, *, to: bool = False) -> tuple[Meant, int]:
+        first, last = self._tokens[at], self._tokens[end - 1]
+        said = self._text[first.start : last.end]
+        before = self._words[at - 1] if at else ""
+        prefixed = to and before not in ("to", "at", "over", "from", "the")
+        becomes = ""
+        if prefixed:
+            still = "at" if {"is", "are", "see", "report"} & set(self._words[:at]) else "to"
+            still = "to" if {"send", "go", "goes", "move", "to"} & set(self._words[:at]) else still
+            becomes = f"{still} {means}"
+        return Meant(first.start, last.end, said, means, becomes), end
+
+
+def _sentence(orders: Sequence[str]) -> str:
+    """Return orders such as `Drone_T04 to EastGate` as one sentence."""
+    return f"{listed(list(dict.fromkeys(orders)))}."

@@ -1,0 +1,303 @@
+"""Resolves references in an order to names, before any model reads it.
+
+*The gate with only one guard* becomes `EastGate`, *bring it back* the asset sent last. No reference
+is guessed: if two things fit the words, or none, a question is asked. The same words in the same
+picture after the same missions always become the same.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from pa_console.language.name_linking import LinkedText, link_names
+from pa_console.language.references.asked_condition import conditional_order
+from pa_console.language.references.conversation import retell
+from pa_console.language.references.description import Description, Trait, fitting
+from pa_console.language.references.description_grammar import find_descriptions
+from pa_console.language.references.outcome import Meant, Unclear, listed, substituted
+from pa_console.language.references.reader import Reader, Token, read_tokens
+from pa_console.language.references.scene import Scene
+from pa_console.language.references.state_report import (
+    State,
+    in_state,
+    reported_state,
+    what_is_due,
+)
+from pa_console.language.references.words import asset_at, place_at
+
+MOST_CHOICES = 6
+"""The number of fitting things to choose from; of more, the question is open."""
+_QUOTED = re.compile(r"\"[^\"]*\"|“[^”]*”")
+"""Quoted words, which refer to nothing here."""
+_STAYING = frozenset(("stay", "stays", "remain", "remains", "keep", "keeps"))
+_THERE = frozenset(("there", "it"))
+_NO_MOVE = frozenset(
+    ("home", "base", "report", "reports", "back", "return", "returns", "hold", "stay", "doing")
+)
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """An order as it is read: its `text`, and what was `meant` by its words.
+
+    It may take back what was ordered last, or take its place.
+    """
+
+    text: str
+    meant: tuple[tuple[str, str], ...] = ()
+    undoes: bool = False
+    corrects: bool = False
+
+
+Answers = Mapping[str, str]
+"""The operator's answers about unclear words."""
+
+
+def resolve(scene: Scene, text: str, answers: Answers | None = None) -> Resolved | Unclear:
+    """Return `text` with its references replaced by names, or the question to ask first."""
+    answered = dict(answers or {})
+    linked = LinkedText.of(scene.world, _with_answers(text, answered))
+    described = _described(scene, linked, reported_state(linked.text))
+    if isinstance(described, Unclear):
+        return described
+    now, meant = described
+    state = reported_state(now)
+    meant = [*answered.items(), *meant]
+    if state is not None:
+        due = _reported(scene, now, state)
+        if isinstance(due, Unclear):
+            return due
+        if due:
+            return Resolved(due, (*meant, (text, due)))
+    if order := conditional_order(scene, now):
+        return Resolved(order, (*meant, (text, order)))
+    retold = retell(scene, now)
+    if isinstance(retold, Unclear):
+        return retold
+    if retold is not None:
+        new = [(one.said, one.means) for one in retold.meant]
+        return Resolved(retold.text, (*meant, *new), retold.undoes, retold.corrects)
+    return Resolved(now.strip(), tuple(meant)) if meant else Resolved(text)
+
+
+def _with_answers(text: str, answers: Answers) -> str:
+    """Return `text` with the answers in place of its unclear words."""
+    for said, means in answers.items():
+        pattern = rf"(?<!\w){re.escape(said)}(?!\w)"
+        text = re.sub(pattern, lambda _, means=means: means, text, count=1, flags=re.IGNORECASE)
+    return text
+
+
+# ------------------------------------------------------------------- descriptions
+
+
+def _described(
+    scene: Scene, linked: LinkedText, state: State | None
+) -> tuple[str, list[tuple[str, str]]] | Unclear:
+    """Return a text with names for its descriptions, and those with what they mean."""
+    text = linked.text
+    tokens = read_tokens(text)
+    found = [
+        replace(one, said=linked.said(one.start, one.end))
+        for one in find_descriptions(scene, tokens, text)
+    ]
+    meant: list[Meant] = []
+    quoted = [span.span() for span in _QUOTED.finditer(text)]
+    for one in found:
+        if any(start <= one.start < end for start, end in quoted):
+            continue
+        if one.partitive:
+            meant.append(Meant(one.start, one.end, "", "", " "))
+            continue
+        if _follows(tokens, one) in _STAYING and one.number != 1:
+            continue
+        if one.ranking is not None and one.ranking.distance and not one.ranking.place:
+            place = _place_beside(scene, tokens, one)
+            if not place:
+                continue
+            one = replace(one, ranking=replace(one.ranking, place=place))  # noqa: PLW2901
+        names = _meant_by(scene, one, state)
+        if isinstance(names, Unclear):
+            return names
+        if names:
+            meant.append(_written(scene, tokens, one, names))
+    if not meant:
+        return text, []
+    return (
+        _there_named(scene, substituted(text, meant), meant, found),
+        [(each.said, each.means) for each in meant if each.said],
+    )
+
+
+def _follows(tokens: Sequence[Token], one: Description) -> str:
+    return next((token.word for token in tokens if token.start >= one.end), "")
+
+
+def _place_beside(scene: Scene, tokens: Sequence[Token], one: Description) -> str:
+    """Return the place that the order names beside a superlative: *whoever is nearest goes to X*.
+
+    The first after it, else the last before it; '' where there is none.
+    """
+    before, after = "", ""
+    at = 0
+    while at < len(tokens):
+        reader = Reader(tokens, at)
+        place = place_at(scene, reader)
+        if place and tokens[at].start >= one.end:
+            after = after or place
+        elif place and tokens[at].start < one.start:
+            before = place
+        at = max(at + 1, reader.at)
+    return after or before
+
+
+def _meant_by(scene: Scene, one: Description, state: State | None) -> tuple[str, ...] | Unclear:
+    """Return the names that a description means, none where the planner may choose."""
+    asset = one.sort == "asset"
+    if asset and one.ranking is not None and one.ranking.distance:
+        one = replace(one, traits=(*one.traits, _can_come(one.ranking.place)))
+    names = fitting(scene, one)
+    if asset:
+        names = _likelier(scene, names, state)
+    if one.number == 0 or one.number == len(names):
+        return names if names else _unclear(scene, one, names)
+    if names and (one.any_will_do or (one.ranking is not None and one.number == 1 and asset)):
+        return names[:1] if one.any_will_do or len(names) == 1 else _unclear(scene, one, names)
+    return _unclear(scene, one, names)
+
+
+def _can_come(place: str) -> Trait:
+    """Return the trait of those who can go to `place`: they work, are free, and are not there."""
+    return lambda scene, name: (
+        scene.asset(name).available
+        and (scene.is_free(name) or scene.place_of(name) == scene.world.base)
+        and name != place
+        and (scene.place_of(name) != place or place not in scene.gates)
+    )
+
+
+def _likelier(scene: Scene, names: tuple[str, ...], state: State | None) -> tuple[str, ...]:
+    """Return the `names` that are in the reported state, or else the working ones, if any."""
+    if state is not None:
+        so = tuple(name for name in names if in_state(scene, name, state))
+    else:
+        so = tuple(name for name in names if scene.asset(name).available)
+    return so or names
+
+
+def _unclear(scene: Scene, one: Description, names: Sequence[str]) -> Unclear:
+    what = "gate" if one.sort == "gate" else "asset"
+    if not names:
+        every = scene.gates if one.sort == "gate" else ()
+        choices = tuple(every) if len(every) <= MOST_CHOICES else ()
+        return Unclear(one.said, f"No {what} fits “{one.said}”. Which {what} is meant?", choices)
+    many = f"{len(names)} {what}s fit" if len(names) > 1 else f"Only {names[0]} fits"
+    choices = tuple(names) if len(names) <= MOST_CHOICES else ()
+    which = "Which one is meant?" if one.number == 1 else "Who is meant?"
+    return Unclear(one.said, f"{many} “{one.said}”. {which}", choices)
+
+
+def _written(
+    scene: Scene,
+    tokens: Sequence[Token],
+    one: Description,
+    names: tuple[str, ...],
+) -> Meant:
+    """Return what to write for a description: its names, and where to, if only it says that.
+
+    *Closest robot to the north gate, please* names the place to go to inside of the description.
+    """
+    means, becomes = listed(names), ""
+    ranked = one.ranking is not None and one.ranking.distance and bool(one.place)
+    if ranked and one.sort == "asset" and not _place_beside(scene, tokens, one):
+        words = {t.word for t in tokens if not one.start <= t.start < one.end}
+        if not words & (_NO_MOVE | _THERE):
+            becomes = f"{means} to {one.place}"
+    before = next((t.word for t in reversed(tokens) if t.end <= one.start), "")
+    if before in ("with", "beside") and one.sort == "asset" and one.place:
+        becomes = f"{means} at {one.place}"
+    return Meant(one.start, one.end, one.said, means, becomes)
+
+
+def _there_named(
+    scene: Scene, text: str, meant: Sequence[Meant], found: Sequence[Description]
+) -> str:
+    """Write a place for *there* where only a description has named it, or is it itself."""
+    inside = [one.place for one in found if one.place and one.sort == "asset" and one.ranking]
+    gates = [one.means for one in meant if one.means in scene.gates]
+    place = next(iter((*inside, *gates)), "")
+    tokens = read_tokens(text)
+    if not place:
+        return text
+    named = [t for t in tokens if t.said == place]
+    for number, token in enumerate(tokens):
+        if token.word not in _THERE or (named and named[0].start > token.start):
+            continue
+        before = tokens[number - 1].word if number else ""
+        if token.word == "it" and before not in ("to", "at", "over"):
+            continue
+        start = tokens[number - 1].start if before == "over" and token.word == "there" else None
+        head = text[: token.start if start is None else start]
+        joint = "" if before in ("to", "at") else "to "
+        return f"{head}{joint}{place}{text[token.end :]}"
+    return text
+
+
+# ------------------------------------------------------------------- states and answers
+
+
+def _reported(scene: Scene, text: str, state: State) -> str | Unclear:
+    """Return the order due for the asset in a reported state; '' if none is named.
+
+    *One of the drones* is the one that telemetry shows in that state.
+    """
+    tokens = read_tokens(text)
+    named = [t.said for t in tokens if t.said in scene.world.assets]
+    if named:
+        return what_is_due(scene, dict.fromkeys(named), state) if len({*named}) == 1 else ""
+    team = next(filter(None, (scene.members(token.word) for token in tokens)), frozenset[str]())
+    so = [name for name in scene.in_order(team) if in_state(scene, name, state)]
+    return what_is_due(scene, so, state) if so else ""
+
+
+def chosen(scene: Scene, answer: str, choices: Sequence[str]) -> str:
+    """Return which of `choices` an answer means, '' where none is or several are.
+
+    It may be the name, a part of it (*the south one*), its number, or its kind.
+    """
+    if answer in choices:
+        return answer
+    gates = set(choices) <= set(scene.gates)
+    answer = re.sub(r"\bone\b", "gate", answer) if gates else answer
+    tokens = read_tokens(link_names(scene.world, answer))
+    found: set[str] = set()
+    at = 0
+    while at < len(tokens):
+        reader = Reader(tokens, at)
+        name = asset_at(scene, reader) or place_at(scene, reader)
+        if name in choices:
+            found.add(name)
+        at = max(at + 1, reader.at)
+    if not found:
+        for token in tokens:
+            team = scene.members(token.word) & set(choices)
+            digits = {n for n in choices if token.word.isdigit() and _number(n) == int(token.word)}
+            found |= team or digits
+    if not found:
+        for one in find_descriptions(scene, tokens, answer):
+            found |= set(fitting(scene, one)) & set(choices)
+    return next(iter(found)) if len(found) == 1 else ""
+
+
+def names_something(scene: Scene, answer: str) -> bool:
+    """Return whether an answer names or describes a place or an asset at all."""
+    tokens = read_tokens(link_names(scene.world, answer))
+    readers = [Reader(tokens, at) for at in range(len(tokens))]
+    if any(asset_at(scene, each) or place_at(scene, each) for each in readers):
+        return True
+    return any(fitting(scene, one) for one in find_descriptions(scene, tokens, answer))
+
+
+def _number(name: str) -> int:
+    digits = re.findall(r"\d+", name)
+    return int(digits[-1]) if digits else -1

@@ -1,0 +1,194 @@
+"""The referents of words: the present picture, and earlier orders.
+
+Every fact that a description needs is asked here: guards, free assets, distances.
+"""
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+
+from pa_console.language.mentions import KINDS
+from pa_console.language.picture_facts import is_free, sole_covers
+from pa_console.language.world_names import WORD, WorldNames
+from pa_console.schema.command import Verb
+from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
+from pa_console.schema.world import AssetKind, World
+
+
+@dataclass(frozen=True)
+class Move:
+    """The order of one asset, and the frame at which it was `before`; '' for none."""
+
+    agent: str
+    verb: Verb
+    target: str = ""
+    before: str = ""
+
+
+@dataclass(frozen=True)
+class PastMission:
+    """A mission that was carried out: its words as they were read, and what was ordered for it."""
+
+    text: str
+    moves: tuple[Move, ...]
+    undid: bool = False
+    """True if it took back the order before it."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A world, its picture now, and the missions that were carried out, the latest last.
+
+    `pointer` is what the operator has marked on the screen; '' for nothing.
+    """
+
+    world: World
+    picture: Picture
+    past: Sequence[PastMission] = ()
+    pointer: str = ""
+
+    @cached_property
+    def names(self) -> WorldNames:
+        """The names of the world by what operators call them."""
+        return WorldNames.of(self.world)
+
+    @cached_property
+    def sole(self) -> frozenset[str]:
+        """The assets that are the only cover of a gate."""
+        return frozenset(sole_covers(self.picture).values())
+
+    @cached_property
+    def frames_said(self) -> Mapping[str, str]:
+        """The frames by their names in lower case."""
+        return {name.lower(): name for name in self.world.frames}
+
+    @cached_property
+    def assets_said(self) -> Mapping[str, str]:
+        """The assets by their names in lower case."""
+        return {name.lower(): name for name in self.world.assets}
+
+    def members(self, word: str) -> frozenset[str]:
+        """Return the assets of the kind or team that `word` is, singular or plural; else none."""
+        single = f"{word[:-3]}y" if word.endswith("ies") else word.removesuffix("s")
+        assets = tuple((name, spec.kind) for name, spec in self.world.assets.items())
+        teams, kinds = _teams(assets)
+        kind = KINDS.get(single) or ("ugv" if single == "vehicle" else None)
+        return teams.get(single) or (kinds.get(kind, _NOBODY) if kind is not None else _NOBODY)
+
+    @property
+    def gates(self) -> Sequence[str]:
+        """The gates of the world."""
+        return self.world.gates
+
+    def asset(self, name: str) -> AssetTelemetry:
+        """Return the known facts of an asset; raises KeyError for an unknown one."""
+        return self.picture.assets[name]
+
+    def place_of(self, name: str) -> str:
+        """Return the frame that an asset belongs to or stands at; '' for neither."""
+        asset = self.picture.assets.get(name)
+        return "" if asset is None else asset.post or asset.at or ""
+
+    def at(self, place: str) -> list[str]:
+        """Return the assets that belong to a frame and work."""
+        return [n for n, a in self.picture.assets.items() if a.available and self._is_at(a, place)]
+
+    def stationed(self, place: str) -> list[str]:
+        """Return the assets that belong to a frame, whether they work or not."""
+        return [n for n, a in self.picture.assets.items() if self._is_at(a, place)]
+
+    def guards(self, gate: str) -> tuple[str, ...]:
+        """Return the assets that cover a gate."""
+        cover = self.picture.gates.get(gate)
+        return () if cover is None else cover.by
+
+    def guarded_by(self, name: str) -> str:
+        """Return the gate at which an asset has its post; '' for none."""
+        place = self.place_of(name)
+        return place if place in self.world.gates else ""
+
+    def is_free(self, name: str) -> bool:
+        """Return whether an asset may leave without uncovering a gate or giving up its task."""
+        return is_free(self.asset(name), self.sole)
+
+    def spot(self, name: str) -> tuple[float, float]:
+        """Return where a frame or an asset is, metres; raises KeyError for neither."""
+        frame = self.world.frames.get(name)
+        return frame.at if frame is not None else self.asset(name).position
+
+    def distance_m(self, one: str, other: str) -> float:
+        """Return how far two frames or assets are apart."""
+        return math.dist(self.spot(one), self.spot(other))
+
+    def visitors(self, kind: str = "") -> list[Track]:
+        """Return the tracks that do not leave, of `kind` if given."""
+        tracks = self.picture.tracks.values()
+        return [t for t in tracks if t.status != "leaving" and kind in ("", t.kind)]
+
+    @property
+    def moved(self) -> list[Move]:
+        """The orders so far that move an asset, the latest last, without withdrawals."""
+        done = (mission.moves for mission in self.past if not mission.undid)
+        return [move for moves in done for move in moves if move.verb not in STILL]
+
+    @property
+    def last(self) -> PastMission | None:
+        """The last mission that moved an asset, other than a withdrawal."""
+        moving = (p for p in self.past if any(m.verb not in STILL for m in p.moves))
+        return next((p for p in reversed([*moving]) if not p.undid), None)
+
+    def in_order(self, names: Iterable[str]) -> tuple[str, ...]:
+        """Return `names`, each once, in the order of the world."""
+        found = set(names)
+        return tuple(n for n in (*self.world.frames, *self.world.assets) if n in found)
+
+    @staticmethod
+    def _is_at(asset: AssetTelemetry, place: str) -> bool:
+        return place in (asset.post or asset.at, asset.at if asset.post is None else asset.post)
+
+
+_NOBODY: frozenset[str] = frozenset()
+
+
+@lru_cache(maxsize=8)
+def _teams(
+    assets: tuple[tuple[str, AssetKind], ...],
+) -> tuple[Mapping[str, frozenset[str]], Mapping[AssetKind, frozenset[str]]]:
+    """Return the assets by the words in their names, and by their kinds."""
+    teams: defaultdict[str, set[str]] = defaultdict(set)
+    kinds: defaultdict[AssetKind, set[str]] = defaultdict(set)
+    for name, kind in assets:
+        kinds[kind].add(name)
+        for word in (part.lower() for part in WORD.findall(name)):
+            if len(word) > 1 and word.isalpha():
+                teams[word].add(name)
+    return (
+        {word: frozenset(names) for word, names in teams.items()},
+        {kind: frozenset(names) for kind, names in kinds.items()},
+    )
+
+
+STILL: frozenset[Verb] = frozenset(("hold", "report"))
+"""Orders that move no asset."""
+
+
+def after(past: Sequence[PastMission], mission: PastMission, *, corrects: bool) -> PastMission:
+    """Return `mission` as it is remembered after those before it.
+
+    One that `corrects` the last one takes its place: who was moved by both stood before where he
+    stood before the first, and who is only sent back was not sent by it.
+    """
+    last = next((each for each in reversed(past) if not each.undid), None)
+    if not corrects or last is None:
+        return mission
+    before = {move.agent: move.before for move in last.moves if move.verb not in STILL}
+    kept = [
+        replace(move, before=before.get(move.agent, move.before))
+        for move in mission.moves
+        if move.verb in STILL
+        or move.agent not in before
+        or before[move.agent] not in (move.target, "" if move.target else before[move.agent])
+    ]
+    return replace(mission, moves=tuple(kept))

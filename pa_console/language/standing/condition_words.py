@@ -1,0 +1,337 @@
+"""Reads what a standing order waits for: *a drone at the east gate is below 20 %* becomes CEL.
+
+A condition is a subject, one of many assets, tracks or gates, and what must be so of it. The
+grammar is written by hand and read from left to right; a word that it does not know makes the whole
+condition one that is not understood.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from pa_console.language.mentions import ASSETS
+from pa_console.language.references.reader import Reader, Token
+from pa_console.language.references.scene import Scene
+from pa_console.language.references.words import (
+    BARE,
+    CHARGE,
+    CONTACTS,
+    FAILED,
+    GUARDED,
+    GUARDS,
+    IN,
+    SILENT,
+    asset_at,
+    number_of,
+    place_at,
+)
+from pa_console.schema.standing import SubjectKind
+from pa_console.schema.world import PLAIN_KINDS, AssetKind
+
+_IS = ("is", "'s", "are", "gets", "goes", "becomes", "turns", "comes to be", "falls", "drops",
+       "sinks", "runs", "reports")  # fmt: skip
+_ARTICLES = ("any of the", "any of our", "one of the", "one of our", "a", "an", "any", "some",
+             "another")  # fmt: skip
+_BELOW = ("below", "under", "less than", "lower than", "beneath", "to less than", "to below")
+_ABOVE = ("above", "over", "more than", "higher than")
+_PERCENT = frozenset(("%", "percent", "pct"))
+_SOMEBODY = frozenset(
+    ("somebody", "someone", "something", "anybody", "anyone", "anything", "people")
+)
+_COMES = frozenset(
+    ("approaches", "comes", "arrives", "appears", "nears", "drives", "walks", "heads", "rolls",
+     "pulls")
+)  # fmt: skip
+_STOPS = frozenset(("stops", "waits", "parks", "halts", "stands"))
+_KNOWN = {
+    "unknown": ("it.identity == 'unknown'", "unknown"),
+    "unidentified": ("it.identity == 'unknown'", "unknown"),
+    "unauthorized": ("it.identity == 'unauthorized'", "unauthorized"),
+    "unauthorised": ("it.identity == 'unauthorized'", "unauthorized"),
+    "authorized": ("it.identity == 'authorized'", "authorized"),
+    "authorised": ("it.identity == 'authorized'", "authorized"),
+    "hostile": ("it.intent == 'hostile'", "hostile"),
+}
+_FAILS = "it.status == 'failed'", "has failed"
+_UNHEARD = "(it.comms == 'lost' || it.stale)", "is not heard"
+_STAYS = "it.status != 'leaving'"
+
+
+@dataclass(frozen=True)
+class ReadCondition:
+    """A condition as it was read: of which subjects, in CEL, and in plain words."""
+
+    each: SubjectKind
+    cel: str
+    words: str
+
+
+@dataclass
+class _Said:
+    """The parts read so far: the subject in words, its kind and its state, in CEL."""
+
+    each: SubjectKind = "asset"
+    who: str = ""
+    where: str = ""
+    terms: list[str] = field(default_factory=list[str])
+
+
+def read_condition(scene: Scene, tokens: Sequence[Token]) -> ReadCondition | None:
+    """Return the condition in `tokens`, None if a word of them is not understood."""
+    reader = Reader(tokens)
+    there_is = bool(reader.take("there is", "there are", "there 's"))
+    said = _subject(scene, reader)
+    if said is None:
+        return None
+    _place(scene, reader, said)
+    so = "is there" if there_is and said.each == "track" and said.where else ""
+    if so:
+        said.terms.append(_STAYS)
+    else:
+        predicate = {"asset": _of_asset, "gate": _of_gate, "track": _of_track}[said.each]
+        so = predicate(scene, reader, said)
+    reader.skip(frozenset((",", ".", "!", "again", "now")))
+    if not so or not reader.over:
+        return None
+    return ReadCondition(said.each, " && ".join(said.terms), f"{said.who}{said.where} {so}")
+
+
+# ------------------------------------------------------------------ the subject
+
+
+def _subject(scene: Scene, reader: Reader) -> _Said | None:
+    """Read the subject; None if it is not understood."""
+    charge_of = bool(reader.take("the battery of", "the charge of"))
+    name = asset_at(scene, reader)
+    if name:
+        return _Said("asset", name, terms=[f"id == {_text(name)}"])
+    gate = "" if charge_of else place_at(scene, reader)
+    if gate:
+        return _Said("gate", gate, terms=[f"id == {_text(gate)}"]) if gate in scene.gates else None
+    if reader.take_in(_SOMEBODY):
+        return _Said("track", "somebody")
+    article = bool(reader.take(*_ARTICLES))
+    return _asset_noun(scene, reader, article=article) or _other_noun(reader)
+
+
+def _asset_noun(scene: Scene, reader: Reader, *, article: bool) -> _Said | None:
+    """Read *drone*, *ground vehicle*, *scout*, *asset*; a bare *vehicle* comes to a gate."""
+    ground = bool(reader.take("ground"))
+    word = reader.word()
+    single = word.removesuffix("s")
+    if single == "vehicle" and not ground:
+        return None
+    if single in ASSETS:
+        reader.at += 1
+        return _Said("asset", f"an {single}" if single[0] in "aeiou" else f"a {single}")
+    team = scene.members(word)
+    if not team or not article:
+        return None
+    reader.at += 1
+    kinds: set[AssetKind] = {scene.world.assets[name].kind for name in team}
+    whole = {name for name, spec in scene.world.assets.items() if spec.kind in kinds} == set(team)
+    if whole and len(kinds) == 1:
+        kind = next(iter(kinds))
+        plain = "ground vehicle" if kind == "ugv" else PLAIN_KINDS[kind]
+        return _Said("asset", f"a {plain}", terms=[f"it.kind == {_text(kind)}"])
+    names = ", ".join(_text(name) for name in scene.in_order(team))
+    return _Said("asset", f"a {single}", terms=[f"id in [{names}]"])
+
+
+def _other_noun(reader: Reader) -> _Said | None:
+    """Read *gate*, and *unknown vehicle* with its known identity."""
+    if reader.take("gate", "gates", "post", "entrance"):
+        return _Said("gate", "a gate")
+    said = _Said("track")
+    adjectives: list[str] = []
+    while word := reader.take_in(_KNOWN.keys()):
+        cel, plain = _KNOWN[word]
+        said.terms.append(cel)
+        adjectives.append(plain)
+    word = reader.word().removesuffix("s")
+    if word not in CONTACTS:
+        return None
+    reader.at += 1
+    if kind := CONTACTS[word]:
+        said.terms.append(f"it.kind == {_text(kind)}")
+    noun = " ".join((*adjectives, kind or "visitor"))
+    said.who = f"an {noun}" if noun[0] in "aeiou" else f"a {noun}"
+    return said
+
+
+def _place(scene: Scene, reader: Reader, said: _Said) -> None:
+    """Read *at the east gate* after an asset or a track."""
+    start = reader.at
+    if said.each == "gate" or not reader.take_in(IN):
+        return
+    place = place_at(scene, reader)
+    if not place or (said.each == "track" and place not in scene.gates):
+        reader.at = start
+        return
+    said.where = f" at {place}"
+    quoted = _text(place)
+    at = f"(it.post == {quoted} || it.at == {quoted})" if said.each == "asset" else _gate(place)
+    said.terms.append(at)
+
+
+# ------------------------------------------------------------------ what is so of it
+
+
+def _of_asset(scene: Scene, reader: Reader, said: _Said) -> str:
+    """Read the state of an asset, and return it in words; '' if it is not understood."""
+    start = reader.at
+    if reader.take("'s") and not reader.take_in(CHARGE):
+        reader.at = start
+    if reader.take("fails", "breaks down", "dies", "breaks", "crashes", "has failed", "goes down"):
+        return _so(said, *_FAILS)
+    if reader.take("stops answering", "is not heard", "is not heard of", "is no longer heard",
+                   "goes off the net", "loses its link", "loses the link"):  # fmt: skip
+        return _so(said, *_UNHEARD)
+    has = bool(reader.take("has", "have")) and not reader.take("fallen", "dropped", "sunk", "gone")
+    if not has:
+        reader.take(*_IS)
+        reader.take("getting", "running", "down to")
+    if charge := _charge(reader, has=has):
+        comparison, percent = charge
+        sign = "<" if comparison == "below" else ">"
+        words = f"is {comparison} {percent:g} % battery"
+        return _so(said, f"it.battery_pct {sign} {percent:.1f}", words)
+    return "" if has else _state(reader, said) or _arrives(scene, reader, said)
+
+
+def _state(reader: Reader, said: _Said) -> str:
+    """Read a state of an asset after *is*; '' where none is here."""
+    if reader.take("low", "flat", "nearly empty", "almost empty", "out of battery"):
+        if reader.take("on", "of"):
+            reader.take_in(CHARGE)
+        return _so(said, "it.low_battery", "is low on battery")
+    if reader.take_in(FAILED) or reader.take("out of order", "out of action"):
+        return _so(said, *_FAILS)
+    if reader.take_in(SILENT):
+        return _so(said, *_UNHEARD)
+    if reader.take("suspect", "spoofed", "sending suspect telemetry", "suspect telemetry"):
+        return _so(said, "it.integrity == 'suspect'", "sends suspect telemetry")
+    return ""
+
+
+def _arrives(scene: Scene, reader: Reader, said: _Said) -> str:
+    if said.where or not reader.take("at", "arrives at", "reaches", "back at", "comes to", "in"):
+        return ""
+    place = place_at(scene, reader)
+    return _so(said, f"it.at == {_text(place)}", f"is at {place}") if place else ""
+
+
+def _charge(reader: Reader, *, has: bool) -> tuple[str, float] | None:
+    """Read *below 20 %*, *less than 20 percent battery left*; None where that is not here."""
+    start = reader.at
+    below = bool(reader.take(*_BELOW))
+    if not below and not reader.take(*_ABOVE):
+        return None
+    number = reader.word()
+    decimal = re.fullmatch(r"\d{1,3}", number)
+    percent = float(number) if decimal else float(number_of(number))
+    reader.at += 1
+    unit = bool(reader.take_in(_PERCENT))
+    reader.take("of")
+    reader.take("its")
+    charge = bool(reader.take_in(CHARGE))
+    reader.take("left", "remaining")
+    if not 0.0 < percent <= 100.0 or not (unit or charge) or (has and not below):
+        reader.at = start
+        return None
+    return ("below" if below else "above"), percent
+
+
+def _of_gate(_: Scene, reader: Reader, said: _Said) -> str:
+    """Read how a gate is guarded, and return it in words; '' where it is not understood."""
+    bare = "!it.covered && size(it.unsure) == 0"
+    if reader.take("has no", "has not a", "is without a", "is without", "loses its last",
+                   "loses its only", "loses its", "has lost its"):  # fmt: skip
+        if reader.take_in(GUARDS):
+            return _so(said, bare, "has no guard")
+        return ""
+    if reader.take("has only one", "has fewer than two", "has less than two", "is down to one"):
+        if reader.take_in(GUARDS):
+            return _so(said, "size(it.by) < 2", "has fewer than 2 guards")
+        return ""
+    reader.take("is left", "is", "'s", "gets", "becomes", "stands", "goes")
+    if reader.take_in(BARE) or (reader.take("not") and reader.take_in(GUARDED)):
+        return _so(said, bare, "has no guard")
+    return ""
+
+
+def _of_track(scene: Scene, reader: Reader, said: _Said) -> str:
+    """Read what a track does, and return it in words; '' where it is not understood."""
+    if reader.take("ignores", "defies", "disregards"):
+        reader.take("a", "the", "its", "our")
+        ignored = bool(reader.take("warning", "warnings"))
+        return _so(said, "it.defiant", "ignores a warning") if ignored else ""
+    if reader.take("gets inside", "comes inside", "is inside", "gets in", "comes in", "breaks in",
+                   "passes the gate"):  # fmt: skip
+        return _so(said, "it.status == 'inside'", "is inside")
+    if reader.take("turns up", "shows up"):
+        return _comes(scene, reader, said)
+    if reader.take("is", "'s", "turns out", "turns", "becomes", "proves"):
+        return _is_track(scene, reader, said)
+    if reader.take_in(_STOPS):
+        return _so(said, "it.status == 'stopped'", f"stops{_target(scene, reader, said, 'at')}")
+    if reader.take_in(_COMES):
+        reader.take("up")
+        return _comes(scene, reader, said)
+    return ""
+
+
+def _comes(scene: Scene, reader: Reader, said: _Said) -> str:
+    """Read to where, and return it in words."""
+    target = _target(scene, reader, said, "to")
+    return _so(said, _STAYS, f"comes{target or (' to a gate' if not said.where else '')}")
+
+
+def _is_track(scene: Scene, reader: Reader, said: _Said) -> str:
+    reader.take("to be")
+    reader.take("identified as", "known to be", "found to be")
+    if word := reader.take_in(_KNOWN.keys()):
+        cel, plain = _KNOWN[word]
+        return _so(said, f"{_STAYS} && {cel}", f"is {plain}")
+    if reader.take("approaching", "coming", "seen", "detected", "arriving"):
+        reader.take("up")
+        return _comes(scene, reader, said)
+    if reader.take("waiting", "parked", "standing", "stopped"):
+        return _so(said, "it.status == 'stopped'", f"stops{_target(scene, reader, said, 'at')}")
+    target = _target(scene, reader, said, "at")
+    return _so(said, _STAYS, f"is{target}") if target else ""
+
+
+def _target(scene: Scene, reader: Reader, said: _Said, joint: str) -> str:
+    """Read the destination of a contact: *to the east gate*, *at any gate*; '' for none."""
+    start = reader.at
+    reader.take("to", "at", "towards", "toward", "for", "in front of", "near", "outside")
+    if not said.where and (place := place_at(scene, reader)) in scene.gates:
+        said.terms.append(_gate(place))
+        return f" {joint} {place}"
+    if reader.take("a gate", "any gate", "one of the gates", "the gates", "any of the gates",
+                   "the checkpoint", "the perimeter"):  # fmt: skip
+        return f" {joint} a gate"
+    reader.at = start
+    return ""
+
+
+def _so(said: _Said, cel: str, words: str) -> str:
+    said.terms.append(cel)
+    return words
+
+
+def _gate(place: str) -> str:
+    return f"it.gate == {_text(place)}"
+
+
+def _text(text: str) -> str:
+    """Return a name, which has no quotes in it, as CEL writes it."""
+    return f"'{text}'"
+
+
+EXAMPLES = (
+    "a drone is below 20 %", "an asset has failed", "a gate has no guard",
+    "an unknown vehicle comes to a gate", "a vehicle ignores a warning",
+)  # fmt: skip
+"""Examples of conditions of standing orders."""

@@ -1,0 +1,116 @@
+"""Orders that lean on those before are put in full, and shown."""
+
+import pytest
+
+from pa_console.language.references.resolution import Resolved, resolve
+from pa_console.language.references.scene import after
+from tests.language.references.scenes import asked, read, scene, sent, standing
+
+DRONE = sent("Send Drone_T04 to EastGate.", ("Drone_T04", "Checkpoint", "EastGate"))
+ROBOTS = sent(
+    "Both robots to NorthGate.",
+    ("Robot_T01", "Checkpoint", "NorthGate"),
+    ("Robot_T02", "Base", "NorthGate"),
+)
+ANY = sent("Put a robot at SouthGate.", ("Robot_T01", "Checkpoint", "SouthGate"))
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("Bring it back.", "Drone_T04 to Checkpoint."),
+        ("Bring it home.", "Bring Drone_T04 home."),
+        ("Undo that.", "Drone_T04 to Checkpoint."),
+        ("No, the west gate.", "Drone_T04 to WestGate."),
+        ("Not Drone_T04, the robot at the base.",
+         "Robot_T02 to EastGate and Drone_T04 to Checkpoint."),
+        ("Same for Ugv_T02.", "Ugv_T02 to EastGate."),
+        ("Send Robot_T01 there too.", "Robot_T01 to EastGate."),
+        ("Send another vehicle there.", "Ugv_T02 to EastGate."),
+        ("The one I sent last reports.", "Drone_T04 reports."),
+        ("Let it observe NorthGate.", "Let Drone_T04 observe NorthGate."),
+    ],
+)  # fmt: skip
+def test_what_was_ordered_last_is_meant(text: str, says: str) -> None:
+    assert read(text, scene(*standing(DRONE), past=[DRONE])) == says
+
+
+def test_they_are_all_that_were_sent_each_back_to_where_it_was() -> None:
+    where = scene(*standing(ROBOTS), past=[ROBOTS])
+    assert read("Bring them back.", where) == "Robot_T01 to Checkpoint and Robot_T02 home."
+
+
+def test_the_same_somewhere_else_is_for_another_one() -> None:
+    where = scene(*standing(ANY), past=[ANY])
+    assert read("Same for north.", where) == "Put a robot at NorthGate."
+    named = sent("Robot_T01 to SouthGate.", ("Robot_T01", "Checkpoint", "SouthGate"))
+    where = scene(*standing(named), past=[named])
+    assert read("Same for north.", where) == "Robot_T02 to NorthGate."
+
+
+def test_it_is_asked_who_it_is_where_two_were_sent() -> None:
+    question = asked("Send it home.", scene(*standing(ROBOTS), past=[ROBOTS]))
+    assert (question.said, question.choices) == ("it", ("Robot_T01", "Robot_T02"))
+
+
+def test_a_name_earlier_in_the_order_is_what_it_means() -> None:
+    text = "Drone_T01 has a bad rotor, bring it home."
+    assert read(text, scene(*standing(DRONE), past=[DRONE])) == text
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "It is raining at the east gate.",
+        "That was quick, well done.",
+        "Send a drone to the west gate.",
+        "Close the window, it is draughty.",
+        "Knock knock. Who is there?",
+        "Water the plants on the second floor.",
+    ],
+)
+def test_what_points_at_nothing_stays_as_it_was(text: str) -> None:
+    assert read(text, scene(*standing(DRONE), past=[DRONE])) == text
+
+
+def test_without_anything_before_no_pronoun_means_anybody() -> None:
+    assert read("Bring it back.", scene()) == "Bring it back."
+
+
+def test_what_was_taken_back_is_not_what_there_means() -> None:
+    undone = sent("Drone_T04 to Checkpoint.", ("Drone_T04", "EastGate", "Checkpoint"), undid=True)
+    assert read("Robot_T01 there instead.", scene(past=[DRONE, undone])) == "Robot_T01 to EastGate."
+
+
+def test_after_a_correction_back_is_where_it_was_before_all_of_it() -> None:
+    first = resolve(scene(*standing(DRONE), past=[DRONE]), "No, the west gate.")
+    assert isinstance(first, Resolved)
+    assert first.corrects
+    moved = sent(first.text, ("Drone_T04", "EastGate", "WestGate"))
+    past = [DRONE, after([DRONE], moved, corrects=True)]
+    assert read("Bring it back.", scene(*standing(*past), past=past)) == "Drone_T04 to Checkpoint."
+
+
+def test_this_one_is_what_is_marked_on_the_screen() -> None:
+    where = scene(past=[DRONE], pointer="Ugv_T02")
+    assert read("Send this one home.", where) == "Send Ugv_T02 home."
+    assert read("Robot_T01 goes to this gate.", scene(pointer="WestGate")) == (
+        "Robot_T01 goes to WestGate."
+    )
+
+
+def test_it_is_asked_whether_the_marked_one_is_meant_or_the_last() -> None:
+    assert asked("Send it home.", scene(past=[DRONE], pointer="Ugv_T02")).choices == (
+        "Ugv_T02",
+        "Drone_T04",
+    )
+
+
+def test_it_is_asked_where_there_is_after_two_places() -> None:
+    both = sent(
+        "Robots apart.",
+        ("Robot_T01", "Checkpoint", "NorthGate"),
+        ("Robot_T02", "Base", "SouthGate"),
+    )
+    question = asked("A drone goes there.", scene(*standing(both), past=[both]))
+    assert (question.said, question.choices) == ("there", ("NorthGate", "SouthGate"))

@@ -1,1 +1,0 @@
-"""Tests of pa_console.orders."""
