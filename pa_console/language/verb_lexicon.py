@@ -124,7 +124,7 @@ GROUPS: Mapping[str, SynonymGroup] = {
         "cover guard protect secure backfill fill reinforce defend occupy watch sentry post "
         "replace replacement substitute stand-in step take need lack miss empty unguarded kaput "
         "deserted abandoned uncovered open nobody gap hole vacant fail broke broken dead lost "
-        "lose down out defect low",
+        "lose down out defect low coverage unavailable",
         ("no guard", "without guard", "nobody at", "none on", "fill in", "stand in"),
     ),
     "relieve": SynonymGroup(

@@ -32,6 +32,8 @@ def check(site: Site, text: str, asked: str, plan: Plan = NOTHING) -> MentionChe
          "else: nothing; now: At WestGate: no track, not so"),
         ("Send two drones to the north gate, not the south gate.", "2 drones to NorthGate"),
         ("All units hold.", "all hold"),
+        ("South gate has lost its drone, see to the coverage there.", "cover SouthGate"),
+        ("Restore coverage at the south gate.", "cover SouthGate"),
         ("Send Drone_T04 to the east gate and stay there.", "Drone_T04 to EastGate"),
         ("Robot_T01, go to the south gate and stay with it.", "Robot_T01 to SouthGate"),
         ("West gate, West gate, this is Watch. One drone to the east gate. Out.",

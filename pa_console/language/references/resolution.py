@@ -206,6 +206,7 @@ def _written(
     """Return what to write for a description: its names, and where to, if only it says that.
 
     *Closest robot to the north gate, please* names the place to go to inside of the description.
+    An asset that is down keeps its place: the prompt does not say where it stood.
     """
     means, becomes = listed(names), ""
     ranked = one.ranking is not None and one.ranking.distance and bool(one.place)
@@ -214,7 +215,9 @@ def _written(
         if not words & (_NO_MOVE | _THERE):
             becomes = f"{means} to {one.place}"
     before = next((t.word for t in reversed(tokens) if t.end <= one.start), "")
-    if before in ("with", "beside") and one.sort == "asset" and one.place:
+    beside = before in ("with", "beside")
+    down = len(names) == 1 and one.sort == "asset" and not scene.asset(names[0]).available
+    if (beside or down) and one.sort == "asset" and one.place:
         becomes = f"{means} at {one.place}"
     return Meant(one.start, one.end, one.said, means, becomes)
 

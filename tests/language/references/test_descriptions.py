@@ -93,7 +93,8 @@ def test_an_asset_by_its_place_is_named_only_where_no_other_fits(
     found = resolve(where, f"The {kind} at {place} reports.")
     if len(fit) == 1:
         assert isinstance(found, Resolved)
-        assert found.text == f"{fit[0]} reports."
+        down = not where.picture.assets[fit[0]].available
+        assert found.text == f"{fit[0]}{f' at {place}' if down else ''} reports."
     else:
         assert isinstance(found, Unclear)
         assert set(found.choices) == set(fit)
