@@ -65,7 +65,7 @@ def imported_by(modules: list[str]) -> set[str]:
 
 def test_the_core_is_all_there() -> None:
     packages = {name.split(".")[1] for name in core_modules() if "." in name}
-    assert packages >= {"schema", "resources", "sim", "policy", "llm", "session"}
+    assert packages >= {"schema", "resources", "sim", "policy", "llm", "session", "views"}
     assert packages >= {"orchestrator", "evaluation"}
 
 

@@ -22,7 +22,7 @@ from pa_console.session.past_sessions import (
     soundness,
     summarise,
 )
-from pa_console.session.status_words import status_of
+from pa_console.views.status_words import outcomes_in_words, status_of
 
 MOST = 20
 """The number of sessions listed unless more are asked for."""
@@ -72,7 +72,7 @@ def _table(found: list[SessionSummary], sound: list[Soundness]) -> Table:
         table.add_row(
             summary.log.stem,
             _title(summary),
-            Text(summary.outcome_words),
+            Text(outcomes_in_words(summary.outcomes)),
             clock_text(summary.length_s),
             Text(mark.text, COLOURS[mark.tone]),
         )

@@ -16,7 +16,6 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import MissionStatus
 from pa_console.session.log.chain import RECORD_START, LogError, parse, read_lines
 from pa_console.session.log.verification import verify
-from pa_console.session.status_words import status_of
 
 _READ = frozenset((b"session_started", b"mission_received", b"mission_finished", b"session_ended"))
 
@@ -74,15 +73,6 @@ class SessionSummary:
     def outcomes(self) -> dict[str, int]:
         """The number of missions by their final status; `open` are those without an end."""
         return Counter(mission.status or "open" for mission in self.missions)
-
-    @property
-    def outcome_words(self) -> str:
-        """The outcomes in words, e.g. `2 verified, 1 rejected`; `none` without a mission."""
-        words = (
-            f"{number} {status_of('mission', status).word}"
-            for status, number in self.outcomes.items()
-        )
-        return ", ".join(words) or "none"
 
     @property
     def local_start(self) -> str:

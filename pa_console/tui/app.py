@@ -12,7 +12,6 @@ from textual.filter import LineFilter
 
 from pa_console.schema.world import World
 from pa_console.session.replay.player import Player
-from pa_console.session.state.waiting import Waiting
 from pa_console.settings.sources import Loaded, load_settings
 from pa_console.tui.actions.palette import ConsoleCommands
 from pa_console.tui.actions.registry import (
@@ -53,6 +52,7 @@ from pa_console.tui.widgets.bars import JOINED
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
 from pa_console.tui.widgets.row_views import VirtualRows
+from pa_console.views.waiting import Waiting
 
 READ_ONLY = "READ-ONLY: every command is refused"
 

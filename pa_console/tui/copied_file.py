@@ -5,10 +5,10 @@ from pathlib import Path
 from pa_console.private_files import make_private_folder, replace_private
 from pa_console.schema.text.visible_text import visible
 from pa_console.session.state.mission_trace import MissionTrace
-from pa_console.session.trace.planning import Rules
 from pa_console.tui.screens.plan_editor import plan_json
 from pa_console.tui.trace.rows import plain
 from pa_console.tui.trace.sections import sections
+from pa_console.views.trace.planning import Rules
 
 
 def trace_text(trace: MissionTrace, rules: Rules) -> str:

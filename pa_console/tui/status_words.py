@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from textual.content import Content
 
-from pa_console.session.status_words import STATUSES, Tone, status_of
+from pa_console.views.status_words import STATUSES, Tone, status_of
 
 GOOD, BAD, WARN = "$text-success", "$text-error", "$text-warning"
 CALM, QUIET, NOTE = "$text-primary", "$quiet", "$text-accent"

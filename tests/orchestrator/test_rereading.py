@@ -15,7 +15,7 @@ from pa_console.orchestrator.station.station import Station
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import Decision
-from pa_console.session.wording import event_in_words
+from pa_console.views.event_words import event_in_words
 from tests.orchestrator.conftest import Rig
 from tests.scripted import ScriptedEngine, plan
 

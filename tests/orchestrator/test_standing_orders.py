@@ -24,8 +24,8 @@ from pa_console.session.log.chain import read_log
 from pa_console.session.log.verification import verify
 from pa_console.session.log.writer import LogWriter
 from pa_console.session.state.fold import SessionState
-from pa_console.session.wording import event_in_words
 from pa_console.signing import KEY_VARIABLE, load_signer
+from pa_console.views.event_words import event_in_words
 from tests.orchestrator.conftest import Rig
 from tests.orchestrator.test_authorized_session import authority_of
 from tests.orchestrator.test_resumed_session import SEND, killed, open_again

@@ -12,9 +12,9 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset, Incident, SetBattery
 from pa_console.schema.plan import Action, Plan
 from pa_console.session.state.mission_trace import Attempt
-from pa_console.session.trace.parts import rows_of
-from pa_console.session.trace.planning import plan as section_of
-from pa_console.session.wording import event_in_words
+from pa_console.views.event_words import event_in_words
+from pa_console.views.trace.parts import rows_of
+from pa_console.views.trace.planning import plan as section_of
 from pa_training.samples.planner_samples import Recipe, make_group
 from tests.orchestrator.test_fulfilment import CAR, moves
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from pa_console.schema import incident as inc
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision, Mission
-from pa_console.session.wording import event_in_words
+from pa_console.views.event_words import event_in_words
 from tests.schema.strategies import events
 from tests.session.logs import folded
 from tests.session.story import PLAN, START, at, story

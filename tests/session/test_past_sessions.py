@@ -13,6 +13,7 @@ from pa_console.session.past_sessions import (
     summarise,
 )
 from pa_console.signing import KEY_VARIABLE, load_signer
+from pa_console.views.status_words import outcomes_in_words
 from tests.session.logs import kept, write_log
 
 
@@ -32,7 +33,7 @@ def test_a_session_is_summed_up_by_its_orders_and_their_ends(tmp_path: Path) -> 
     assert found.title == own[0]
     assert found.length_s == (happened[-1].t - happened[0].t).total_seconds()
     assert sum(found.outcomes.values()) == len(received)
-    assert found.outcome_words
+    assert outcomes_in_words(found.outcomes)
 
 
 def test_a_log_without_the_end_of_its_session_is_open_and_one_with_a_bad_line_damaged(

@@ -5,10 +5,10 @@ from hypothesis import strategies as st
 
 from pa_console.schema.events import event as ev
 from pa_console.session.state.fold import SessionState
-from pa_console.session.trace.layout import standing
 from pa_console.tui.trace.rows import layout, plain
 from pa_console.tui.trace.sections import content, headline, progress, sections
 from pa_console.tui.widgets.alarms import summary
+from pa_console.views.trace.layout import standing
 from tests.schema.strategies import PAYLOADS, models
 from tests.tui import living, story
 from tests.tui.story import MISSION, stamped

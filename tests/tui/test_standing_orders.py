@@ -10,11 +10,11 @@ from pa_console.cli.plain.line_console import LineConsole
 from pa_console.schema.events import event as ev
 from pa_console.schema.plan import Plan
 from pa_console.schema.standing import StandingOrder, StandingStart
-from pa_console.session.state.waiting import Waiting
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.standing_orders.screen import StandingOrdersScreen
 from pa_console.tui.widgets.approval.panel import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.widgets.row_views import TextRows
+from pa_console.views.waiting import Waiting
 from tests.tui import story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, settle
 

@@ -11,10 +11,10 @@ from pa_console.end_signals import end_signals
 from pa_console.llm.engine import Engine
 from pa_console.observability.observers import Observer
 from pa_console.session.log.chain import LogError
-from pa_console.session.state.waiting import load_usual, save_usual
 from pa_console.settings.sources import Loaded
 from pa_console.signing import load_signer
 from pa_console.tui.app import ConsoleApp
+from pa_console.views.waiting import load_usual, save_usual
 
 
 def run_screen(

@@ -49,10 +49,10 @@ from pa_console.session.log.chain import LogError
 from pa_console.session.log.writer import LogWriter
 from pa_console.session.state.fold import SessionState
 from pa_console.session.state.mission_trace import MissionTrace
-from pa_console.session.state.waiting import Waiting, load_usual, save_usual
 from pa_console.settings.sources import Loaded
 from pa_console.signing import load_signer
 from pa_console.sim.worlds.scenario_file import open_scenario
+from pa_console.views.waiting import Waiting, load_usual, save_usual
 
 
 def run_session(

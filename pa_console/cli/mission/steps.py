@@ -1,7 +1,7 @@
 """Each step of a mission as one line, as it happens."""
 
 from pa_console.schema.events import event as ev
-from pa_console.session.wording import event_in_words
+from pa_console.views.event_words import event_in_words
 
 _TOLD: dict[str, str] = {
     "mission_received": "mission",

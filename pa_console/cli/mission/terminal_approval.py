@@ -19,7 +19,7 @@ from pa_console.orchestrator.planning.approval import people_words
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision
 from pa_console.session.state.mission_trace import MissionTrace
-from pa_console.session.status_words import status_of
+from pa_console.views.status_words import status_of
 
 QuestionIn = Callable[[str], Question | None]
 """Returns the question about the record in a text; None for any other text."""

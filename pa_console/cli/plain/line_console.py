@@ -14,7 +14,7 @@ from pa_console.orchestrator.station.station import Station
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.session.state.fold import MissionTrace, SessionState
-from pa_console.session.state.waiting import Waiting
+from pa_console.views.waiting import Waiting
 
 HELP = """\
 Type a mission in plain words, and Enter. Everything else is one of these lines:

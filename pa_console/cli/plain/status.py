@@ -2,8 +2,8 @@
 
 from pa_console.schema.text.quantities import clock_text, count
 from pa_console.session.state.fold import SessionState
-from pa_console.session.trace.layout import progress
-from pa_console.session.wording import standing_in_words
+from pa_console.views.event_words import standing_in_words
+from pa_console.views.trace.layout import progress
 
 
 def status_lines(state: SessionState) -> list[str]:

@@ -13,8 +13,8 @@ from pa_console.cli.plain.status import (
 from pa_console.language.plain_words import plain_reading
 from pa_console.schema.events import event as ev
 from pa_console.session.state.fold import MissionTrace, Notice, SessionState
-from pa_console.session.status_words import status_of
 from pa_console.session.wording import order_in_words
+from pa_console.views.status_words import status_of
 
 _LEVELS = ("warning", "alarm")
 _TABLES = {"status": status_lines, "assets": asset_lines, "alarms": alarm_lines,

@@ -15,15 +15,11 @@ from pa_console.session.log.session_index import check_index, index_path
 from pa_console.session.log.signed_head import head_path
 from pa_console.session.log.verification import VerifyResult, verify
 from pa_console.session.log.witness import WitnessResult, check_witness
-from pa_console.session.replay.comparison import (
-    EventDifference,
-    SessionComparison,
-    compare_sessions,
-)
 from pa_console.session.replay.recording import Recording
-from pa_console.session.wording import event_in_words, kind_in_words
 from pa_console.settings.sources import Loaded
 from pa_console.signing import is_fingerprint, known_keys
+from pa_console.views.comparison import EventDifference, SessionComparison, compare_sessions
+from pa_console.views.event_words import event_in_words, kind_in_words
 
 CHANGES = 12
 """The number of different values that are printed; --json has all."""

@@ -9,7 +9,7 @@ from pa_console.cli.export.source import ExportBar
 from pa_console.cli.output import BAD_INPUT, FAILED, JsonOption, errors, out, print_json
 from pa_console.cli.rules.session_logs import LogsArgument, SessionEvents, find_logs
 from pa_console.schema.document import DocumentError
-from pa_console.session.state.rule_trail import BREAKING, RuleDeed, Trail, trail_of
+from pa_console.views.rule_trail import BREAKING, RuleDeed, Trail, trail_of
 
 _COUNTED: tuple[tuple[str, tuple[RuleDeed, ...]], ...] = (
     ("retrieved", ("retrieved",)),

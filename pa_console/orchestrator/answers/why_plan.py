@@ -10,15 +10,10 @@ from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.text.quantities import count, few
 from pa_console.schema.world import World
 from pa_console.session.state.mission_trace import Attempt, MissionTrace
-from pa_console.session.status_words import status_of
-from pa_console.session.trace.layout import progress
-from pa_console.session.wording import (
-    asked_in_words,
-    deviations_in_words,
-    order_in_words,
-    references_in_words,
-    standing_in_words,
-)
+from pa_console.session.wording import deviations_in_words, order_in_words
+from pa_console.views.event_words import asked_in_words, references_in_words, standing_in_words
+from pa_console.views.status_words import status_of
+from pa_console.views.trace.layout import progress
 
 _MOST_RULES = 8
 _MOST_BROKEN = 4

@@ -12,7 +12,7 @@ from pa_console.schema.command import Verb
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import STANDING, Decision
 from pa_console.schema.standing import StandingOrder
-from pa_console.session.status_words import status_of
+from pa_console.views.status_words import status_of
 
 Approver = Callable[[ev.ApprovalRequested], Decision]
 ApprovalMode = Literal["auto", "never"]

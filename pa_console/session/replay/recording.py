@@ -4,11 +4,10 @@ import io
 import json
 import os
 import weakref
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Self, cast
+from typing import Self
 
 from pa_console.schema.events.event import Event
 from pa_console.session.log.chain import LogError, os_error, parse
@@ -23,7 +22,6 @@ from pa_console.session.replay.log_index import (
 )
 from pa_console.session.replay.timeline import RecordingTimeline, mark_of
 from pa_console.session.state.fold import SessionState
-from pa_console.session.wording import event_in_words
 
 _CONTENT, _LINKED = b',"mission":', b',"prev":'
 _CHANGED = "changed since the log was opened"
@@ -160,63 +158,3 @@ class Recording:
     def of_mission(self, index: int) -> bool:
         """Return True if event `index` belongs to a mission."""
         return not self.is_telemetry(index) and self[index].mission is not None
-
-
-AROUND = 60
-"""Characters of the text that are shown with a hit."""
-_REWORDED = tuple(f'"{kind}"' for kind in ("decision_made", "incident", "plan_checked"))
-"""Kinds whose line in lists has words that are not in the log, as for an overridden judge."""
-
-
-@dataclass(frozen=True)
-class Hit:
-    """An event that contains all the words; `excerpt` is the text around the first of them."""
-
-    index: int
-    mission: str
-    kind: str
-    excerpt: str
-
-
-def search(recording: Recording, text: str, first: int, end: int) -> Iterator[Hit]:
-    """Yield the events from `first` up to `end` that contain every word of `text`, in any case.
-
-    Telemetry is left out. Raises LogError if the log can no longer be read.
-    """
-    words = text.lower().split()
-    needles = [json.dumps(word, ensure_ascii=False)[1:-1] for word in words]
-    if not words:
-        return
-    for index in recording.timeline.without_telemetry(first, end):
-        line = recording.content(index)
-        lowered = line.lower()
-        reworded = any(kind in line for kind in _REWORDED)
-        # The text of the line is searched first: most events are ruled out without reading JSON.
-        if reworded or all(needle in lowered for needle in needles):
-            fields = json.loads(line)
-            texts = [fields["kind"], fields["mission"] or "", *_texts(fields["data"])]
-            if reworded:
-                texts.append(event_in_words(recording[index].data))
-            if all(any(word in part.lower() for part in texts) for word in words):
-                yield Hit(index, texts[1], texts[0], _excerpt(texts, words[0]))
-
-
-def _texts(value: object) -> Iterator[str]:
-    """Yield every text in a JSON value."""
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, dict):
-        for part in cast(dict[str, object], value).values():
-            yield from _texts(part)
-    elif isinstance(value, list):
-        for part in cast(list[object], value):
-            yield from _texts(part)
-
-
-def _excerpt(texts: list[str], word: str) -> str:
-    """Return the characters around `word` in the longest text that contains it."""
-    text = max((part for part in texts if word in part.lower()), key=len)
-    flat = " ".join(text.split())
-    at = max(flat.lower().find(word), 0)
-    first = max(at - AROUND // 3, 0)
-    return ("…" if first else "") + flat[first : first + AROUND]

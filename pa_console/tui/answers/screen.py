@@ -7,11 +7,11 @@ from textual.content import Content
 from textual.screen import ModalScreen
 
 from pa_console.schema.events.questions import QuestionAnswered
-from pa_console.session.trace.layout import answered
 from pa_console.tui.status_words import QUIET
 from pa_console.tui.trace.rows import Row, row
 from pa_console.tui.trace.sections import drawn
 from pa_console.tui.widgets.row_views import TextRows
+from pa_console.views.trace.layout import answered
 
 LOOKING = "looking at the record, and checking what has to be checked …"
 

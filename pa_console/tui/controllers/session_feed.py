@@ -7,12 +7,12 @@ from textual.message import Message
 
 from pa_console.observability.observers import Observer, unobserved
 from pa_console.schema.events.event import Event
-from pa_console.session.state.waiting import Waiting
 from pa_console.tui.actions.registry import ActionContext
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.protocols import LiveStation
 from pa_console.tui.refresh import ALL_VIEWS, FRAME_S, is_open, views_of
 from pa_console.tui.screens.main import MainScreen
+from pa_console.views.waiting import Waiting
 
 LOOK_S = 1.0
 """The interval between two looks at the age of the telemetry, wall seconds."""

@@ -16,12 +16,12 @@ from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import ELSEWHERE, Mission
 from pa_console.session.confidence import UNSURE
 from pa_console.session.state.mission_trace import Attempt, MissionTrace
-from pa_console.session.wording import safety_in_words
 from pa_console.tui.plan_preview.action_rows import action_rows, cover_row, unrehearsed_row
 from pa_console.tui.plan_preview.preview import PlanPreview
 from pa_console.tui.standing_orders.rows import offered_rows
 from pa_console.tui.status_words import BAD, GOOD, NOTE, QUIET, WARN, term
 from pa_console.tui.trace.rows import Row, row
+from pa_console.views.event_words import safety_in_words
 
 
 def approval_rows(trace: MissionTrace, preview: PlanPreview | None = None) -> Iterator[Row]:

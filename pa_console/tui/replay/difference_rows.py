@@ -3,11 +3,11 @@
 from textual.content import Content
 
 from pa_console.schema.text.quantities import clock_text, count
-from pa_console.session.replay.comparison import ENDED, EventDifference, SessionComparison
 from pa_console.session.replay.recording import Recording
-from pa_console.session.wording import event_in_words, kind_in_words
 from pa_console.tui.status_words import BAD, GOOD, NOTE, QUIET, WARN
 from pa_console.tui.trace.rows import Row, row
+from pa_console.views.comparison import ENDED, EventDifference, SessionComparison
+from pa_console.views.event_words import event_in_words, kind_in_words
 
 SHORT = 40
 """Two values that are no longer than this together stand in one row."""

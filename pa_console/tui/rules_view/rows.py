@@ -12,9 +12,9 @@ from pa_console.rule_analysis.rule_trials import Trial
 from pa_console.schema.finding import Finding
 from pa_console.schema.rule import Ordering, Rule, RuleHit, RulesSeal
 from pa_console.schema.text.quantities import count
-from pa_console.session.state.rule_trail import RuleUse
 from pa_console.tui.status_words import BAD, GOOD, NOTE, QUIET, WARN, term
 from pa_console.tui.trace.rows import Part, Row, column, row
+from pa_console.views.rule_trail import RuleUse
 
 _EXPECTED = {"pass": "must hold", "fail": "must be broken", "not_applicable": "must not apply"}
 _GOT = {"pass": "holds", "fail": "is broken", "not_applicable": "does not apply"}

@@ -14,11 +14,6 @@ from textual.widgets import Label, Static
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
 from pa_console.session.log.chain import LogError
-from pa_console.session.replay.comparison import (
-    EventDifference,
-    SessionComparison,
-    compare_sessions,
-)
 from pa_console.session.replay.player import Player
 from pa_console.session.replay.recording import Recording
 from pa_console.tui.protocols import Clock
@@ -28,6 +23,7 @@ from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.row_views import TextRows
+from pa_console.views.comparison import EventDifference, SessionComparison, compare_sessions
 
 TALL = 30
 """Rows from which on there is room for the maps."""

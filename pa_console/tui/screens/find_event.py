@@ -12,12 +12,12 @@ from textual.widgets import Input, Static
 
 from pa_console.schema.text.quantities import clock_text
 from pa_console.session.log.chain import LogError
-from pa_console.session.replay.recording import Hit, Recording, search
-from pa_console.session.wording import kind_in_words
+from pa_console.session.replay.recording import Recording
 from pa_console.tui.status_words import NOTE, QUIET
 from pa_console.tui.trace.rows import column
 from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.row_views import VirtualRows
+from pa_console.views.event_words import Hit, kind_in_words, search
 
 MOST = 500
 STEP = 20_000

@@ -17,7 +17,6 @@ from pa_console.policy.authoring import rule_save
 from pa_console.policy.authoring.rule_save import OpenRule, RulesChangedError
 from pa_console.schema.document import DocumentError
 from pa_console.schema.rule import PRIORITIES, Rule, RuleHit, approvals_in_words
-from pa_console.session.state.rule_trail import uses_of
 from pa_console.tui.protocols import RuleScorer, ShownRules
 from pa_console.tui.rules_view.rows import rule_line, rule_rows, standing_style, use_rows
 from pa_console.tui.rules_view.workbench import Workbench
@@ -28,6 +27,7 @@ from pa_console.tui.trace.rows import row
 from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.row_views import TextRows
+from pa_console.views.rule_trail import uses_of
 
 _DOMAINS = (("ROE  rules of engagement", "ROE"), ("WF  workflow", "WF"), ("CAP  capability", "CAP"))
 _MODES = (("checked by code", "checked"), ("judged by the LLM only", "judged"))

@@ -5,9 +5,9 @@ from collections.abc import Collection, Iterator
 from pa_console.schema.events.event import StandingOrderRead
 from pa_console.schema.standing import StandingOrder
 from pa_console.schema.text.quantities import count
-from pa_console.session.wording import asked_in_words
 from pa_console.tui.status_words import CALM, NOTE, QUIET, WARN
 from pa_console.tui.trace.rows import Row, row
+from pa_console.views.event_words import asked_in_words
 
 _LEAD = 10
 

@@ -6,12 +6,12 @@ from textual.content import Content
 
 from pa_console.schema.text.visible_text import visible
 from pa_console.session.state.mission_trace import MissionTrace
-from pa_console.session.trace import layout, parts
-from pa_console.session.trace.layout import lay_out
-from pa_console.session.trace.parts import Span, TraceOptions, rows_of, title_of
-from pa_console.session.trace.planning import Rules
 from pa_console.tui.status_words import STYLES
 from pa_console.tui.trace.rows import Row, Section, row
+from pa_console.views.trace import layout, parts
+from pa_console.views.trace.layout import lay_out
+from pa_console.views.trace.parts import Span, TraceOptions, rows_of, title_of
+from pa_console.views.trace.planning import Rules
 
 _SHOWN = TraceOptions()
 

@@ -11,6 +11,7 @@ from pa_console.tui.status_words import QUIET, term
 from pa_console.tui.trace.rows import Row, row
 from pa_console.tui.widgets.assets import Cells, Layout
 from pa_console.tui.widgets.pointed_rows import PointedRows
+from pa_console.views.status_words import outcomes_in_words
 
 _LEAST = Layout(
     "begun",
@@ -78,7 +79,7 @@ class SessionRows(PointedRows):
             "title": (title, "bold"),
             "scenario": (summary.scenario or "–", QUIET),
             "missions": (f"{len(summary.missions)}", ""),
-            "outcomes": (summary.outcome_words, ""),
+            "outcomes": (outcomes_in_words(summary.outcomes), ""),
             "length": (clock_text(summary.length_s), QUIET),
             "log": (f"{mark.glyph} {mark.word}", mark.style) if mark else ("checking …", QUIET),
         }

@@ -15,9 +15,9 @@ from pa_console.schema.rehearsal import (
 from pa_console.schema.rule import PRIORITIES
 from pa_console.schema.text.quantities import count, duration_text
 from pa_console.session.state.mission_trace import Attempt
-from pa_console.session.state.rule_trail import DecisionEvidence
-from pa_console.session.status_words import Status, status_of
-from pa_console.session.trace.parts import (
+from pa_console.views.rule_trail import DecisionEvidence
+from pa_console.views.status_words import Status, status_of
+from pa_console.views.trace.parts import (
     Block,
     Column,
     Detail,
@@ -32,7 +32,7 @@ from pa_console.session.trace.parts import (
     statement,
     table,
 )
-from pa_console.session.trace.planning import Rules
+from pa_console.views.trace.planning import Rules
 
 MOST_GATES = 12
 """The most gates that a rehearsal lists in full; of more, only the affected ones are listed."""

@@ -10,8 +10,9 @@ from pa_console.schema.rule import SHORT, Rule
 from pa_console.schema.telemetry import Digest, Selection
 from pa_console.schema.text.quantities import count, duration_text
 from pa_console.session.state.mission_trace import Attempt, MissionTrace
-from pa_console.session.status_words import Status, Tone, status_of
-from pa_console.session.trace.parts import (
+from pa_console.views.event_words import safety_in_words
+from pa_console.views.status_words import Status, Tone, status_of
+from pa_console.views.trace.parts import (
     Block,
     Column,
     Detail,
@@ -24,7 +25,6 @@ from pa_console.session.trace.parts import (
     statement,
     table,
 )
-from pa_console.session.wording import safety_in_words
 
 Rules = Mapping[str, Rule]
 """The rules of the session by id; a rule that is missing is shown as unknown."""

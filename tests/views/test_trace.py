@@ -17,12 +17,12 @@ from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action
 from pa_console.session.state.fold import SessionState
 from pa_console.session.state.mission_trace import MissionTrace
-from pa_console.session.trace.execution import report_table
-from pa_console.session.trace.layout import lay_out, lay_out_proposal
-from pa_console.session.trace.parts import Detail, Section, TraceOptions
 from pa_console.tui.plain_output import PlainConsole
 from pa_console.tui.trace.rows import plain
 from pa_console.tui.trace.sections import sections
+from pa_console.views.trace.execution import report_table
+from pa_console.views.trace.layout import lay_out, lay_out_proposal
+from pa_console.views.trace.parts import Detail, Section, TraceOptions
 from tests.schema.strategies import PAYLOADS, models
 from tests.tui import living, story
 from tests.tui.site import RULES

@@ -1,5 +1,6 @@
 """The one table of status words: each is a glyph, a word and a tone, readable without colour."""
 
+from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
 Tone = Literal["", "good", "bad", "warn", "calm", "quiet", "note"]
@@ -139,3 +140,9 @@ STATUSES: dict[str, Status] = {
 def status_of(family: str, value: str) -> Status:
     """Return the status of `value` in `family`; a value not in the table gets a question mark."""
     return STATUSES.get(f"{family}.{value}", Status("?", value, "warn"))
+
+
+def outcomes_in_words(outcomes: Mapping[str, int]) -> str:
+    """Return the number of missions by status: `2 verified, 1 rejected`; `none` without any."""
+    words = (f"{number} {status_of('mission', each).word}" for each, number in outcomes.items())
+    return ", ".join(words) or "none"

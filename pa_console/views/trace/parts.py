@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal
 
-from pa_console.session.status_words import Status, Tone
+from pa_console.views.status_words import Status, Tone
 
 
 class Detail(IntEnum):

@@ -14,10 +14,11 @@ from pa_console.session.state.mission_trace import (
     chosen_attempt,
     rounds,
 )
-from pa_console.session.state.rule_trail import evidence_of
-from pa_console.session.status_words import Status, status_of
-from pa_console.session.trace import execution, planning, safeguards
-from pa_console.session.trace.parts import (
+from pa_console.views.event_words import asked_in_words, references_in_words
+from pa_console.views.rule_trail import evidence_of
+from pa_console.views.status_words import Status, status_of
+from pa_console.views.trace import execution, planning, safeguards
+from pa_console.views.trace.parts import (
     Block,
     Column,
     Detail,
@@ -30,8 +31,7 @@ from pa_console.session.trace.parts import (
     statement,
     table,
 )
-from pa_console.session.trace.planning import Rules
-from pa_console.session.wording import asked_in_words, references_in_words
+from pa_console.views.trace.planning import Rules
 
 
 def lay_out(trace: MissionTrace, rules: Rules, options: TraceOptions) -> list[Section]:
