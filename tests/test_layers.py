@@ -124,7 +124,6 @@ def test_the_probe_would_see_a_screen() -> None:
 def test_the_import_contracts_hold(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pytest.importorskip("importlinter")
     monkeypatch.chdir(ROOT)
     monkeypatch.setattr(sys, "path", sys.path.copy())
     lint_imports = import_module("importlinter.cli").lint_imports

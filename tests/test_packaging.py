@@ -11,6 +11,7 @@ from itertools import chain
 from pathlib import Path
 
 import pytest
+import yaml
 from packaging.requirements import Requirement
 
 import pa_console
@@ -148,10 +149,16 @@ def test_every_library_that_is_asked_for_is_pinned_with_hashes_to_a_version_that
             assert all(asked.specifier.contains(version) for version in versions), name
 
 
-def test_the_version_and_the_style_checker_are_the_same_everywhere() -> None:
+def test_the_version_is_the_same_everywhere() -> None:
     config = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     cited = (ROOT / ".github" / "CITATION.cff").read_text(encoding="utf-8")
     assert f"\nversion: {config['version']}\n" in cited
-    hooks = (ROOT / ".pre-commit-config.yaml").read_text(encoding="utf-8")
-    (ruff,) = (line for line in config["optional-dependencies"]["dev"] if line.startswith("ruff"))
-    assert f"rev: v{ruff.partition('==')[2]}\n" in hooks
+
+
+def test_a_commit_is_checked_by_what_make_lint_runs() -> None:
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    recipe = makefile.partition("\nlint:")[2].partition("\n\n")[0]
+    config = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text(encoding="utf-8"))
+    hooks = [hook for repository in config["repos"] for hook in repository["hooks"]]
+    entries = {hook["entry"].removeprefix(".venv/bin/") for hook in hooks}
+    assert entries == set(re.findall(r"^\t@\$\(BIN\)/(.+)$", recipe, re.MULTILINE))
