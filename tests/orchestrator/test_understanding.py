@@ -32,7 +32,7 @@ from tests.orchestrator.gate import send
 from tests.scripted import ScriptedEngine, plan
 
 TEXTS = yaml.safe_load(
-    (Path(__file__).parents[1] / "orders" / "data" / "no_orders.yaml").read_text("utf-8")
+    (Path(__file__).parents[1] / "language" / "data" / "no_orders.yaml").read_text("utf-8")
 )
 MOVE = Action(agent="Drone_T04", command="move_to EastGate")
 MOVES = Plan(reason="asked: 1 drone to EastGate; Free drone: Drone_T04", actions=(MOVE,))
