@@ -5,13 +5,14 @@ from dataclasses import dataclass
 
 from pa_console.language.condition import Condition, holds
 from pa_console.language.order import Ask, Order
+from pa_console.schema.command import BUSY_TASKS
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
 from pa_console.schema.world import AssetKind
 
 
 def is_free(asset: AssetTelemetry, sole_covers: Collection[str]) -> bool:
     """Return whether an asset may leave without uncovering a gate or giving up its task."""
-    busy = asset.task in ("identifying", "warning", "blocking", "charging")
+    busy = asset.task in BUSY_TASKS
     return asset.available and not busy and not asset.low_battery and asset.id not in sole_covers
 
 

@@ -5,6 +5,7 @@ from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 from pa_console.schema.base import Name, StrictModel
+from pa_console.schema.telemetry import Task
 from pa_console.schema.world import AssetKind
 
 Verb = Literal[
@@ -13,27 +14,55 @@ Verb = Literal[
 
 
 class CommandSpec(NamedTuple):
-    """The asset kinds that may carry a command out, and whether it names a frame."""
+    """What a command is to the rules, the simulator, the bus, the prompt and the screen."""
 
     kinds: frozenset[AssetKind]
+    """The kinds of assets that may carry it out."""
     takes_frame: bool
+    task: Task | None
+    """The task of an asset that carries it out, at its place; None keeps the task it has."""
+    moves: bool = False
+    """True if it may take the asset to another place."""
+    contact: Literal["", "watches", "addresses", "obstructs"] = ""
+    """How it deals with a contact at its frame, if it does."""
+    plainly: str = ""
+    """The word in a plan for what the asset does at its place; '' if going or staying says it."""
 
 
 _ALL: frozenset[AssetKind] = frozenset(("uav", "ugv", "robot"))
+_UAV: frozenset[AssetKind] = frozenset(("uav",))
+_UGV: frozenset[AssetKind] = frozenset(("ugv",))
+_ROBOT: frozenset[AssetKind] = frozenset(("robot",))
 
 COMMANDS: Mapping[Verb, CommandSpec] = MappingProxyType(
     {
-        "hold": CommandSpec(_ALL, False),
-        "move_to": CommandSpec(_ALL, True),
-        "observe": CommandSpec(frozenset(("uav",)), True),
-        "identify": CommandSpec(frozenset(("robot",)), True),
-        "warn": CommandSpec(frozenset(("robot",)), True),
-        "block": CommandSpec(frozenset(("ugv",)), True),
-        "return_to_base": CommandSpec(_ALL, False),
-        "report": CommandSpec(_ALL, False),
+        "hold": CommandSpec(_ALL, False, "holding"),
+        "move_to": CommandSpec(_ALL, True, "holding", moves=True),
+        "observe": CommandSpec(_UAV, True, "observing", True, "watches", "observes"),
+        "identify": CommandSpec(_ROBOT, True, "identifying", True, "addresses", "identifies"),
+        "warn": CommandSpec(_ROBOT, True, "warning", True, "addresses", "warns"),
+        "block": CommandSpec(_UGV, True, "blocking", True, "obstructs", "blocks"),
+        "return_to_base": CommandSpec(_ALL, False, "charging", moves=True),
+        "report": CommandSpec(_ALL, False, None, plainly="reports"),
     }
 )
 """The whole vocabulary. It has no command for force, and none is ever added (ROE-01)."""
+
+ENCOUNTERS: tuple[Verb, ...] = tuple(verb for verb, spec in COMMANDS.items() if spec.contact)
+"""The commands that deal with a contact at the gate."""
+ADDRESSING: frozenset[Verb] = frozenset(
+    verb for verb in ENCOUNTERS if COMMANDS[verb].contact == "addresses"
+)
+"""The commands that need a contact to be there, and take time with it."""
+ATTENDING: frozenset[Verb] = frozenset(
+    verb for verb in ENCOUNTERS if COMMANDS[verb].contact != "watches"
+)
+"""The commands of an asset that stands before a contact."""
+ATTENDING_TASKS: frozenset[Task] = frozenset(
+    task for verb in ATTENDING if (task := COMMANDS[verb].task)
+)
+BUSY_TASKS: frozenset[Task] = frozenset((*ATTENDING_TASKS, "charging"))
+"""The tasks from which an asset is not free to leave."""
 
 ReplyStatus = Literal["acknowledged", "refused", "progress", "done", "failed"]
 FINAL_REPLIES: frozenset[ReplyStatus] = frozenset(("refused", "done", "failed"))

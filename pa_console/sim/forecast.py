@@ -8,7 +8,7 @@ asset under way goes on to where its reported route ends.
 import math
 import random
 
-from pa_console.schema.command import DeviceCommand, Verb
+from pa_console.schema.command import ADDRESSING, COMMANDS, DeviceCommand, Verb
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Task
 from pa_console.schema.world import World
 from pa_console.sim.assets import battery
@@ -23,8 +23,7 @@ IDLE_REPORT_PERIODS = 20
 """The telemetry periods between two reports of an idle asset, whose battery alone changes."""
 _VERBS: dict[Task, Verb] = {
     "moving": "move_to",
-    "identifying": "identify",
-    "warning": "warn",
+    **{task: verb for verb in ADDRESSING if (task := COMMANDS[verb].task)},
     "returning": "return_to_base",
 }
 

@@ -7,11 +7,10 @@ from pydantic import TypeAdapter, ValidationError
 from pa_console.fleets.bus.joining import Joined
 from pa_console.fleets.vda5050.factsheet import Factsheet
 from pa_console.schema.base import Name
+from pa_console.schema.command import COMMANDS
 from pa_console.schema.world import AssetKind, AssetSpec, World
 
 _NAME: TypeAdapter[str] = TypeAdapter(Name)
-_TELLING: Mapping[str, AssetKind] = {"observe": "uav", "block": "ugv"}
-"""Actions that only one kind of asset has."""
 
 
 def with_newcomers(world: World, joined: Joined) -> tuple[World, tuple[str, ...]]:
@@ -49,7 +48,9 @@ def kind_of(sheet: Factsheet) -> AssetKind:
     named: Mapping[str, AssetKind] = {"uav": "uav", "ugv": "ugv", "robot": "robot"}
     if said in named:
         return named[said]
-    for action, kind in _TELLING.items():
-        if sheet.offers(action):
+    special: tuple[AssetKind, ...] = ("uav", "ugv")
+    for kind in special:
+        alone = frozenset((kind,))
+        if any(sheet.offers(verb) for verb, spec in COMMANDS.items() if spec.kinds == alone):
             return kind
     return "robot"

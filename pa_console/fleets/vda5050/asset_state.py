@@ -21,6 +21,7 @@ from pa_console.fleets.vda5050.messages import (
 )
 from pa_console.fleets.vda5050.vehicle import ENDED, Vehicle
 from pa_console.schema.base import Point
+from pa_console.schema.command import COMMANDS
 from pa_console.schema.telemetry import AssetStatus, AssetTelemetry, Task
 from pa_console.schema.world import AssetKind
 from pa_console.sim.worlds.terrain import Terrain
@@ -28,10 +29,7 @@ from pa_console.sim.worlds.terrain import Terrain
 BROKEN, IMPAIRED, TASK = "BROKEN_DOWN", "IMPAIRED", "task"
 TASKS: Mapping[str, Task] = {task: task for task in get_args(Task)}
 _DOING: Mapping[str, Task] = {
-    "observe": "observing",
-    "identify": "identifying",
-    "warn": "warning",
-    "block": "blocking",
+    **{verb: spec.task for verb, spec in COMMANDS.items() if spec.contact and spec.task},
     "return_to_base": "returning",
 }
 """The task of a robot that stands, by the action that it is at."""

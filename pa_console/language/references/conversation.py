@@ -13,6 +13,7 @@ from pa_console.language.references.reader import Reader, read_tokens
 from pa_console.language.references.scene import STILL, Move, PastMission, Scene
 from pa_console.language.references.words import asset_at, place_at
 from pa_console.language.verb_lexicon import find_verbs
+from pa_console.schema.command import ENCOUNTERS
 
 _CORRECTING = frozenset(
     (
@@ -187,7 +188,7 @@ class _Turn:
         target = place or self._target(move)
         if target == self._scene.world.base:
             return f"{agent} home"
-        if move.verb in ("observe", "identify", "warn", "block") and not place:
+        if move.verb in ENCOUNTERS and not place:
             return f"{agent} {move.verb} {target}"
         return f"{agent} to {target}"
 

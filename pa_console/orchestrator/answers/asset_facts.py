@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from pa_console.language.picture_facts import is_free, sole_covers
 from pa_console.policy.checks.check_context import goes_to
-from pa_console.schema.command import COMMANDS
+from pa_console.schema.command import BUSY_TASKS, COMMANDS
 from pa_console.schema.plan import Action
 from pa_console.schema.telemetry import AssetTelemetry, Picture
 from pa_console.schema.world import PLAIN_KINDS, World
@@ -66,5 +66,5 @@ def _state(asset: AssetTelemetry, picture: Picture) -> Iterator[str]:
         yield "it is not available"
     if asset.low_battery:
         yield f"its battery is low, {asset.battery_pct:.0f} %"
-    if asset.task in ("identifying", "warning", "blocking", "charging"):
+    if asset.task in BUSY_TASKS:
         yield f"it is busy: {asset.task}"

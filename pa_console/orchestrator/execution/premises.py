@@ -5,14 +5,11 @@ from dataclasses import dataclass
 
 from pa_console.orchestrator.planning.rehearsal import device_commands
 from pa_console.policy.checks.check_context import goes_to
-from pa_console.schema.command import DeviceCommand, Verb
+from pa_console.schema.command import ENCOUNTERS, DeviceCommand
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Timeline
 from pa_console.schema.telemetry import AssetTelemetry, Picture
 from pa_console.schema.world import World
-
-ENCOUNTERS: tuple[Verb, ...] = ("observe", "identify", "warn", "block")
-"""The commands that deal with a contact at the gate."""
 
 
 @dataclass(frozen=True)

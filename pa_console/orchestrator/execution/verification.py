@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from pa_console.orchestrator.execution.dispatch import TIMED_OUT
-from pa_console.schema.command import CommandReply
+from pa_console.schema.command import ADDRESSING, CommandReply
 from pa_console.schema.mission import ActionOutcome, Outcome, Verification
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Track
@@ -92,7 +92,7 @@ def needs_more_evidence(plan: Plan, picture: Picture, since_s: float) -> bool:
     return any(
         track.stale or track.stamp_s < since_s - _EPSILON_S
         for action in plan.actions
-        if action.verb in ("identify", "warn")
+        if action.verb in ADDRESSING
         for track in picture.tracks.values()
         if track.gate == action.target
     )

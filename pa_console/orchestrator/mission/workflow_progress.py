@@ -2,11 +2,10 @@
 
 from collections.abc import Iterator
 
-from pa_console.orchestrator.execution.premises import ENCOUNTERS
 from pa_console.policy.expressions.deadlines import shared_deadline
 from pa_console.policy.ordering.workflow import WorkflowRun
 from pa_console.policy.rulebook import Rulebook
-from pa_console.schema.command import Verb
+from pa_console.schema.command import ENCOUNTERS, Verb
 from pa_console.schema.events.event import WorkflowMoved
 from pa_console.schema.mission import Mission
 from pa_console.schema.moment import Moment

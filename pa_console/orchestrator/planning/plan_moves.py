@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from pa_console.language.picture_facts import is_free, sole_covers
-from pa_console.orchestrator.execution.premises import ENCOUNTERS
 from pa_console.policy.checks.check_context import goes_to
-from pa_console.schema.command import Verb
+from pa_console.schema.command import ENCOUNTERS, Verb
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Picture, Track
 from pa_console.schema.world import AssetKind, World

@@ -7,7 +7,6 @@ nor do additions that the rules ask for: takeovers of gates, and a first look.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from pa_console.language.order import Ask, Reading, Task
-from pa_console.orchestrator.execution.premises import ENCOUNTERS
 from pa_console.orchestrator.planning.plan_moves import PlanMoves
 from pa_console.orchestrator.tasking.obstacles import (
     PlanForOrder,
@@ -17,7 +16,7 @@ from pa_console.orchestrator.tasking.obstacles import (
     post_of,
     unfit,
 )
-from pa_console.schema.command import Verb
+from pa_console.schema.command import ENCOUNTERS, Verb
 from pa_console.schema.telemetry import Picture, Track
 from pa_console.schema.world import PLAIN_KINDS, AssetKind
 

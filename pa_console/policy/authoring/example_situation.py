@@ -10,6 +10,7 @@ from typing import Any, cast
 
 from pa_console.policy.checks.check_context import goes_to
 from pa_console.schema.base import Point
+from pa_console.schema.command import ADDRESSING
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.world import AssetKind, AssetSpec, Frame, Platform, World, Zone
 
@@ -190,6 +191,6 @@ def _outcome(action: Action, before: Values) -> Values:
         detail = f"{action.agent} is not available"
     elif frame and frame not in WORLD.frames:
         detail = f"no frame {frame}"
-    elif action.verb in ("identify", "warn") and not there:
+    elif action.verb in ADDRESSING and not there:
         detail = f"no track at {frame}"
     return {"finished": not detail, "detail": detail, "least_battery_pct": asset["battery_pct"]}

@@ -57,11 +57,11 @@ from pa_console.policy.expressions.fields import (
     within,
 )
 from pa_console.schema.base import StrictModel
-from pa_console.schema.command import COMMANDS
+from pa_console.schema.command import ATTENDING_TASKS, COMMANDS
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import AssetTimeline, GateTimeline, Rehearsal, TrackTimeline
-from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Task, Track
+from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Track
 from pa_console.schema.world import World
 
 Values = dict[str, Any]
@@ -117,7 +117,6 @@ PLAN_SHAPES: Shapes = {
 WORLD_SHAPE: Shape = _WORLD
 EVERYTHING = everything(PLAN_VARIABLES)
 
-_ATTENDING: frozenset[Task] = frozenset(("identifying", "warning", "blocking"))
 _COMMANDS = {verb: sorted(spec.kinds) for verb, spec in COMMANDS.items()}
 
 
@@ -327,7 +326,7 @@ def _attending(picture: Picture, destinations: Mapping[str, str]) -> Iterator[tu
     """Yield the place and name of every asset that deals with tracks there, and stays."""
     for name, asset in picture.assets.items():
         place = destinations.get(name) or asset.post
-        if asset.task in _ATTENDING and asset.available and place:
+        if asset.task in ATTENDING_TASKS and asset.available and place:
             yield place, name
 
 

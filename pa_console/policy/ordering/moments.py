@@ -4,7 +4,7 @@ import math
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
-from pa_console.schema.command import Verb
+from pa_console.schema.command import ATTENDING, COMMANDS
 from pa_console.schema.moment import Moment, OrderMoment, TrackMoment
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
 from pa_console.schema.world import World
@@ -14,9 +14,6 @@ STANDS_MPS = 0.05
 
 SURE_SIGMAS = 3.0
 """A gap counts as too small when the position error would have to be larger than this."""
-
-_MOVING: frozenset[Verb] = frozenset(("move_to", "identify", "warn", "block", "return_to_base"))
-_ATTENDING: frozenset[Verb] = frozenset(("identify", "warn", "block"))
 
 
 class _Sent(NamedTuple):
@@ -102,7 +99,7 @@ def _in_contact(sent: _Sent, track: Track) -> bool:
     """
     order, asset = sent.order, sent.asset
     under_way = order.verb == "move_to" and not order.done and asset.at != order.target
-    if not asset.available or not (under_way or order.verb in _ATTENDING):
+    if not asset.available or not (under_way or order.verb in ATTENDING):
         return False
     reach = sent.world.platforms[asset.kind].sensor_range_m
     return sent.meets(track) and math.dist(asset.position, track.position) <= reach
@@ -114,7 +111,7 @@ def _drives_too_near(sent: _Sent, track: Track) -> bool:
     A gap that measurement noise alone explains is not counted, nor one that the track closed.
     """
     asset = sent.asset
-    moves = sent.order.verb in _MOVING and asset.speed_mps >= STANDS_MPS
+    moves = COMMANDS[sent.order.verb].moves and asset.speed_mps >= STANDS_MPS
     if not moves or not asset.available:
         return False
     east, north = (track.position[i] - asset.position[i] for i in (0, 1))

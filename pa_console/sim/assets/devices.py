@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Iterator
 
-from pa_console.schema.command import COMMANDS, CommandReply, DeviceCommand, ReplyStatus
+from pa_console.schema.command import ADDRESSING, COMMANDS, CommandReply, DeviceCommand, ReplyStatus
 from pa_console.schema.telemetry import Task
 from pa_console.sim.assets import battery
 from pa_console.sim.assets.blocked_motion import unstick
@@ -45,13 +45,6 @@ def note_heard(terrain: Terrain, scene: Scene, asset: AssetState) -> None:
 
 PROGRESS_S = 5.0
 _REMEMBERED = 32
-_TASKS: dict[str, Task] = {
-    "move_to": "holding",
-    "observe": "observing",
-    "block": "blocking",
-    "identify": "identifying",
-    "warn": "warning",
-}
 
 
 Admit = Callable[[DeviceCommand], str]
@@ -152,9 +145,9 @@ def _do_there(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterator[Com
             asset.task = "charging" if asset.task == "returning" else "holding"
         return
     if asset.task in ("moving", "returning"):
-        asset.task = "charging" if command.verb == "return_to_base" else _TASKS[command.verb]
+        asset.task = COMMANDS[command.verb].task or asset.task
     target = command.target or terrain.world.base
-    if command.verb not in ("identify", "warn"):
+    if command.verb not in ADDRESSING:
         yield _close(scene, asset, "done", f"at {target}")
         return
     if not asset.announced:

@@ -9,6 +9,7 @@ import math
 from dataclasses import replace
 from typing import Literal
 
+from pa_console.schema.command import Verb
 from pa_console.sim.sensing.evidence import identity_of
 from pa_console.sim.sensing.tracker import name_of
 from pa_console.sim.state.scene import AssetState, Scene
@@ -21,9 +22,7 @@ WARN_S = 3.0
 Ending = tuple[Literal["done", "failed"] | None, str]
 
 
-def attend(
-    terrain: Terrain, scene: Scene, asset: AssetState, verb: Literal["identify", "warn"], gate: str
-) -> Ending:
+def attend(terrain: Terrain, scene: Scene, asset: AssetState, verb: Verb, gate: str) -> Ending:
     """Advance an `identify` or `warn` of an asset that stands at `gate`; None means not yet.
 
     It fails at once when nothing is there or on its way, waits for one on its way to come within

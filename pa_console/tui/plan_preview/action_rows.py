@@ -4,25 +4,16 @@
 """
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from pa_console.schema.command import Verb
+from pa_console.schema.command import COMMANDS
 from pa_console.schema.plan import Action
 from pa_console.schema.telemetry import AssetTelemetry
 from pa_console.tui.plan_preview.preview import PlanPreview
 from pa_console.tui.status_words import BAD, QUIET, WARN
 from pa_console.tui.trace.rows import Part, Row, phrased, row
 from pa_console.tui.words import KIND_WORDS
-
-_DOES: Mapping[Verb, str] = {
-    "observe": "observes",
-    "identify": "identifies",
-    "warn": "warns",
-    "block": "blocks",
-    "report": "reports",
-}
-"""The verbs at the place; going there and staying there describe all other commands."""
 
 _JOINED = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
@@ -72,7 +63,7 @@ def cover_row(preview: PlanPreview) -> Row | None:
 def _deed(action: Action, preview: PlanPreview) -> _Deed:
     asset = preview.before.assets.get(action.agent)
     kind = KIND_WORDS[asset.kind].removeprefix("ground ") if asset is not None else "not known"
-    goal, does = preview.goal(action), _DOES.get(action.verb, "")
+    goal, does = preview.goal(action), COMMANDS[action.verb].plainly
     if preview.is_there(action):
         stays = "holds" if action.verb == "hold" else "stays"
         way = f"{stays} {_where(asset)}" if action.verb != "report" else _where(asset)

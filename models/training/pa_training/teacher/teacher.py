@@ -21,9 +21,8 @@ from pa_console.language.canonical_words import canonical_order
 from pa_console.language.order import Ask, Order, Task
 from pa_console.language.picture_facts import due_asks
 from pa_console.llm.roles.grammar import REASON_CHARS
-from pa_console.orchestrator.execution.premises import ENCOUNTERS
 from pa_console.schema.base import Positive, StrictModel
-from pa_console.schema.command import Verb
+from pa_console.schema.command import ENCOUNTERS, Verb
 from pa_console.schema.evaluation import Expectation
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Digest, Picture
