@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     )
     from pa_console.fleets.fleet import Fleet, Forecast, Received
     from pa_console.fleets.simulated import SimulatedFleet
-    from pa_console.orchestrator.station.assembly import Site
     from pa_console.policy.rulebook import Rulebook
     from pa_console.schema.command import CommandReply, DeviceCommand
     from pa_console.schema.events.event import (
@@ -35,6 +34,7 @@ if TYPE_CHECKING:
     from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Track
     from pa_console.schema.world import World
     from pa_console.session.state.fold import SessionState
+    from pa_console.station.assembly import Site
 
     __version__: str
 
@@ -83,7 +83,7 @@ _HOMES = {
     ),
     "fleets.fleet": ("Fleet", "Forecast", "Received"),
     "fleets.simulated": ("SimulatedFleet",),
-    "orchestrator.station.assembly": ("Site",),
+    "station.assembly": ("Site",),
     "policy.rulebook": ("Rulebook",),
     "schema.command": ("CommandReply", "DeviceCommand"),
     "schema.events.event": ("AnswerLine", "ApprovalRequested", "Event", "QuestionAnswered"),

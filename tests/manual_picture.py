@@ -11,11 +11,11 @@ from pathlib import Path
 
 from pa_console.llm.engine import Engine
 from pa_console.llm.models.catalogue import find_model
-from pa_console.orchestrator.station.assembly import load_site, open_station
-from pa_console.orchestrator.station.ticking import RealTimeClock
 from pa_console.schema.mission import Decision
 from pa_console.settings.sources import default_settings
 from pa_console.sim.worlds.scenario_file import open_scenario
+from pa_console.station.assembly import load_site, open_station
+from pa_console.station.clock import RealTimeClock
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.widgets.approval.panel import ApprovalPanel
 

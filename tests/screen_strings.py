@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parent.parent / "pa_console"
 SPEAKING = (
-    "api", "cli", "export", "fleets", "orchestrator", "policy", "schema", "session", "settings",
-    "sim/worlds", "tui", "views",
+    "api", "cli", "export", "fleets", "mission", "policy", "schema", "session", "settings",
+    "sim/worlds", "station", "tui", "views",
 )  # fmt: skip
 _SILENT_CALLS = frozenset(("compile", "sub", "search", "fullmatch", "match", "query", "query_one"))
 _SILENT_ARGUMENTS = frozenset(("id", "classes", "pattern", "discriminator", "default_css"))

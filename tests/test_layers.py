@@ -66,7 +66,7 @@ def imported_by(modules: list[str]) -> set[str]:
 def test_the_core_is_all_there() -> None:
     packages = {name.split(".")[1] for name in core_modules() if "." in name}
     assert packages >= {"schema", "resources", "sim", "policy", "llm", "session", "views"}
-    assert packages >= {"orchestrator", "evaluation"}
+    assert packages >= {"mission", "station", "evaluation"}
 
 
 def test_the_core_needs_neither_a_screen_nor_the_model_libraries() -> None:
@@ -106,7 +106,7 @@ def test_the_help_tells_of_every_verb_and_loads_none() -> None:
 def test_the_help_of_a_mission_waits_for_no_session() -> None:
     helped = loaded_by(MISSION_HELPED)
     assert "pa_console.cli.mission.mission" in helped
-    assert not helped & {"numpy", "shapely", "cel", "pa_console.orchestrator", "pa_console.llm"}
+    assert not helped & {"numpy", "shapely", "cel", "pa_console.station", "pa_console.llm"}
 
 
 def test_every_verb_is_there_without_what_trains_and_without_a_screen() -> None:

@@ -6,9 +6,7 @@ from datetime import UTC, datetime
 
 from pa_console.fleets.fleet import Outlook
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.orchestrator.planning.safeguards import examine
-from pa_console.orchestrator.station import assembly
-from pa_console.orchestrator.station.assembly import Site
+from pa_console.mission.examine import examine
 from pa_console.policy.rulebook import Rulebook
 from pa_console.policy.trust.pinned_rules import RulesPins
 from pa_console.schema.finding import Finding
@@ -16,6 +14,8 @@ from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.world import World
 from pa_console.sim.worlds.world_file import open_world
+from pa_console.station import assembly
+from pa_console.station.assembly import Site
 
 
 def load_world(world: str = "checkpoint") -> World:

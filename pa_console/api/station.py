@@ -19,13 +19,7 @@ from pa_console.fleets.fleet import Fleet, Simulated
 from pa_console.llm.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.llm.servers.servers import NO_SERVERS, Servers, session_models
-from pa_console.orchestrator.answers.question_reading import NO_QUESTION
-from pa_console.orchestrator.planning.standing_approval import standing_approver
-from pa_console.orchestrator.station import assembly
-from pa_console.orchestrator.station import station as stations
-from pa_console.orchestrator.station.assembly import Site
-from pa_console.orchestrator.station.headless import Approver
-from pa_console.orchestrator.station.ticking import RealTimeClock, SteppedClock
+from pa_console.mission.approval import standing_approver
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Metrics, Mission, MissionStatus, Verification
@@ -35,6 +29,12 @@ from pa_console.session.log.writer import LogWriter, default_folder, open_sessio
 from pa_console.session.state.fold import MissionTrace, SessionState
 from pa_console.signing import key_path, load_signer
 from pa_console.sim.worlds.scenario_file import open_scenario
+from pa_console.station import assembly
+from pa_console.station import station as stations
+from pa_console.station.answering import NO_QUESTION
+from pa_console.station.assembly import Site
+from pa_console.station.clock import RealTimeClock, SteppedClock
+from pa_console.station.headless import Approver
 
 if TYPE_CHECKING:
     from pa_console.fleets.authorization import Role

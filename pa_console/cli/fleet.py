@@ -6,18 +6,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pa_console.cli.output import errors
-from pa_console.orchestrator.station.ticking import Clock, DevicesClock, SteppedClock
 from pa_console.schema.document import read_bytes
 from pa_console.session.log.writer import default_folder
 from pa_console.settings.schema import Settings
 from pa_console.sim.worlds.world_file import open_world
+from pa_console.station.clock import Clock, DevicesClock, SteppedClock
 
 if TYPE_CHECKING:
     from pa_console.fleets.bus.address import BrokerAddress, Credentials
     from pa_console.fleets.bus.joining import Joined
     from pa_console.fleets.bus.mqtt_fleet import MqttFleet
     from pa_console.fleets.station_authority import StationAuthority
-    from pa_console.orchestrator.station.assembly import Site
+    from pa_console.station.assembly import Site
 
 STATION, TELEMETRY, JOINED = "station", "telemetry", "joined"
 """The certificates of a station, of its second connection, which only receives, and of a console

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pa_console import __version__
 from pa_console.cli.output import errors
 from pa_console.observability.observers import Observer, Observing, observed
-from pa_console.orchestrator.station.outside_reports import Outside
 from pa_console.settings.schema import Settings
+from pa_console.station.background import Outside
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from pa_console.orchestrator.station.assembly import Site, load_site
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data
 from pa_console.schema.events.event import SessionStarted
@@ -21,6 +20,7 @@ from pa_console.session.replay.recording import Recording
 from pa_console.session.state.fold import SessionState
 from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.sim.worlds.world_file import open_world
+from pa_console.station.assembly import Site, load_site
 
 
 @contextmanager

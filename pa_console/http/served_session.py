@@ -28,14 +28,14 @@ from pa_console.http.views import (
     to_sign_view,
 )
 from pa_console.language.questions.question import Question
-from pa_console.orchestrator.answers.question_reading import IS_QUESTION, NO_QUESTION
-from pa_console.orchestrator.planning.approval import inadmissible
+from pa_console.mission.approval import inadmissible
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import ELSEWHERE, Decision, Mission
 from pa_console.schema.plan import Plan
 from pa_console.session.state.fold import SessionState
 from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.station.answering import IS_QUESTION, NO_QUESTION
 
 ANSWERED_S = 10.0
 """The longest wait for the result of a decision, seconds."""

@@ -4,12 +4,7 @@ from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Literal
 
-from pa_console.orchestrator.planning.approval import (
-    CheckedPlan,
-    OrderAsRead,
-    inadmissible,
-    request_approval,
-)
+from pa_console.mission.approval import CheckedPlan, OrderAsRead, inadmissible, request_approval
 from pa_console.policy.rulebook import Rulebook
 from pa_console.rule_analysis.recheck import (
     Again,

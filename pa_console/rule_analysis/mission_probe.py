@@ -9,8 +9,7 @@ import random
 from collections.abc import Callable
 from datetime import UTC, datetime
 
-from pa_console.orchestrator.planning.rehearsal import rehearse
-from pa_console.orchestrator.station.headless import SETUP_SETTLE_S
+from pa_console.mission.rehearse import rehearse
 from pa_console.policy.checks.rule_checks import check_mission, check_plan
 from pa_console.policy.checks.sightings import Sightings
 from pa_console.policy.ordering.monitor import Monitor
@@ -31,6 +30,7 @@ from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
+from pa_console.station.headless import SETUP_SETTLE_S
 
 EPOCH = datetime(2000, 1, 1, tzinfo=UTC)
 

@@ -7,7 +7,7 @@ for orderings and sightings.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from pa_console.orchestrator.planning.rehearsal import order_moments
+from pa_console.mission.rehearse import order_moments
 from pa_console.policy.checks.findings import ORDER_ID, STRUCTURE_ID
 from pa_console.policy.checks.rule_checks import check_mission, check_plan
 from pa_console.policy.checks.sightings import Sightings

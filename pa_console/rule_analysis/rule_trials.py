@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from pa_console.orchestrator.planning.safeguards import assume_done
+from pa_console.mission.examine import assume_done
 from pa_console.policy.checks.findings import problems
 from pa_console.policy.checks.rule_checks import check_plan
 from pa_console.policy.checks.sightings import Sightings

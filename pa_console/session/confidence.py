@@ -13,7 +13,7 @@ fit (`models/pa-500m.md`). To fit it again:
     python -m pa_training.confidence.fit ORDERS.jsonl
 
 The confidence alone decides nothing: after a gap or between readers that disagree, a plan cannot
-be approved without a warning at any confidence (`orchestrator/planning/approval.py`).
+be approved without a warning at any confidence (`mission/approval.py`).
 """
 
 import math

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from pa_console.orchestrator.station.assembly import Site, load_site
 from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.settings.sources import Loaded
+from pa_console.station.assembly import Site, load_site
 from pa_console.tui.app import ConsoleApp, Opening
 from pa_console.tui.screens.compare import CompareScreen, Side
 from pa_console.tui.screens.evaluation import EvaluationScreen

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from pa_console.language.questions.question import Question
-from pa_console.orchestrator.answers.alternatives import Alternative
 from pa_console.schema.events.event import Event, QuestionAnswered
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.rule import Rule, RuleHit, RulesSeal
+from pa_console.station.alternatives import Alternative
 
 Clock = Callable[[], float]
 """Seconds that only grow; replaced in tests so that no test has to wait."""

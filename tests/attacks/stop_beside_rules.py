@@ -15,10 +15,8 @@ from pathlib import Path
 from time import perf_counter, sleep
 
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.orchestrator.planning import rehearsal
-from pa_console.orchestrator.planning.safeguards import examine
-from pa_console.orchestrator.station.assembly import Site, load_site, open_station
-from pa_console.orchestrator.station.ticking import RealTimeClock
+from pa_console.mission import rehearse as rehearsal
+from pa_console.mission.examine import examine
 from pa_console.policy.ordering.monitor import Monitor
 from pa_console.policy.rulebook import load_rules
 from pa_console.policy.trust.core_rules import with_core
@@ -26,6 +24,8 @@ from pa_console.schema.document import DocumentError
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan
 from pa_console.sim.checkpoint import Checkpoint
+from pa_console.station.assembly import Site, load_site, open_station
+from pa_console.station.clock import RealTimeClock
 from tests.attacks.hostile_rules import KINDS, write_hostile
 from tests.policy.test_large import MISSION
 from tests.scripted import ScriptedEngine, plan

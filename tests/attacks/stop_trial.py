@@ -15,9 +15,7 @@ from time import perf_counter
 
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.backend import Completed, Request
-from pa_console.orchestrator.planning.standing_approval import standing_approver
-from pa_console.orchestrator.station.assembly import Site, load_site, open_station
-from pa_console.orchestrator.station.station import Station
+from pa_console.mission.approval import standing_approver
 from pa_console.schema.command import COMMANDS, CommandReply, DeviceCommand, Verb
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events import event as ev
@@ -27,6 +25,8 @@ from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.picture.picture import period_ticks
 from pa_console.sim.worlds.scenario_file import LoadedScenario
 from pa_console.sim.worlds.terrain import Terrain
+from pa_console.station.assembly import Site, load_site, open_station
+from pa_console.station.station import Station
 from tests.scripted import ScriptedEngine, plan
 
 AFTER_TICKS = 80

@@ -11,8 +11,8 @@ import pytest
 from pa_console.cli.console import console
 from pa_console.cli.mission import session as mission_session
 from pa_console.llm.models.catalogue import LocalModel
-from pa_console.orchestrator.station.assembly import load_site
 from pa_console.signing import KEY_VARIABLE
+from pa_console.station.assembly import load_site
 from tests.cli.inside import Call, caller
 from tests.cli.test_replay_verb import record
 from tests.scripted import ScriptedEngine, plan

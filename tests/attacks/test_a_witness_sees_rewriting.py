@@ -10,14 +10,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pa_console.orchestrator.station.station import Station
 from pa_console.schema.events import event as ev
 from pa_console.session.log.signed_head import SignedHead, head_path
 from pa_console.session.log.witness import EVERY_S, Witness, WitnessResult, check_witness
 from pa_console.session.log.writer import LogWriter, verify
 from pa_console.signing import KEY_VARIABLE, load_signer
+from pa_console.station.station import Station
 from tests.cli.inside import Call, caller
-from tests.orchestrator.conftest import Rig, rig, site
+from tests.rig import Rig, rig, site
 from tests.scripted import ScriptedEngine, plan
 from tests.session.story import at, story, telemetry
 from tests.session.tamper import KNOWN, MINE, OTHER, write_signed

@@ -9,11 +9,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.orchestrator.station.station import Station
 from pa_console.schema.events import event as ev
 from pa_console.session.log.signed_head import head_path, read_head
 from pa_console.session.log.writer import LogWriter, verify
-from tests.orchestrator.conftest import Rig, rig, site
+from pa_console.station.station import Station
+from tests.rig import Rig, rig, site
 from tests.scripted import ScriptedEngine, plan
 from tests.session.logs import kept
 from tests.session.story import story, telemetry

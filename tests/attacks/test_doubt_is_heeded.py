@@ -13,8 +13,12 @@ from hypothesis import strategies as st
 from pa_console.cli.mission import session as mission_session
 from pa_console.llm.backend import Completed, Request
 from pa_console.llm.models.catalogue import LocalModel
-from pa_console.orchestrator.planning.approval import CheckedPlan, OrderAsRead, request_approval
-from pa_console.orchestrator.planning.standing_approval import standing_approver
+from pa_console.mission.approval import (
+    CheckedPlan,
+    OrderAsRead,
+    request_approval,
+    standing_approver,
+)
 from pa_console.schema.finding import Verdict
 from pa_console.schema.plan import Plan
 from pa_console.session.confidence import UNSURE, Evidence, calibrated_confidence

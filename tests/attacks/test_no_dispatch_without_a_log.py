@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.orchestrator.station.station import Station
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.session.log.writer import LogError, LogWriter, verify
-from tests.orchestrator.conftest import Rig, rig, site
+from pa_console.station.station import Station
+from tests.rig import Rig, rig, site
 from tests.scripted import ScriptedEngine, plan
 from tests.session.tamper import KNOWN, MINE
 

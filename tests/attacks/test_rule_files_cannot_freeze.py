@@ -11,8 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.orchestrator.planning import safeguards
-from pa_console.orchestrator.station.assembly import load_site
+from pa_console.mission import examine as safeguards
 from pa_console.policy.checks import rule_checks
 from pa_console.policy.expressions.deadlines import (
     DeadlineError,
@@ -29,6 +28,7 @@ from pa_console.schema.document import DocumentError
 from pa_console.schema.plan import Plan
 from pa_console.schema.rule import Rule
 from pa_console.sim.checkpoint import Checkpoint
+from pa_console.station.assembly import load_site
 from tests.attacks.hostile_rules import KINDS, measure, measure_apart, write_hostile
 from tests.policy.book import write_rules
 from tests.policy.test_large import MISSION

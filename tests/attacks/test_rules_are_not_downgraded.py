@@ -11,10 +11,6 @@ from hypothesis import strategies as st
 
 from pa_console.cli.mission import session as mission_session
 from pa_console.llm.models.catalogue import LocalModel
-from pa_console.orchestrator.station.assembly import load_site, open_station
-from pa_console.orchestrator.station.rules_in_force import RulesWatch
-from pa_console.orchestrator.station.station import Station
-from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.policy.authoring.example_situation import WORLD
 from pa_console.policy.authoring.examples import (
     MISSION_TEXT,
@@ -33,6 +29,10 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Mission
 from pa_console.schema.rule import PRIORITIES, Rule, RuleExample, RulesSeal
 from pa_console.signing import KEY_VARIABLE, Signer, load_signer
+from pa_console.station.assembly import load_site, open_station
+from pa_console.station.clock import SteppedClock
+from pa_console.station.rules_in_force import RulesWatch
+from pa_console.station.station import Station
 from tests.cli.inside import Call, caller
 from tests.policy.book import RULES
 from tests.policy.test_large import MISSION

@@ -9,14 +9,11 @@ from pathlib import Path
 
 import pytest
 
-import pa_console.orchestrator
+import pa_console
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.orchestrator.execution.execution import Execution
-from pa_console.orchestrator.planning.rehearsal import device_commands
-from pa_console.orchestrator.planning.standing_approval import standing_approver
-from pa_console.orchestrator.station.assembly import Site, open_station
-from pa_console.orchestrator.station.headless import exit_code, run_missions
-from pa_console.orchestrator.station.ticking import SteppedClock
+from pa_console.mission.approval import standing_approver
+from pa_console.mission.execute import Execution
+from pa_console.mission.rehearse import device_commands
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset, SetRadio
@@ -25,6 +22,9 @@ from pa_console.schema.plan import Action, Plan
 from pa_console.session.log.writer import LogWriter
 from pa_console.session.replay.player import Player
 from pa_console.session.state.fold import SessionState
+from pa_console.station.assembly import Site, open_station
+from pa_console.station.clock import SteppedClock
+from pa_console.station.headless import exit_code, run_missions
 from tests.attacks.stop_trial import RELIEF, LiveClock, Tapped, checkpoint, stops
 from tests.scripted import ScriptedEngine, plan
 
@@ -203,7 +203,7 @@ def test_a_read_only_station_releases_nothing(site: Site) -> None:
         station.release()
 
 
-async def test_the_gate_keeps_back_what_the_orchestrator_would_send_after_a_stop(
+async def test_the_gate_keeps_back_what_the_console_would_send_after_a_stop(
     site: Site, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     home = Plan(reason="r", actions=(Action(agent="Drone_T01", command="move_to WestGate"),))
@@ -253,10 +253,10 @@ async def test_a_stop_while_a_plan_waits_for_a_headless_approver_is_no_error(sit
 
 def test_nothing_but_the_gate_sends_to_the_fleet() -> None:
     """A rehearsal has a simulation of its own, and so has a session that is played up to now."""
-    folder = Path(pa_console.orchestrator.__file__).parent
     senders = {
         (path.name, ast.unparse(node.func.value))
-        for path in folder.rglob("*.py")
+        for package in ("mission", "station")
+        for path in (Path(pa_console.__file__).parent / package).rglob("*.py")
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.Call)
         and isinstance(node.func, ast.Attribute)
@@ -264,9 +264,9 @@ def test_nothing_but_the_gate_sends_to_the_fleet() -> None:
     }
     to_devices = {(name, what) for name, what in senders if not what.endswith("gate")}
     assert to_devices == {
-        ("command_gate.py", "self._fleet"),
-        ("rehearsal.py", "forecast"),
-        ("resumed_session.py", "fleet"),
+        ("gate.py", "self._fleet"),
+        ("rehearse.py", "forecast"),
+        ("earlier_session.py", "fleet"),
     }
 
 

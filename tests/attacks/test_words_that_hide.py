@@ -14,11 +14,11 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.orchestrator.intake.intake import Intake
-from pa_console.orchestrator.intake.spelling_correction import respell
-from pa_console.orchestrator.station.assembly import Site, load_site
+from pa_console.mission.spelling import respell
 from pa_console.policy.checks.rule_checks import check_mission
 from pa_console.schema.mission import Mission
+from pa_console.station.assembly import Site, load_site
+from pa_console.station.intake import Intake
 
 DATA = Path(__file__).parent / "data"
 NOTICED, REFUSED = 0.8, 0.02

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.orchestrator.station.assembly import Site, load_site
 from pa_console.signing import KEY_VARIABLE
+from pa_console.station.assembly import Site, load_site
 from tests.benchmarks.inside import Measure, measurer
 
 

@@ -18,10 +18,8 @@ from pa_console.llm.engine import LOAD_LIMIT_S, WARM_GRAMMAR, Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.llm.roles.grammar import plan_grammar
 from pa_console.llm.roles.prompts import Prompt, planner_prompt
-from pa_console.orchestrator.planning.digest import digest_picture
-from pa_console.orchestrator.planning.picture_selection import select
-from pa_console.orchestrator.planning.safeguards import examine
-from pa_console.orchestrator.station.assembly import load_site
+from pa_console.mission.examine import examine
+from pa_console.mission.picture_text import digest_picture, select
 from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.base import StrictModel
@@ -33,6 +31,7 @@ from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.world_generator import generate_world
+from pa_console.station.assembly import load_site
 from tests.benchmarks.figures import JsonFileOption, keep
 
 SIZES: tuple[tuple[int, int], ...] = ((4, 10), (16, 100), (50, 1000))

@@ -22,10 +22,10 @@ from pa_console.cli.output import ModelOption, errors, out
 from pa_console.evaluation.machine import Machine, describe_machine
 from pa_console.llm.engine import Engine
 from pa_console.llm.models.catalogue import LocalModel, find_model
-from pa_console.orchestrator.station.assembly import Site, load_site, open_station
-from pa_console.orchestrator.station.ticking import RealTimeClock
 from pa_console.schema.base import StrictModel
 from pa_console.sim.worlds.world_generator import generate_world
+from pa_console.station.assembly import Site, load_site, open_station
+from pa_console.station.clock import RealTimeClock
 from tests.benchmarks.figures import JsonFileOption, introduce, keep
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ import pytest
 from pa_console.llm.backend import Completed, EngineDiedError
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.llm.roles.prompts import Prompt
-from pa_console.orchestrator.station.assembly import Site
 from pa_console.schema.finding import Usage
+from pa_console.station.assembly import Site
 from tests.benchmarks.scale import count_tokens, measure
 from tests.llm.scripted import ScriptedEngine
 

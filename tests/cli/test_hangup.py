@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from pa_console.orchestrator.station.assembly import load_site
+from pa_console.station.assembly import load_site
 from tests.cli.outside import WITHIN_S
 from tests.cli.test_replay_verb import record
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.orchestrator.station.assembly import Site, load_site
 from pa_console.resources import find_data
 from pa_console.schema.document import Document
 from pa_console.schema.scenario import Scenario
+from pa_console.station.assembly import Site, load_site
 from tests.cli.inside import Call, Done
 from tests.evaluation.sessions import IDENTIFY, RECON, WARN, play
 from tests.scripted import ScriptedEngine

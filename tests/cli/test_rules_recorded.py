@@ -7,8 +7,8 @@ import pytest
 from pa_console.session.log.writer import LogWriter
 from tests.cli.inside import Call
 from tests.evaluation.sessions import RECON
-from tests.orchestrator.test_effect import recorded
 from tests.policy.book import RULES
+from tests.station.test_effect import recorded
 
 STRICT = """
   - id: ROE-99

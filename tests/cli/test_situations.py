@@ -7,11 +7,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from pa_console.orchestrator.station.station import Station
 from pa_console.schema.events.event import SessionStarted
 from pa_console.session.log.chain import read_log
 from pa_console.session.log.verification import verify
 from pa_console.settings.sources import Loaded
+from pa_console.station.station import Station
 from tests.cli.inside import Call, Done
 from tests.scripted import ScriptedEngine
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pa_console.orchestrator.station.assembly import Site, load_site
+from pa_console.station.assembly import Site, load_site
 
 
 @pytest.fixture(scope="session")

@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Callable, Sequence
 
 from pa_console.evaluation.scoring.score import RunRecorder, Score, score_run, watch
-from pa_console.orchestrator.planning.safeguards import examine
+from pa_console.mission.examine import examine
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.evaluation import MissionCase
 from pa_console.schema.plan import Plan

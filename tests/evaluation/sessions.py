@@ -3,17 +3,17 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from pa_console.orchestrator.planning.standing_approval import standing_approver
-from pa_console.orchestrator.station.assembly import Site, open_station
-from pa_console.orchestrator.station.headless import run_missions
-from pa_console.orchestrator.station.station import Station
-from pa_console.orchestrator.station.ticking import SteppedClock
+from pa_console.mission.approval import standing_approver
 from pa_console.schema.events.event import Event
 from pa_console.schema.incident import Incident
 from pa_console.schema.scenario import Scenario, ScriptedEvent
 from pa_console.session.log.writer import LogWriter
 from pa_console.session.state.fold import SessionState
 from pa_console.sim.worlds.scenario_file import LoadedScenario
+from pa_console.station.assembly import Site, open_station
+from pa_console.station.clock import SteppedClock
+from pa_console.station.headless import run_missions
+from pa_console.station.station import Station
 from tests.scripted import ScriptedEngine, plan
 
 RECON = plan(("Drone_T04", "observe WestGate"))

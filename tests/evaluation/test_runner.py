@@ -10,10 +10,10 @@ from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.run_record import EvaluationFolder, RunRecord, read_runs
 from pa_console.evaluation.runs.runner import CHUNK, Runner, chunks
 from pa_console.evaluation.scoring.score import SETTLE_S
-from pa_console.orchestrator.station.assembly import Site
-from pa_console.orchestrator.station.headless import SETUP_SETTLE_S
 from pa_console.schema.evaluation import MissionCase, MissionSet
 from pa_console.session.replay.recording import Recording
+from pa_console.station.assembly import Site
+from pa_console.station.headless import SETUP_SETTLE_S
 from tests.scripted import FAILURE, SUCCESS, ScriptedEngine, plan
 
 SPARE = plan(("Drone_T04", "move_to EastGate"))

@@ -16,8 +16,8 @@ from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.run_record import EvaluationFolder, RunRecord, read_runs
 from pa_console.evaluation.runs.runner import Runner
 from pa_console.evaluation.runs.sweep import RemoteRun, Sweep
-from pa_console.orchestrator.station.assembly import Site
 from pa_console.schema.evaluation import MissionCase, MissionSet
+from pa_console.station.assembly import Site
 from tests.scripted import SUCCESS, ScriptedEngine, plan
 
 PRINTS = {"scripted": "0" * 64}

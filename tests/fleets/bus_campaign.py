@@ -19,10 +19,7 @@ from pa_console.fleets.vda5050.asset_state import state_of
 from pa_console.fleets.vda5050.numbers import Numbers
 from pa_console.fleets.vda5050.topics import Identity, Topic
 from pa_console.fleets.vda5050.vehicle import Vehicle
-from pa_console.orchestrator.planning.standing_approval import standing_approver
-from pa_console.orchestrator.station.assembly import Site, load_site, open_station
-from pa_console.orchestrator.station.headless import run_missions
-from pa_console.orchestrator.station.ticking import DevicesClock
+from pa_console.mission.approval import standing_approver
 from pa_console.schema.command import COMMANDS, FINAL_REPLIES, CommandReply, DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Verification
@@ -30,6 +27,9 @@ from pa_console.schema.telemetry import AssetTelemetry
 from pa_console.schema.world import World
 from pa_console.session.state.fold import SessionState
 from pa_console.sim.checkpoint import Checkpoint
+from pa_console.station.assembly import Site, load_site, open_station
+from pa_console.station.clock import DevicesClock
+from pa_console.station.headless import run_missions
 from tests.fleets.broker import Broker, address_of, any_broker
 from tests.fleets.conftest import joined, running
 from tests.fleets.test_what_a_station_believes import flood

@@ -24,8 +24,6 @@ from pa_console.fleets.vda5050 import messages
 from pa_console.fleets.vda5050.asset_state import state_of
 from pa_console.fleets.vda5050.topics import Identity, Topic
 from pa_console.fleets.vda5050.vehicle import Vehicle
-from pa_console.orchestrator.station.assembly import Site, load_site, open_station
-from pa_console.orchestrator.station.ticking import DevicesClock
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.telemetry import AssetTelemetry
@@ -33,6 +31,8 @@ from pa_console.schema.world import World
 from pa_console.session.log.writer import LogWriter
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.world_generator import generate_world, world_yaml
+from pa_console.station.assembly import Site, load_site, open_station
+from pa_console.station.clock import DevicesClock
 from tests.fleets.broker import address_of, any_broker
 from tests.scripted import ScriptedEngine
 

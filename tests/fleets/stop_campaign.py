@@ -32,13 +32,10 @@ from pa_console.fleets.bus.opening import fleet_of
 from pa_console.fleets.site.gateway import Gateway
 from pa_console.fleets.vda5050.messages import InstantActions
 from pa_console.fleets.vda5050.wire import Header
-from pa_console.orchestrator.execution.command_gate import CommandGate
-from pa_console.orchestrator.execution.emergency_stop import EmergencyStop
-from pa_console.orchestrator.planning.rehearsal import device_commands
-from pa_console.orchestrator.station.assembly import load_site, open_station
-from pa_console.orchestrator.station.journal import Journal
-from pa_console.orchestrator.station.station import Station
-from pa_console.orchestrator.station.ticking import DevicesClock
+from pa_console.mission.gate import CommandGate
+from pa_console.mission.journal import Journal
+from pa_console.mission.rehearse import device_commands
+from pa_console.mission.stop import EmergencyStop
 from pa_console.policy.rulebook import Rulebook
 from pa_console.resources import find_data
 from pa_console.schema.command import CommandReply, DeviceCommand
@@ -48,6 +45,9 @@ from pa_console.schema.plan import Action, Plan
 from pa_console.schema.world import World
 from pa_console.session.log.writer import LogWriter
 from pa_console.sim.worlds.world_file import load_world
+from pa_console.station.assembly import load_site, open_station
+from pa_console.station.clock import DevicesClock
+from pa_console.station.station import Station
 from tests.fleets.broker import Broker, address_of, any_broker
 from tests.fleets.conftest import SHA, RunningSite, running
 from tests.scripted import ScriptedEngine, plan

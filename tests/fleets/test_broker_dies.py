@@ -2,7 +2,7 @@
 
 import pytest
 
-from pa_console.orchestrator.station.assembly import load_site
+from pa_console.station.assembly import load_site
 from tests.fleets.broker import any_broker
 from tests.fleets.bus_campaign import broken_sessions
 

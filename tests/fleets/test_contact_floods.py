@@ -18,8 +18,6 @@ from pa_console.fleets.bus.contact_limits import (
 )
 from pa_console.fleets.bus.reported_picture import ReportedPicture
 from pa_console.fleets.vda5050.additions import MANUFACTURER, Detections, SeenContact
-from pa_console.orchestrator.intake.alarms import MOST_ALIKE
-from pa_console.orchestrator.intake.intake import MOST_FROM_ALARMS, Intake
 from pa_console.resources import find_data
 from pa_console.schema.alarm import Alarm
 from pa_console.schema.events.event import Noticed
@@ -27,6 +25,8 @@ from pa_console.schema.telemetry import Identity, Intent, Picture, Track
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.world_file import load_world
+from pa_console.station.alarms import MOST_ALIKE
+from pa_console.station.intake import MOST_FROM_ALARMS, Intake
 from tests.fleets.conftest import joined, running
 from tests.fleets.intruder import intruder
 

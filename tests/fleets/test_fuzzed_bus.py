@@ -13,9 +13,9 @@ from pa_console.fleets.bus.client import Received, Sent
 from pa_console.fleets.bus.joining import FROM_PEOPLE, TELEMETRY, Joined
 from pa_console.fleets.bus.mqtt_fleet import MqttFleet
 from pa_console.fleets.bus.station_link import StationLink
-from pa_console.orchestrator.station.assembly import Site, load_site, open_station
 from pa_console.schema.events import event as ev
 from pa_console.schema.world import World
+from pa_console.station.assembly import Site, load_site, open_station
 from tests.fleets.conftest import joined, running
 from tests.fleets.hostile import absurd, draw
 from tests.fleets.intruder import intruder

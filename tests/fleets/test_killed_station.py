@@ -20,9 +20,9 @@ from pathlib import Path
 from pa_console.fleets.bus.address import BrokerAddress
 from pa_console.fleets.bus.joining import join
 from pa_console.fleets.bus.opening import fleet_of
-from pa_console.orchestrator.execution.command_gate import CommandGate
-from pa_console.orchestrator.planning.rehearsal import device_commands
-from pa_console.orchestrator.station.journal import Journal
+from pa_console.mission.gate import CommandGate
+from pa_console.mission.rehearse import device_commands
+from pa_console.mission.journal import Journal
 from pa_console.policy.rulebook import Rulebook
 from pa_console.resources import find_data
 from pa_console.schema.events import event as ev

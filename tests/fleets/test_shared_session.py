@@ -15,17 +15,17 @@ from pa_console.fleets.bus.station_link import StationLink
 from pa_console.fleets.station_authority import Keys, StationAuthority, Vehicles
 from pa_console.fleets.vda5050.session_messages import StopAsked
 from pa_console.fleets.vda5050.wire import Header
-from pa_console.orchestrator.joined.joined_station import JoinedStation, Signatory
-from pa_console.orchestrator.joined.shared_log import HEARD, SharedLog, read_so_far
-from pa_console.orchestrator.joined.site_copy import SiteCopy
-from pa_console.orchestrator.station.assembly import Site, load_site, open_station
-from pa_console.orchestrator.station.station import Station
-from pa_console.orchestrator.station.ticking import DevicesClock
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.world import World
 from pa_console.session.log.writer import LogWriter
 from pa_console.session.state.fold import SessionState
+from pa_console.station.assembly import Site, load_site, open_station
+from pa_console.station.clock import DevicesClock
+from pa_console.station.joined_station import JoinedStation, Signatory
+from pa_console.station.shared_log import HEARD, SharedLog, read_so_far
+from pa_console.station.site_copy import SiteCopy
+from pa_console.station.station import Station
 from tests.fleets.conftest import joined, running
 from tests.fleets.keyring import KEYS, PUBLIC, ROSTER, TO_NORTH
 from tests.scripted import ScriptedEngine, plan

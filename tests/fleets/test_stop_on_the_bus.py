@@ -6,9 +6,9 @@ import pytest
 
 from pa_console.fleets.bus.address import BrokerAddress
 from pa_console.fleets.bus.mqtt_fleet import MqttFleet
-from pa_console.orchestrator.execution.command_gate import CommandGate
-from pa_console.orchestrator.execution.emergency_stop import EmergencyStop
-from pa_console.orchestrator.station.journal import Journal
+from pa_console.mission.gate import CommandGate
+from pa_console.mission.journal import Journal
+from pa_console.mission.stop import EmergencyStop
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.world import World

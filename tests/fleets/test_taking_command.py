@@ -19,13 +19,6 @@ from pa_console.fleets.bus.trust_topics import signed_messages
 from pa_console.fleets.station_authority import Keys, StationAuthority, Vehicles
 from pa_console.fleets.vda5050.additions import SIGNED, SignedTakeover
 from pa_console.fleets.vda5050.numbers import Numbers
-from pa_console.orchestrator.joined.joined_station import JoinedStation, Signatory
-from pa_console.orchestrator.joined.shared_log import HEARD, SharedLog, read_so_far
-from pa_console.orchestrator.joined.site_copy import SiteCopy
-from pa_console.orchestrator.joined.succession import Succession
-from pa_console.orchestrator.station.assembly import Site, open_station
-from pa_console.orchestrator.station.station import Station
-from pa_console.orchestrator.station.ticking import DevicesClock
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.scenario import Scenario
@@ -33,6 +26,12 @@ from pa_console.schema.world import World
 from pa_console.session.log.writer import LogWriter, read_log
 from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.sim.worlds.world_file import open_world
+from pa_console.station.assembly import Site, open_station
+from pa_console.station.clock import DevicesClock
+from pa_console.station.joined_station import JoinedStation, Signatory, Succession
+from pa_console.station.shared_log import HEARD, SharedLog, read_so_far
+from pa_console.station.site_copy import SiteCopy
+from pa_console.station.station import Station
 from tests.fleets.conftest import joined, running
 from tests.fleets.keyring import KEYS, PUBLIC, TO_NORTH
 from tests.fleets.test_shared_session import RATE, Watched, messages, two_people, until

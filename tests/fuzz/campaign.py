@@ -9,13 +9,13 @@ from pydantic import ValidationError
 
 from pa_console.evaluation.scoring.oracle import find_breaches
 from pa_console.evaluation.scoring.score import RunRecorder, play, watch
-from pa_console.orchestrator.planning.safeguards import examine
-from pa_console.orchestrator.station.assembly import load_site
+from pa_console.mission.examine import examine
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan
 from pa_console.sim.checkpoint import Checkpoint
+from pa_console.station.assembly import load_site
 from tests.fuzz.generate import plan_text, situation
 
 SETTLE_STEPS = 20

@@ -20,7 +20,7 @@ from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.run_record import EvaluationFolder
 from pa_console.evaluation.runs.runner import Runner
 from pa_console.llm.models.catalogue import LocalModel
-from pa_console.orchestrator.station.assembly import load_site
+from pa_console.station.assembly import load_site
 from tests.evaluation.test_runner import SEND, jobs
 from tests.scripted import ScriptedEngine, plan
 

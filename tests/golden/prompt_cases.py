@@ -28,13 +28,9 @@ from pa_console.llm.roles.grammar import (
     slot_grammar,
 )
 from pa_console.llm.roles.prompts import Prompt, paper_prompt
-from pa_console.orchestrator.planning.digest import digest_picture
-from pa_console.orchestrator.planning.picture_selection import select
-from pa_console.orchestrator.planning.standing_approval import standing_approver
-from pa_console.orchestrator.station.assembly import Site, load_site, open_station
-from pa_console.orchestrator.station.headless import run_missions
-from pa_console.orchestrator.station.ticking import SteppedClock
-from pa_console.orchestrator.tasking.command_choices import commands_serving
+from pa_console.mission.approval import standing_approver
+from pa_console.mission.picture_text import digest_picture, select
+from pa_console.mission.tasking.choices import commands_serving
 from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.resources import data_folder
 from pa_console.schema.events.event import Event, MissionVerified, Role
@@ -42,6 +38,9 @@ from pa_console.schema.mission import ActionOutcome, Mission, Verification
 from pa_console.schema.plan import Plan
 from pa_console.session.state.fold import SessionState
 from pa_console.sim.worlds.world_generator import generate_world
+from pa_console.station.assembly import Site, load_site, open_station
+from pa_console.station.clock import SteppedClock
+from pa_console.station.headless import run_missions
 from pa_training.order_generator.sampler import sample_order
 from pa_training.phrasing.phrasing import phrase
 from pa_training.situations.situations import Situation, random_situation, settled

@@ -12,13 +12,13 @@ from contextlib import aclosing
 from pathlib import Path
 from typing import Any, cast
 
-from pa_console.orchestrator.planning.standing_approval import standing_approver
-from pa_console.orchestrator.station.assembly import load_site, open_station
-from pa_console.orchestrator.station.ticking import SteppedClock
+from pa_console.mission.approval import standing_approver
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset, SpawnTrack
 from pa_console.schema.mission import Decision
 from pa_console.session.log.writer import LogWriter
+from pa_console.station.assembly import load_site, open_station
+from pa_console.station.clock import SteppedClock
 from tests.golden.stored import sha256
 from tests.scripted import FAILURE, SUCCESS, ScriptedEngine, plan
 from tests.session.tamper import MINE

@@ -23,15 +23,15 @@ from pa_console.http.problems import ProblemError
 from pa_console.http.served_session import Commanded, ServedSession
 from pa_console.http.tokens import Bearer, TokenBook
 from pa_console.http.views import DecisionBody, SignatureBody, shown_sha256
-from pa_console.orchestrator.mission.services import Stopwatch
-from pa_console.orchestrator.planning.decision import answered, countersignature
-from pa_console.orchestrator.planning.rehearsal import device_commands
+from pa_console.mission.context import Stopwatch
+from pa_console.mission.decide import answered, countersignature
+from pa_console.mission.rehearse import device_commands
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision, Mission
 from pa_console.session.state.fold import SessionState
 from tests.fleets.keyring import KEYS, PUBLIC, RULES, TO_SOUTH
-from tests.orchestrator.gate import send
-from tests.orchestrator.test_two_people import BOOK, Site, decision_on, request
+from tests.mission.gate import send
+from tests.mission.test_two_people import BOOK, Site, decision_on, request
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
 GOOD = ("bob", "cleo")

@@ -13,12 +13,12 @@ from pa_console.http.problems import ProblemError
 from pa_console.http.served_session import Commanded, ServedSession
 from pa_console.http.tokens import Bearer
 from pa_console.http.views import DecisionBody, shown_sha256
-from pa_console.orchestrator.planning.approval import inadmissible
+from pa_console.mission.approval import inadmissible
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.plan import Action, Plan
 from pa_console.session.state.fold import SessionState
-from tests.orchestrator.test_two_people import keys_of
+from tests.mission.test_two_people import keys_of
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
 ANNA = Bearer("anna", "operator")

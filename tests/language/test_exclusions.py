@@ -12,8 +12,8 @@ from pa_console.language.exclusions import excluded_names
 from pa_console.language.order import Ask, Order, Who
 from pa_console.language.plain_words import plain_reading
 from pa_console.language.reading import asked_words, read_asked, read_reason
-from pa_console.orchestrator.planning.safeguards import examine, ruled_out
-from pa_console.orchestrator.tasking.command_choices import commands_serving
+from pa_console.mission.examine import examine, ruled_out
+from pa_console.mission.tasking.choices import commands_serving
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Action, Plan

@@ -12,12 +12,12 @@ from pa_console.llm.backend import BackendOptions, Completed, ModelError, Reques
 from pa_console.llm.models.catalogue import Catalog, ServerEntry
 from pa_console.llm.servers.engine import ServerEngine
 from pa_console.llm.servers.servers import Servers, session_models
-from pa_console.orchestrator.planning.standing_approval import standing_approver
-from pa_console.orchestrator.station.assembly import load_site, open_station
-from pa_console.orchestrator.station.headless import run_missions
-from pa_console.orchestrator.station.ticking import SteppedClock
+from pa_console.mission.approval import standing_approver
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Usage
+from pa_console.station.assembly import load_site, open_station
+from pa_console.station.clock import SteppedClock
+from pa_console.station.headless import run_missions
 from tests.scripted import SUCCESS, ScriptedEngine, plan
 
 NAME = "oracle:of the hill"

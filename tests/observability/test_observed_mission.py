@@ -23,9 +23,9 @@ from pa_console.observability.mission_spans import NUMBERS, MissionSpans
 from pa_console.observability.observers import Observing, observed, unobserved
 from pa_console.observability.session_metrics import MetricsServer, SessionMetrics
 from pa_console.observability.span_export import SpanExport
-from pa_console.orchestrator.station.assembly import load_site
 from pa_console.schema.events import event as ev
-from tests.orchestrator.conftest import Rig
+from pa_console.station.assembly import load_site
+from tests.rig import Rig
 from tests.scripted import ScriptedEngine, plan
 
 WORDS = "Zebra patrol: fill the gap at EastGate."

@@ -15,11 +15,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pa_console.orchestrator.planning.standing_approval import standing_approver
-from pa_console.orchestrator.station import outside_reports
-from pa_console.orchestrator.station.assembly import Site, load_site, open_station
-from pa_console.orchestrator.station.headless import run_missions
-from pa_console.orchestrator.station.ticking import SteppedClock
+from pa_console.mission.approval import standing_approver
 from pa_console.schema.events.event import (
     MOST_CONTACTS,
     UNVERIFIED,
@@ -34,6 +30,10 @@ from pa_console.schema.incident import SpawnTrack
 from pa_console.schema.text.visible_text import visible_line
 from pa_console.schema.world import Origin
 from pa_console.session.state.fold import SessionState
+from pa_console.station import background as outside_reports
+from pa_console.station.assembly import Site, load_site, open_station
+from pa_console.station.clock import SteppedClock
+from pa_console.station.headless import run_missions
 from pa_console.tak.reports import TakReports
 from pa_console.tak.site_on_map import Geography, SiteOnMap
 from tests.scripted import ScriptedEngine, plan

@@ -1,7 +1,7 @@
 """The console's own missions: its very words, and what they mean."""
 
-from pa_console.orchestrator.intake.alarms import AlarmBook
 from pa_console.schema.incident import FailAsset, SetBattery, SpawnTrack
+from pa_console.station.alarms import AlarmBook
 from pa_training.order_generator.console_missions import console_missions
 from pa_training.situations.situations import settled
 from pa_training.situations.worlds import shipped_world

@@ -10,7 +10,7 @@ from pa_console.language.canonical_words import canonical_order
 from pa_console.language.condition import Condition, Fact
 from pa_console.language.order import Ask, Order, Who
 from pa_console.language.picture_facts import due_asks, is_so
-from pa_console.orchestrator.planning.digest import digest_picture
+from pa_console.mission.picture_text import digest_picture
 from pa_console.schema.telemetry import Identity, Intent, Track
 from pa_training.order_generator.sampler import TASKS, sample_order
 from pa_training.situations.situations import Situation, random_situation, settled

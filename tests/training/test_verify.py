@@ -8,12 +8,12 @@ from pa_console.evaluation.runs.jobs import Job
 from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.runner import make_run
 from pa_console.evaluation.scoring.score import Score
-from pa_console.orchestrator.station.assembly import Site
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import data_folder
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.incident import FailAsset, Incident, SpawnTrack
 from pa_console.schema.plan import Action, Plan
+from pa_console.station.assembly import Site
 from pa_training.proof.verify import verify, verify_plan_only
 from pa_training.situations.situations import Situation, settled
 from pa_training.situations.worlds import shipped_world

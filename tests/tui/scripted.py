@@ -10,7 +10,6 @@ from textual import events
 from textual.pilot import Pilot
 
 from pa_console.language.questions.question import Question
-from pa_console.orchestrator.answers.alternatives import Alternative
 from pa_console.schema.events.event import (
     AlarmAcknowledged,
     AllStopped,
@@ -28,6 +27,7 @@ from pa_console.schema.mission import Decision, Metrics, Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
+from pa_console.station.alternatives import Alternative
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.controllers.typing import KeyTime
 from pa_console.tui.protocols import RuleScorer

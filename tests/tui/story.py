@@ -3,12 +3,7 @@
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 
-from pa_console.orchestrator.planning.approval import (
-    CheckedPlan,
-    OrderAsRead,
-    approval_state,
-    request_approval,
-)
+from pa_console.mission.approval import CheckedPlan, OrderAsRead, approval_state, request_approval
 from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Finding, RuleOpinion, Usage, Verdict

@@ -11,7 +11,7 @@ from textual.widgets import Input, Select, Static
 
 from pa_console.evaluation.reporting import report
 from pa_console.evaluation.reporting.statistics import Table
-from pa_console.orchestrator.station.assembly import Site, load_site
+from pa_console.station.assembly import Site, load_site
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.openings import evaluation_console
 from pa_console.tui.screens.evaluation import EvaluationScreen

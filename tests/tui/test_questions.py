@@ -6,10 +6,10 @@ import pytest
 from textual.widgets import Static
 
 from pa_console.language.questions.question import Question
-from pa_console.orchestrator.answers.alternatives import Alternative
 from pa_console.schema.events.event import AnswerLine
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import RehearsedReading
+from pa_console.station.alternatives import Alternative
 from pa_console.tui.answers.screen import LOOKING, AnswerScreen
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.plan_preview.comparison import PlanComparison

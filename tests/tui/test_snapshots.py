@@ -8,11 +8,11 @@ import pytest
 from textual.pilot import Pilot
 
 from pa_console.language.questions.question import Question
-from pa_console.orchestrator.answers.alternatives import Alternative
 from pa_console.schema.events.event import AnswerLine, EventPayload
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.session.replay.player import Player
+from pa_console.station.alternatives import Alternative
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.screens.compare import CompareScreen, Side
 from pa_console.tui.widgets.approval.panel import ApprovalPanel

@@ -18,17 +18,15 @@ from pa_console.fleets.bus.address import BrokerAddress
 from pa_console.fleets.bus.station_link import StationLink
 from pa_console.fleets.key_folder import KeyFolder
 from pa_console.fleets.station_authority import StationAuthority
-from pa_console.orchestrator.joined.joined_station import JoinedStation, Signatory
-from pa_console.orchestrator.joined.shared_log import HEARD, SharedLog, read_so_far
-from pa_console.orchestrator.joined.site_copy import SiteCopy
-from pa_console.orchestrator.joined.succession import Succession
-from pa_console.orchestrator.station.assembly import open_world
-from pa_console.orchestrator.station.session_site import SessionSites
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events.event import Event, SessionStarted
 from pa_console.schema.world import World
 from pa_console.session.log.writer import default_folder
 from pa_console.settings.sources import Loaded
+from pa_console.station.assembly import SessionSites, open_world
+from pa_console.station.joined_station import JoinedStation, Signatory, Succession
+from pa_console.station.shared_log import HEARD, SharedLog, read_so_far
+from pa_console.station.site_copy import SiteCopy
 
 CONNECT_S = 5.0
 

@@ -14,14 +14,14 @@ from pa_console.cli.keys.site_keys import load_authority
 from pa_console.cli.output import errors
 from pa_console.llm.engine import Engine
 from pa_console.llm.servers.servers import NO_SERVERS, Servers
-from pa_console.orchestrator.station.assembly import Site, load_site, open_station
-from pa_console.orchestrator.station.rules_in_force import RulesWatch
-from pa_console.orchestrator.station.station import Station
-from pa_console.orchestrator.station.ticking import RealTimeClock
 from pa_console.policy.trust.pinned_rules import RefusedRulesError, RulesPins
 from pa_console.session.log.writer import LogWriter, default_folder
 from pa_console.settings.schema import Settings
 from pa_console.sim.worlds.scenario_file import open_scenario
+from pa_console.station.assembly import Site, load_site, open_station
+from pa_console.station.clock import RealTimeClock
+from pa_console.station.rules_in_force import RulesWatch
+from pa_console.station.station import Station
 
 if TYPE_CHECKING:
     from pa_console.fleets.bus.mqtt_fleet import MqttFleet

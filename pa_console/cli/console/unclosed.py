@@ -7,20 +7,20 @@ import typer
 from rich.text import Text
 
 from pa_console.cli.output import errors
-from pa_console.orchestrator.station.assembly import Site
-from pa_console.orchestrator.station.resumed_session import (
-    NotResumableError,
-    ResumedSession,
-    UnclosedSession,
-    find_unclosed,
-    resume,
-)
 from pa_console.schema.document import DocumentError
 from pa_console.schema.scenario import Scenario
 from pa_console.schema.text.quantities import clock_text
 from pa_console.schema.text.visible_text import visible
 from pa_console.session.log.chain import LogError
 from pa_console.sim.worlds.scenario_file import open_scenario
+from pa_console.station.assembly import Site
+from pa_console.station.earlier_session import (
+    NotResumableError,
+    ResumedSession,
+    UnclosedSession,
+    find_unclosed,
+    resume,
+)
 
 SHOWN = 5
 """The number of missions and alarms that are named; the rest are counted."""

@@ -9,15 +9,15 @@ from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.backend import Completed, EngineError, ModelError, Request
 from pa_console.llm.engine import Engine
 from pa_console.llm.models.catalogue import LocalModel, find_model
-from pa_console.orchestrator.mission.services import Services
-from pa_console.orchestrator.planning.proposal import ask_for_plan
-from pa_console.orchestrator.planning.understanding import Retrieved
-from pa_console.orchestrator.station.assembly import load_site
+from pa_console.mission.context import Services
+from pa_console.mission.propose import ask_for_plan
+from pa_console.mission.understand import Retrieved
 from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.finding import Usage
 from pa_console.schema.mission import Mission
 from pa_console.sim.checkpoint import Checkpoint
+from pa_console.station.assembly import load_site
 
 NAME = "model's speed"
 LIMIT_S = 10.0

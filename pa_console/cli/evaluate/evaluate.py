@@ -61,9 +61,9 @@ from pa_console.evaluation.runs.runner import Runner
 from pa_console.llm.engine import Engine
 from pa_console.llm.models.catalogue import LocalModel, find_model
 from pa_console.llm.worker.threads import physical_cores
-from pa_console.orchestrator.station.assembly import load_site
 from pa_console.policy.trust.pinned_rules import RulesPins
 from pa_console.schema.text.quantities import count
+from pa_console.station.assembly import load_site
 
 
 class EvalProgress(LiveBar):

@@ -16,10 +16,10 @@ from pa_console.cli.keys.site_keys import ask_passphrase
 from pa_console.cli.output import CertificatesOption, JsonOption, errors, out, print_json
 from pa_console.fleets.authorization import EnrolledRules
 from pa_console.fleets.key_folder import KeyFolder
-from pa_console.orchestrator.station.assembly import open_rules
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.rule import approvals_in_words
 from pa_console.signing import PASSPHRASE_VARIABLE, fingerprint, is_public_key
+from pa_console.station.assembly import open_rules
 
 app = typer.Typer(
     help="Make, list, enrol, revoke and rotate the keys of a site; sign; put a station in command.",

@@ -28,13 +28,8 @@ from pa_console.cli.session_log import open_log, tell_of_witness, usual_file
 from pa_console.end_signals import EndableRun, end_signals, exit_code_of, leave_terminal
 from pa_console.llm.engine import Engine
 from pa_console.llm.models.catalogue import find_model
+from pa_console.mission.approval import ApprovalMode, standing_approver
 from pa_console.observability.observers import Observer, unobserved
-from pa_console.orchestrator.planning.standing_approval import ApprovalMode, standing_approver
-from pa_console.orchestrator.station.assembly import load_site, open_station
-from pa_console.orchestrator.station.headless import exit_code, run_missions
-from pa_console.orchestrator.station.outside_reports import Outside
-from pa_console.orchestrator.station.station import Station
-from pa_console.orchestrator.station.ticking import SteppedClock
 from pa_console.policy.trust.pinned_rules import RulesPins
 from pa_console.schema.document import Document
 from pa_console.schema.events.event import (
@@ -52,6 +47,11 @@ from pa_console.session.state.mission_trace import MissionTrace
 from pa_console.settings.sources import Loaded
 from pa_console.signing import load_signer
 from pa_console.sim.worlds.scenario_file import open_scenario
+from pa_console.station.assembly import load_site, open_station
+from pa_console.station.background import Outside
+from pa_console.station.clock import SteppedClock
+from pa_console.station.headless import exit_code, run_missions
+from pa_console.station.station import Station
 from pa_console.views.waiting import Waiting, load_usual, save_usual
 
 

@@ -9,10 +9,10 @@ from time import monotonic
 from pa_console.cli.plain.answers import is_stop, read_answer, reason_of
 from pa_console.cli.plain.asked_lines import AskedLines
 from pa_console.cli.plain.told_session import ToldSession
-from pa_console.orchestrator.joined.joined_station import JoinedStation
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.session.state.fold import MissionTrace, SessionState
+from pa_console.station.joined_station import JoinedStation
 
 HELP = """\
 This is the session of {station}: it is commanded there, and what you ask is answered here.

@@ -9,8 +9,8 @@ from pa_console.cli.output import out
 from pa_console.cli.plain.joined_console import JoinedConsole
 from pa_console.cli.plain.session import Ending, bell, run_lines, say
 from pa_console.end_signals import end_signals
-from pa_console.orchestrator.joined.joined_station import JoinedStation
 from pa_console.settings.schema import Settings
+from pa_console.station.joined_station import JoinedStation
 
 
 def run_joined_plain(

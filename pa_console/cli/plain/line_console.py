@@ -10,10 +10,10 @@ from pa_console.cli.plain.answers import HOW, Answer, is_answer, is_stop, read_a
 from pa_console.cli.plain.asked_lines import AskedLines
 from pa_console.cli.plain.told_session import ToldSession
 from pa_console.observability.observers import Observer, unobserved
-from pa_console.orchestrator.station.station import Station
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.session.state.fold import MissionTrace, SessionState
+from pa_console.station.station import Station
 from pa_console.views.waiting import Waiting
 
 HELP = """\

@@ -8,13 +8,12 @@ import typer
 from pa_console.cli.output import errors, require_keys
 from pa_console.cli.progress_bars import read_recording
 from pa_console.end_signals import end_signals, exit_code_of
-from pa_console.orchestrator.station.assembly import Site, load_site
-from pa_console.orchestrator.station.session_site import SessionSites
 from pa_console.resources import find_data
 from pa_console.schema.events.event import SessionStarted
 from pa_console.session.log.chain import LogError
 from pa_console.session.replay.recording import Recording
 from pa_console.settings.sources import Loaded
+from pa_console.station.assembly import SessionSites, Site, load_site
 
 if TYPE_CHECKING:  # the screen's library is slow to import
     from pa_console.tui.app import Opening

@@ -11,7 +11,6 @@ from pa_console.cli.output import FAILED, errors, out, print_json
 from pa_console.cli.progress_bars import read_recording
 from pa_console.cli.replay.play import started_of
 from pa_console.evaluation.runs.twin import Resimulation, resimulate
-from pa_console.orchestrator.station.session_site import SessionSites
 from pa_console.rule_analysis.changed_decisions import SessionEffect, decided_again
 from pa_console.schema.document import DocumentError
 from pa_console.schema.events.event import Event, SessionStarted
@@ -22,6 +21,7 @@ from pa_console.session.log.chain import LogError, line_of
 from pa_console.session.replay.recording import Recording
 from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.sim.worlds.world_file import open_world
+from pa_console.station.assembly import SessionSites
 
 
 @dataclass(frozen=True)

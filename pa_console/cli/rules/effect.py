@@ -9,7 +9,6 @@ import typer
 from pa_console.cli.export.source import ExportBar
 from pa_console.cli.output import BAD_INPUT, FAILED, JsonOption, errors, out, print_json
 from pa_console.cli.rules.session_logs import SessionEvents, find_logs
-from pa_console.orchestrator.station.session_site import SessionSites
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import existing_data
 from pa_console.rule_analysis.changed_decisions import (
@@ -21,6 +20,7 @@ from pa_console.rule_analysis.changed_decisions import (
     rules_turned,
 )
 from pa_console.schema.document import DocumentError
+from pa_console.station.assembly import SessionSites
 
 
 @dataclass

@@ -12,7 +12,6 @@ from pa_console.cli.console.joined_session import shared_session, world_of
 from pa_console.cli.progress_bars import read_recording
 from pa_console.cli.replay.play import started_of
 from pa_console.cli.replay.play import world_of as recorded_world
-from pa_console.orchestrator.joined.shared_log import LOOK_S, SharedLog
 from pa_console.schema.events.event import Event
 from pa_console.schema.world import World
 from pa_console.session.log.writer import default_folder
@@ -20,6 +19,7 @@ from pa_console.session.past_sessions import find_session
 from pa_console.session.replay.recording import Recording
 from pa_console.settings.sources import Loaded
 from pa_console.sim.worlds.world_file import open_world
+from pa_console.station.shared_log import LOOK_S, SharedLog
 
 
 class Followed(Protocol):

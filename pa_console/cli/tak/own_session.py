@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from pa_console.cli.tak.placing import placed
 from pa_console.observability.observers import Observer
-from pa_console.orchestrator.station.assembly import open_world
 from pa_console.settings.schema import Settings
+from pa_console.station.assembly import open_world
 from pa_console.tak.connection import TakConnection
 from pa_console.tak.reports import TakReports
 from pa_console.tak.server import Certificate, TakServer

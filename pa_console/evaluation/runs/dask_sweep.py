@@ -22,7 +22,7 @@ from distributed import Client, LocalCluster, WorkerPlugin, as_completed, get_wo
 from distributed.scheduler import KilledWorker
 
 from pa_console.child_processes import isolated_workers
-from pa_console.orchestrator.station.assembly import Site, load_site
+from pa_console.station.assembly import Site, load_site
 
 AWAY_S = 600.0
 """The longest wait for a scheduler that is away, seconds."""

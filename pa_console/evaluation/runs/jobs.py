@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pa_console.evaluation.scoring.success_conditions import compile_condition
-from pa_console.orchestrator.station.assembly import Site
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.document import Document
 from pa_console.schema.evaluation import MissionCase, MissionSet, Variant, WorldFile
@@ -16,6 +15,7 @@ from pa_console.schema.incident import unknown_name
 from pa_console.schema.world import World
 from pa_console.sim.worlds.world_file import load_world, open_world
 from pa_console.sim.worlds.world_generator import generate_world, world_yaml
+from pa_console.station.assembly import Site
 
 
 def load_missions(path: Path, world: World) -> MissionSet:

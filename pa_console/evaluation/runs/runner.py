@@ -13,10 +13,7 @@ from pa_console.evaluation.scoring.oracle import find_breaches
 from pa_console.evaluation.scoring.score import RunRecorder, Score, idle_run, score
 from pa_console.evaluation.scoring.success_conditions import is_decided
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.orchestrator.planning.standing_approval import Approver, standing_approver
-from pa_console.orchestrator.station.assembly import open_station
-from pa_console.orchestrator.station.headless import run_missions
-from pa_console.orchestrator.station.ticking import SteppedClock
+from pa_console.mission.approval import Approver, standing_approver
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.evaluation import MissionCase
 from pa_console.schema.events import event as ev
@@ -26,6 +23,9 @@ from pa_console.session.log.writer import LogWriter
 from pa_console.session.state.fold import SessionState
 from pa_console.session.state.mission_trace import Attempt, MissionTrace
 from pa_console.sim.checkpoint import Checkpoint
+from pa_console.station.assembly import open_station
+from pa_console.station.clock import SteppedClock
+from pa_console.station.headless import run_missions
 
 OVERRIDE = "evaluation: the truth of every judged plan is wanted"
 

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 from pydantic import BaseModel
 
-from pa_console.orchestrator.planning.rehearsal import rehearse
+from pa_console.mission.rehearse import rehearse
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.plan import Plan

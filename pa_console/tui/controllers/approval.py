@@ -4,14 +4,14 @@ from textual.screen import Screen
 
 from pa_console.language.plain_words import plain_reading
 from pa_console.language.questions.question import Question
-from pa_console.orchestrator.answers.alternatives import Alternative
-from pa_console.orchestrator.answers.answering import NO_OTHER
-from pa_console.orchestrator.answers.planned import attempt_of
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan
 from pa_console.schema.world import World
 from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.station.alternatives import Alternative
+from pa_console.station.answering import NO_OTHER
+from pa_console.station.why import attempt_of
 from pa_console.tui.controllers.commands import CommandController
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.plan_preview.candidate import (

@@ -11,7 +11,7 @@ from pa_console.language.clauses import ASKED
 from pa_console.language.plain_words import plain_reading
 from pa_console.language.reading import asked_words
 from pa_console.llm.roles.grammar import PLANNED
-from pa_console.orchestrator.planning.approval import people_words
+from pa_console.mission.approval import people_words
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import ELSEWHERE, Mission
 from pa_console.session.confidence import UNSURE

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import NamedTuple, Self
 
 from pa_console.llm.models.cache import cache_folder
-from pa_console.orchestrator.station.session_site import SessionSites
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data
 from pa_console.schema.document import DocumentError, read_bytes
@@ -19,6 +18,7 @@ from pa_console.session.replay.log_index import Progress
 from pa_console.session.replay.player import Player
 from pa_console.session.replay.recording import Recording
 from pa_console.sim.worlds.world_file import open_world
+from pa_console.station.assembly import SessionSites
 
 
 @dataclass(frozen=True)

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from pa_console.evaluation.runs.twin import resimulate
-from pa_console.orchestrator.station.session_site import SessionSites
 from pa_console.schema.text.quantities import count
 from pa_console.session.log.chain import read_log
 from pa_console.sim.worlds.scenario_file import open_scenario
+from pa_console.station.assembly import SessionSites
 from pa_console.tui.replay.recordings import started_of
 
 

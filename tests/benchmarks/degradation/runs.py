@@ -9,10 +9,7 @@ from pydantic import ValidationError
 
 from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.orchestrator.planning.standing_approval import standing_approver
-from pa_console.orchestrator.station.assembly import Site, open_station
-from pa_console.orchestrator.station.headless import run_missions
-from pa_console.orchestrator.station.ticking import SteppedClock
+from pa_console.mission.approval import standing_approver
 from pa_console.schema.base import NonNegative, StrictModel
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events.event import Event
@@ -21,6 +18,9 @@ from pa_console.schema.scenario import Scenario, ScriptedEvent
 from pa_console.schema.world import World
 from pa_console.session.state.fold import SessionState
 from pa_console.sim.checkpoint import Checkpoint
+from pa_console.station.assembly import Site, open_station
+from pa_console.station.clock import SteppedClock
+from pa_console.station.headless import run_missions
 from tests.benchmarks.degradation.true_outcome import RunResult, TruthWatch
 
 DURATION_S = 150.0

@@ -20,8 +20,8 @@ from pa_console.evaluation.runs.dask_sweep import (
 from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.sweep import EngineFor
 from pa_console.llm.models.catalogue import LocalModel
-from pa_console.orchestrator.station.assembly import Site
 from pa_console.schema.document import read_text
+from pa_console.station.assembly import Site
 from tests.benchmarks.degradation.runs import Disturbance, RunFile, run_once
 from tests.benchmarks.degradation.true_outcome import RunResult
 

@@ -7,7 +7,6 @@ from typing import cast
 import pytest
 from shapely import Polygon
 
-from pa_console.orchestrator.station.assembly import Site
 from pa_console.schema.base import Point
 from pa_console.schema.command import DeviceCommand, Verb
 from pa_console.schema.events import event as ev
@@ -15,8 +14,9 @@ from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import ActionOutcome, Decision, Metrics, Outcome, Verification
 from pa_console.schema.telemetry import Picture
 from pa_console.sim.checkpoint import Checkpoint
+from pa_console.station.assembly import Site
 from tests.benchmarks.degradation.true_outcome import RunResult, TruthWatch
-from tests.orchestrator.pictures import track
+from tests.mission.pictures import track
 
 
 class Run:

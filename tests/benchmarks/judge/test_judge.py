@@ -12,7 +12,7 @@ from pa_console.evaluation.runs.run_record import EvaluationFolder
 from pa_console.evaluation.runs.runner import Runner
 from pa_console.llm.engine import Engine, OnState
 from pa_console.llm.models.catalogue import LocalModel
-from pa_console.orchestrator.station.assembly import load_site
+from pa_console.station.assembly import load_site
 from tests.benchmarks.inside import Measure
 from tests.benchmarks.judge import judge
 from tests.evaluation.test_runner import SEND, SPARE, jobs

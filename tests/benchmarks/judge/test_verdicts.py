@@ -13,8 +13,8 @@ from pa_console.evaluation.runs.run_record import EvaluationFolder, Opinion, Run
 from pa_console.evaluation.runs.runner import Runner
 from pa_console.llm.backend import ModelUnavailableError, Request
 from pa_console.llm.roles.judge import Judge
-from pa_console.orchestrator.station.assembly import Site
 from pa_console.schema.mission import Metrics
+from pa_console.station.assembly import Site
 from tests.benchmarks.judge.cases import (
     CaseReader,
     JudgedCase,

@@ -11,8 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from pa_console.orchestrator.planning.rehearsal import rehearse
-from pa_console.orchestrator.station.assembly import Site, load_site
+from pa_console.mission.rehearse import rehearse
 from pa_console.policy.checks.check_context import goes_to, plan_variables
 from pa_console.policy.checks.findings import finding, violation
 from pa_console.policy.checks.rule_checks import check_plan
@@ -26,6 +25,7 @@ from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.rule import Rule
 from pa_console.schema.telemetry import Track
 from pa_console.schema.world import World
+from pa_console.station.assembly import Site, load_site
 from tests.benchmarks.speed.compare import Bench, Comparison, alternate, compare
 from tests.benchmarks.speed.measured_missions import busy_checkpoint, gathering
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from pa_console.evaluation.machine import Machine
 from pa_console.llm.models.catalogue import LocalModel
-from pa_console.orchestrator.station.assembly import Site
 from pa_console.schema.base import StrictModel
+from pa_console.station.assembly import Site
 
 Unit = Literal["s", "tokens/s", "MB"]
 Operation = Callable[[], object]

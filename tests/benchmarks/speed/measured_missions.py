@@ -7,15 +7,12 @@ from time import perf_counter
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.engine import Engine
 from pa_console.llm.roles.prompt_facts import plan_facts
-from pa_console.orchestrator.mission.services import MissionContext, Services
-from pa_console.orchestrator.planning.candidate import Candidate
-from pa_console.orchestrator.planning.judging import OutcomeCase, ask_about_outcome
-from pa_console.orchestrator.planning.planning import Unplanned, judge, plan, take
-from pa_console.orchestrator.planning.proposal import Question, ask_for_plan
-from pa_console.orchestrator.planning.read_ahead import ReadAhead
-from pa_console.orchestrator.planning.understanding import Retrieved, retrieve
-from pa_console.orchestrator.station.assembly import Site
-from pa_console.orchestrator.station.headless import SETUP_SETTLE_S
+from pa_console.mission.candidate import Candidate
+from pa_console.mission.context import MissionContext, Services
+from pa_console.mission.judge import OutcomeCase, ask_about_outcome
+from pa_console.mission.plan import Unplanned, judge, plan, take
+from pa_console.mission.propose import Question, ask_for_plan
+from pa_console.mission.understand import Retrieved, retrieve
 from pa_console.policy.ordering.monitor import Monitor
 from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.schema.evaluation import Variant
@@ -31,6 +28,9 @@ from pa_console.schema.mission import Mission, Verification
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
+from pa_console.station.assembly import Site
+from pa_console.station.headless import SETUP_SETTLE_S
+from pa_console.station.read_ahead import ReadAhead
 
 TRACK_AT_M = 40.0
 LOW_PCT = 12.0

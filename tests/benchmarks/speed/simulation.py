@@ -6,7 +6,7 @@ import math
 
 import pymunk
 
-from pa_console.orchestrator.planning.rehearsal import device_commands, rehearse
+from pa_console.mission.rehearse import device_commands, rehearse
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 from tests.benchmarks.speed.compare import Bench, Comparison, alternate, compare

@@ -14,9 +14,9 @@ from pa_console.llm.models.catalogue import Catalog, LocalModel, find_model
 from pa_console.llm.models.fetching import pull
 from pa_console.llm.roles.judge import read_verdict
 from pa_console.llm.roles.planner import read_plan
-from pa_console.orchestrator.station.assembly import Site
 from pa_console.schema.base import StrictModel
 from pa_console.schema.events.event import Role
+from pa_console.station.assembly import Site
 from tests.benchmarks.speed.child import Child, LoadWeights
 from tests.benchmarks.speed.compare import Bench, Comparison
 from tests.benchmarks.speed.decoding import RAW_MODULE, Pass, comparisons, measure_decoding

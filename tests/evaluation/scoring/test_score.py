@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.evaluation.scoring.score import idle_run, rehearsed_run
-from pa_console.orchestrator.planning.safeguards import examine
+from pa_console.mission.examine import examine
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import data_folder
 from pa_console.schema.incident import Incident

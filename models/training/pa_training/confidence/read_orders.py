@@ -25,14 +25,14 @@ from pa_console.llm.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.llm.roles.grammar import slot_grammar
 from pa_console.llm.roles.judge import Judge, JudgeQuestion, OrderRead
-from pa_console.orchestrator.mission.services import Services
-from pa_console.orchestrator.planning.judging import compare_with_order
-from pa_console.orchestrator.planning.plan_moves import PlanMoves
-from pa_console.orchestrator.planning.proposal import Question, ask_for_plan
-from pa_console.orchestrator.planning.second_reader import DOUBT, LEAST
-from pa_console.orchestrator.planning.understanding import Retrieved
-from pa_console.orchestrator.tasking.command_choices import commands_serving
-from pa_console.orchestrator.tasking.obstacles import unmet_asks
+from pa_console.mission.context import Services
+from pa_console.mission.judge import compare_with_order
+from pa_console.mission.plan import DOUBT, LEAST
+from pa_console.mission.propose import Question, ask_for_plan
+from pa_console.mission.tasking.choices import commands_serving
+from pa_console.mission.tasking.moves import PlanMoves
+from pa_console.mission.tasking.obstacles import unmet_asks
+from pa_console.mission.understand import Retrieved
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import find_data
 from pa_console.schema.base import StrictModel

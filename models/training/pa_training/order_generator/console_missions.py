@@ -5,7 +5,6 @@ from functools import cache
 
 from pa_console.language.feasibility import KIND_FOR
 from pa_console.language.order import Ask, Order, Task, Who
-from pa_console.orchestrator.intake.alarm_causes import Cause, causes
 from pa_console.policy.ordering.moments import moment
 from pa_console.policy.ordering.workflow import WorkflowRun
 from pa_console.policy.rulebook import Rulebook, load_rules
@@ -13,6 +12,7 @@ from pa_console.resources import find_data
 from pa_console.schema.command import Verb
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
+from pa_console.station.alarms import Cause, causes
 
 ConsoleMission = tuple[str, Order, tuple[Verb, ...]]
 """The words, what they mean, and the only commands that may answer them; none means any."""

@@ -9,15 +9,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from pa_console.evaluation.scoring.score import RunRecorder
-from pa_console.orchestrator.execution.dispatch import Dispatch
-from pa_console.orchestrator.execution.execution import EVIDENCE_S, MARGIN_S, SAFETY_S, gave_up
-from pa_console.orchestrator.execution.premises import Premises, safe_state, way_to_safety
-from pa_console.orchestrator.execution.verification import needs_more_evidence, verify_plan
-from pa_console.orchestrator.mission.mission_run import MAX_HALTS, MAX_TRIES, WATCH_S
-from pa_console.orchestrator.mission.workflow_progress import WorkflowProgress
-from pa_console.orchestrator.planning.digest import digest_picture
-from pa_console.orchestrator.planning.rehearsal import order_moments
-from pa_console.orchestrator.planning.safeguards import Examination, examine
+from pa_console.mission.dispatch import Dispatch
+from pa_console.mission.examine import Examination, examine
+from pa_console.mission.execute import EVIDENCE_S, MARGIN_S, SAFETY_S, gave_up
+from pa_console.mission.outcome import WorkflowProgress
+from pa_console.mission.picture_text import digest_picture
+from pa_console.mission.premises import Premises, safe_state, way_to_safety
+from pa_console.mission.rehearse import order_moments
+from pa_console.mission.run import MAX_HALTS, MAX_TRIES, WATCH_S
+from pa_console.mission.verify import needs_more_evidence, verify_plan
 from pa_console.policy.ordering.moments import moment
 from pa_console.policy.ordering.monitor import Monitor
 from pa_console.policy.rulebook import Rulebook

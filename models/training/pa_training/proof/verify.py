@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple
 
 from pa_console.evaluation.runs.runner import enforced_rules
 from pa_console.evaluation.scoring.score import RunRecorder, Score, score_run, watch
-from pa_console.orchestrator.planning.safeguards import Examination, examine
+from pa_console.mission.examine import Examination, examine
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.evaluation import MissionCase
 from pa_console.schema.finding import Finding

@@ -10,9 +10,9 @@ from pa_console.language.canonical_words import canonical_order
 from pa_console.llm.roles.compact_prompt import compact_judge_prompt, picture_prefix
 from pa_console.llm.roles.grammar import MOST_VIOLATED, PLANNED
 from pa_console.llm.roles.prompts import Prompt
-from pa_console.orchestrator.planning.judging import compare_with_order, judged_rules
-from pa_console.orchestrator.planning.plan_moves import PlanMoves
-from pa_console.orchestrator.planning.safeguards import Examination
+from pa_console.mission.examine import Examination
+from pa_console.mission.judge import compare_with_order, judged_rules
+from pa_console.mission.tasking.moves import PlanMoves
 from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.evaluation import MissionCase

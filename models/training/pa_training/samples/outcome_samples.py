@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 from pa_console.language.picture_facts import due_asks
 from pa_console.llm.roles.compact_prompt import compact_outcome_prompt, compact_picture
-from pa_console.orchestrator.planning.digest import digest_picture
+from pa_console.mission.picture_text import digest_picture
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.mission import Verification
 from pa_training.proof.following import CarriedOut

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pa_console.evaluation.scoring.score import SETTLE_S
-from pa_console.orchestrator.execution.dispatch import Dispatch
-from pa_console.orchestrator.planning.digest import digest_picture
-from pa_console.orchestrator.planning.rehearsal import device_commands
+from pa_console.mission.dispatch import Dispatch
+from pa_console.mission.picture_text import digest_picture
+from pa_console.mission.rehearse import device_commands
 from pa_console.schema.evaluation import Expectation, MissionCase
 from pa_console.schema.incident import Incident
 from pa_console.schema.plan import Plan

@@ -1,0 +1,331 @@
+"""Approvals that are given beforehand: by an instruction at the start, or by a standing order.
+
+Nobody looks at such a plan. So the gate, the rules and the models have to be surer than where
+somebody does.
+"""
+
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from pa_console.schema.command import Verb
+from pa_console.schema.events import event as ev
+from pa_console.schema.events.event import ApprovalRequested
+from pa_console.schema.finding import Finding, Verdict
+from pa_console.schema.mission import STANDING, ApprovalState, Decision
+from pa_console.schema.plan import Action, Plan
+from pa_console.schema.standing import StandingOrder
+from pa_console.session.confidence import UNSURE
+from pa_console.views.status_words import status_of
+
+NOT_BEFOREHAND = "a standing order is approved by somebody who reads it, and nobody did"
+
+
+@dataclass(frozen=True)
+class CheckedPlan:
+    """A plan, what the checks found of it, and what the judge said or why it did not."""
+
+    plan: Plan
+    findings: Sequence[Finding] = ()
+    verdict: Verdict | None = None
+    judge_error: str = ""
+
+
+@dataclass(frozen=True)
+class OrderAsRead:
+    """The reading that a plan serves, and the evidence for it."""
+
+    asked: str = ""
+    readings: tuple[str, ...] = ()
+    """Other possible readings."""
+    gaps: tuple[str, ...] = ()
+    """Words of the order that the reading does not account for."""
+    confidence: float | None = None
+    read_apart: bool = False
+    """True if another reader, second model or judge, reads the order differently."""
+    narrowed: bool = False
+    """True if the plan leaves out a part of the order."""
+    question: str = ""
+    """The question about an order that was not understood; '' if it was."""
+
+
+def approval_state(read: OrderAsRead, *, blocked: bool, objected: bool) -> ApprovalState:
+    """Return the approval state of a plan; no other place decides it.
+
+    A plan is `approve` only if no evidence speaks against its reading.
+    """
+    if read.question:
+        return "not_understood"
+    if blocked:
+        return "blocked"
+    if objected:
+        return "judge_objects"
+    unsure = read.confidence is not None and read.confidence < UNSURE
+    if unsure or read.gaps or read.read_apart:
+        return "may_be_misunderstood"
+    return "narrowed" if read.narrowed else "approve"
+
+
+def request_approval(
+    request_id: str,
+    attempt: int,
+    checked: CheckedPlan,
+    read: OrderAsRead,
+    *,
+    judging: bool = True,
+    if_halted: Sequence[Action] = (),
+) -> ApprovalRequested:
+    """Return the request: hard blocks, points to acknowledge, and the judge's objection.
+
+    With `judging`, a plan without a verdict is on hold. `if_halted` is approved with the plan. For
+    an order that was not understood no plan and no other reading are proposed.
+    """
+    if read.question:
+        return _ask_back(request_id, attempt, read.question)
+    verdict, findings = checked.verdict, checked.findings
+    blocked = [f"{finding.rule_id}: {finding.message}" for finding in findings if finding.blocking]
+    if not blocked and judging and verdict is None:
+        blocked.append(f"judge: {checked.judge_error or 'no verdict'}; the plan is on hold")
+    objected = verdict is not None and verdict.verdict == "Failure"
+    return ApprovalRequested(
+        request_id=request_id,
+        attempt=attempt,
+        plan=checked.plan,
+        blocked_by=tuple(blocked),
+        acknowledge=tuple(warnings(findings)),
+        needs_override=objected,
+        asked=read.asked,
+        readings=read.readings,
+        if_halted=tuple(if_halted),
+        gaps=read.gaps,
+        confidence=read.confidence,
+        read_apart=read.read_apart,
+        state=approval_state(read, blocked=bool(blocked), objected=objected),
+    )
+
+
+def _ask_back(request_id: str, attempt: int, question: str) -> ApprovalRequested:
+    return ApprovalRequested(
+        request_id=request_id,
+        attempt=attempt,
+        plan=Plan(reason="the order was not understood", actions=()),
+        blocked_by=(f"not understood: {question}",),
+        state=approval_state(OrderAsRead(question=question), blocked=True, objected=False),
+    )
+
+
+def warnings(findings: Iterable[Finding]) -> list[str]:
+    """Return the ids of broken rules that an operator may accept (Medium priority)."""
+    return [finding.rule_id for finding in findings if finding.broken and not finding.blocking]
+
+
+def people_needed(
+    request: ApprovalRequested, approvals: Mapping[str, int], fresh: Collection[str] = ()
+) -> dict[str, int]:
+    """Return what of `request` more than one person must approve by the rules, and how many.
+
+    `approvals` is what the rules say; `fresh` are the agents that were never given an order.
+    """
+    actions = (*request.plan.actions, *request.if_halted)
+    acts = dict.fromkeys(action.verb for action in actions)
+    named: list[str] = list(acts)
+    if request.needs_override:
+        named.append("override")
+    if request.acknowledge:
+        named.append("acknowledge")
+    if any(action.agent in fresh and action.verb != "hold" for action in actions):
+        named.append("first_order")
+    return {act: people for act in named if (people := approvals.get(act, 1)) > 1}
+
+
+_ACTS = {
+    "override": "overriding the judge",
+    "acknowledge": "acknowledging a broken rule",
+    "first_order": "the first order to a vehicle",
+}
+
+
+def people_words(needed: Mapping[str, int]) -> str:
+    """Return in words what more than one person must approve."""
+    said = (f"{_ACTS.get(act, act)} needs {people} people" for act, people in needed.items())
+    return ", ".join(said)
+
+
+def inadmissible(
+    request: ApprovalRequested,
+    decision: Decision,
+    needed: Mapping[str, int] | None = None,
+    people: int = 1,
+) -> str:
+    """Return why `decision` cannot be accepted for `request`, or an empty text.
+
+    So many `people` have approved; `needed` is what more than one must approve.
+    """
+    if decision.request_id not in ("", request.request_id):
+        return "the decision was about another plan, which no longer waits"
+    if decision.kind == "reject":
+        return ""
+    if decision.kind == "answer":
+        return _not_answerable(request, decision)
+    if request.state == "not_understood":
+        return f"{'; '.join(request.blocked_by)} Reject it and say it anew"
+    if decision.kind in ("modify", "choose"):
+        return _not_changeable(request, decision)
+    if problem := _not_approvable(request, decision):
+        return problem
+    lacking = {act: asked for act, asked in (needed or {}).items() if people < asked}
+    return f"{people_words(lacking)} to approve, so far there is {people}" if lacking else ""
+
+
+def _not_answerable(request: ApprovalRequested, decision: Decision) -> str:
+    if request.state != "not_understood":
+        return "nothing was asked"
+    return "" if decision.asked.strip() else "the answer is empty"
+
+
+def _not_changeable(request: ApprovalRequested, decision: Decision) -> str:
+    if request.standing is not None:
+        return "a standing order is taken as it is; reject it and say it anew"
+    if decision.kind == "modify":
+        return "" if decision.plan is not None else "a modified plan is missing"
+    return "" if decision.asked in request.readings else "no such reading was offered"
+
+
+def _not_approvable(request: ApprovalRequested, decision: Decision) -> str:
+    if request.standing is not None and decision.standing:
+        return NOT_BEFOREHAND
+    if request.blocked_by:
+        return f"the plan cannot be approved by anyone: {'; '.join(request.blocked_by)}"
+    missing = [rule for rule in request.acknowledge if rule not in decision.acknowledged]
+    if missing:
+        return f"acknowledge the broken rules first: {', '.join(missing)}"
+    if request.needs_override and not (decision.override_judge and decision.reason.strip()):
+        return "the judge said Failure: overriding it needs a reason"
+    return ""
+
+
+Approver = Callable[[ev.ApprovalRequested], Decision]
+ApprovalMode = Literal["auto", "never"]
+
+SURE_ENOUGH = 0.9
+"""The lowest confidence in a reading at which a standing order approves a plan."""
+_STILL = frozenset(("hold", "report"))
+
+
+def standing_approver(
+    mode: ApprovalMode,
+    override_reason: str = "",
+    reading: int = 0,
+    *,
+    least: float | None = None,
+    given: str = "",
+) -> Approver:
+    """Return the approver that follows a standing instruction given before the mission.
+
+    Where other readings of the order are offered, it first chooses the one of that number, if
+    there are so many (evaluations only); 0 takes the order as it was read.
+
+    `auto` approves what may be approved and acknowledges warnings; a judge's Failure is only
+    overridden with `override_reason`, which stands with such a decision alone. `never` rejects
+    every plan.
+
+    Nobody watches a standing approval, so it takes a plan in the state `approve` alone, and none
+    for an order that may have been misread (`doubt`): the console has to be at least so sure, 0 to
+    1, as `least` says. None takes it all the same, for evaluations, where the truth of every plan
+    is wanted; what was not understood is taken by nobody.
+
+    The log names the instruction as it was `given`, by default as the command line's.
+    """
+    chosen: list[str] = []
+
+    def decide(request: ev.ApprovalRequested) -> Decision:
+        by = f"{STANDING}: {given or f'--approve {mode}'}"
+        others = request.readings[reading - 1 : reading] if reading and not chosen else ()
+        for asked in others:
+            chosen.append(asked)
+            return Decision(kind="choose", by=by, asked=asked)
+        if mode == "never":
+            return Decision(kind="reject", by=by, reason="plans are never approved in this run")
+        if request.blocked_by:
+            return Decision(kind="reject", by=by, reason="; ".join(request.blocked_by))
+        if request.standing is not None:
+            return Decision(kind="reject", by=by, reason=NOT_BEFOREHAND)
+        if request.approvals:
+            reason = f"{people_words(request.approvals)} to approve, and nobody looked at it"
+            return Decision(kind="reject", by=by, reason=reason)
+        if least is not None and (why := doubt(request, least)):
+            return Decision(kind="reject", by=by, reason=why)
+        if request.needs_override and not override_reason.strip():
+            reason = "the judge said Failure and no override reason was given"
+            return Decision(kind="reject", by=by, reason=reason)
+        return Decision(
+            kind="approve",
+            by=by,
+            reason=override_reason
+            if request.needs_override
+            else "approved by standing instruction",
+            override_judge=request.needs_override,
+            acknowledged=request.acknowledge,
+        )
+
+    return decide
+
+
+def doubt(request: ev.ApprovalRequested, least: float) -> str:
+    """Return why the order may have been misread, so that only an operator may approve; or ''.
+
+    Two models that agree may be wrong alike: the order's own words have to bear them out.
+    """
+    why = list(request.gaps)
+    if request.read_apart:
+        why.append("another reader reads the order otherwise")
+    if least > 0.0 and request.confidence is None:
+        why.append("not both models have told how sure they are of what was asked")
+    if request.confidence is not None and request.confidence < least:
+        why.append(f"read with {request.confidence:.0%} confidence, {least:.0%} are needed")
+    if not why and request.state not in ("approve", "judge_objects"):
+        why.append(status_of("approval", request.state or "none").word.lower())
+    return f"too doubtful for standing approval: {'; '.join(why)}" if why else ""
+
+
+def unasked_decision(
+    order: StandingOrder, request: ev.ApprovalRequested, allowed: Collection[Verb]
+) -> Decision | None:
+    """Return the decision of a standing `order` on its own plan, None if it decides nothing.
+
+    The rules name the commands that are `allowed`. A plan that more than one person must approve is
+    rejected; one that it may not approve otherwise waits for the operator.
+    """
+    if not order.unasked or not allowed:
+        return None
+    given = f"standing order {order.id}"
+    decision = standing_approver("auto", least=SURE_ENOUGH, given=given)(request)
+    decided = decision.model_copy(update={"standing_order": order.id})
+    if decision.kind == "approve":
+        return None if not_unasked(order, request, allowed) else decided
+    return decided if request.approvals and not request.blocked_by else None
+
+
+def not_unasked(
+    order: StandingOrder | None, request: ev.ApprovalRequested, allowed: Collection[Verb]
+) -> str:
+    """Return why a standing `order` may not approve `request` unasked, '' when it may.
+
+    None is an order that is not in force, or did not start the mission.
+    """
+    if order is None:
+        return "no standing order in force has started this mission"
+    if not order.unasked:
+        return f"{order.id} does not say that nobody need be asked"
+    if request.standing is not None:
+        return "no standing order approves another"
+    actions = (*request.plan.actions, *request.if_halted)
+    moving = dict.fromkeys(a.verb for a in actions if a.verb not in _STILL)
+    beyond = [verb for verb in moving if verb not in allowed]
+    if beyond:
+        return f"the rules allow no {', '.join(beyond)} without approval"
+    if request.approvals:
+        return f"{people_words(request.approvals)} to approve"
+    if request.acknowledge or request.needs_override or request.state != "approve":
+        return "somebody has to look at this plan"
+    return doubt(request, SURE_ENOUGH)

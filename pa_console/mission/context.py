@@ -1,0 +1,280 @@
+"""The services that every mission uses, and the context of the steps of one mission."""
+
+from collections.abc import Callable, Generator, Iterable
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from time import perf_counter
+from typing import Self
+
+from pa_console.fleets.fleet import Fleet
+from pa_console.language.references.outcome import Unclear
+from pa_console.language.references.resolution import Answers, Resolved, resolve
+from pa_console.language.references.scene import Move, PastMission, Scene, after
+from pa_console.language.standing.order_words import ReadStanding, read_standing
+from pa_console.llm.engine import Engine
+from pa_console.llm.roles.clause_reader import ClauseReader
+from pa_console.llm.roles.dialect import DIALECTS, Dialect, dialect_in
+from pa_console.llm.roles.judge import Judge
+from pa_console.llm.roles.planner import Planner
+from pa_console.llm.roles.role_model import RoleModel
+from pa_console.llm.servers.servers import NO_SERVERS, Servers
+from pa_console.mission.gate import Authority, CommandGate
+from pa_console.mission.journal import Journal
+from pa_console.mission.spelling import question_back, read_words
+from pa_console.mission.standing import StandingOrders
+from pa_console.policy.checks.sightings import Sightings
+from pa_console.policy.ordering.monitor import Monitor
+from pa_console.policy.retrieval.retriever import DEFAULT_METHOD, Retriever
+from pa_console.policy.rulebook import Rulebook
+from pa_console.policy.trust.core_rules import with_core
+from pa_console.schema.evaluation import Variant
+from pa_console.schema.events.event import EventPayload, Noticed, ServerUse
+from pa_console.schema.mission import Metrics, Mission
+from pa_console.schema.plan import Plan
+from pa_console.schema.telemetry import Picture
+from pa_console.schema.world import World
+
+MOST_REMEMBERED = 20
+"""The number of missions remembered; orders refer to the last ones."""
+
+
+@dataclass
+class PastOrders:
+    """The operator's missions that came to a plan, the latest last, and the mark on the screen.
+
+    The station keeps it; every mission that ends adds to it.
+    """
+
+    missions: list[PastMission] = field(default_factory=list[PastMission])
+    pointer: str = ""
+    """The asset, gate or track that the operator has marked; '' for none."""
+
+    def scene(self, world: World, picture: Picture) -> Scene:
+        """Return what an order can point at in `picture`."""
+        return Scene(world, picture, tuple(self.missions), self.pointer)
+
+    def remember(
+        self, mission: Mission, moves: Iterable[Move], *, undid: bool, corrects: bool
+    ) -> None:
+        """Add a mission of the operator's; one for which nothing was ordered is not spoken of."""
+        first: dict[str, Move] = {}
+        for move in moves:
+            before = first.setdefault(move.agent, move).before
+            first[move.agent] = Move(move.agent, move.verb, move.target, before)
+        if mission.source != "operator" or not first:
+            return
+        past = PastMission(mission.text, tuple(first.values()), undid)
+        self.missions.append(after(self.missions, past, corrects=corrects))
+        del self.missions[:-MOST_REMEMBERED]
+
+
+def ordered_by(plan: Plan, picture: Picture) -> tuple[Move, ...]:
+    """Return the orders of a plan, with each asset's post in `picture`."""
+    return tuple(
+        Move(action.agent, action.verb, action.target or "", _place(picture, action.agent))
+        for action in plan.actions
+    )
+
+
+def _place(picture: Picture, name: str) -> str:
+    asset = picture.assets.get(name)
+    return "" if asset is None else asset.post or asset.at or ""
+
+
+Emit = Callable[[EventPayload], None]
+"""Takes an event; the station logs it before any other part receives it."""
+
+
+@dataclass(frozen=True)
+class Services:
+    """The fleet, the policy and the two roles of the LLM; `variant` says what takes part.
+
+    Everything does, but for ablations: they run in evaluations only, never in the console.
+    """
+
+    fleet: Fleet
+    rulebook: Rulebook
+    retriever: Retriever
+    engine: Engine
+    planner: Planner
+    judge: Judge
+    dialect: Dialect
+    variant: Variant
+    journal: Journal
+    gate: CommandGate
+    """The gate for every command to a device: only the gate calls `fleet.send`."""
+    sightings: Sightings
+    """The sightings of this session; the station keeps them."""
+    standing: StandingOrders
+    """The standing orders in force in this session; the station keeps them."""
+    second_reader: Judge | ClauseReader | None = None
+    """The reader that reads an order again when planner or judge is unsure."""
+    servers: Servers = NO_SERVERS
+    """Models on servers, which are asked before the own one."""
+    past: PastOrders = field(default_factory=PastOrders)
+    """The orders given in this session; the station keeps them."""
+    top_k: int = 3
+
+    @classmethod
+    def open(
+        cls,
+        fleet: Fleet,
+        rulebook: Rulebook,
+        engine: Engine,
+        variant: Variant | None = None,
+        *,
+        dialect: Dialect | None = None,
+        retriever: Retriever | None = None,
+        authority: Authority | None = None,
+        servers: Servers = NO_SERVERS,
+    ) -> Self:
+        """Begin without sightings or decisions, and with the core rules in force in any case.
+
+        Planner and judge are two roles on `engine`, in the `dialect` of its model unless one is
+        given. A `retriever` that has read the rules already saves the time to index them. With an
+        `authority`, people and the station sign approvals and commands. Models on `servers` are
+        asked first, as long as they answer.
+        """
+        variant = variant or Variant()
+        dialect = dialect or DIALECTS[dialect_in(variant, engine.model.prompts)]
+        if retriever is None:
+            retriever = Retriever(rulebook.rules, variant.method or DEFAULT_METHOD)
+        journal, standing = Journal(), StandingOrders()
+        return cls(
+            fleet=fleet,
+            rulebook=with_core(rulebook),
+            retriever=retriever,
+            engine=engine,
+            planner=Planner(engine, max_tokens=dialect.plan_tokens),
+            judge=Judge(engine, max_tokens=dialect.verdict_tokens),
+            dialect=dialect,
+            variant=variant,
+            journal=journal,
+            gate=CommandGate(fleet, journal, authority, standing),
+            sightings=Sightings(fleet.world),
+            standing=standing,
+            second_reader=_second_reader(engine),
+            servers=servers,
+        )
+
+    @property
+    def planners(self) -> tuple[RoleModel, ...]:
+        """The models to ask for a plan, one after the other until there is an answer."""
+        return self._on_server("planner")
+
+    @property
+    def judges(self) -> tuple[RoleModel, ...]:
+        """The models to ask for a verdict, one after the other until there is an answer."""
+        return self._on_server("judge")
+
+    @property
+    def server_reader(self) -> ClauseReader | None:
+        """The second reader on a server, while that answers."""
+        server = self.servers.by_use.get("second reader")
+        return ClauseReader(server) if server is not None and server.usable else None
+
+    def _on_server(self, use: ServerUse) -> tuple[RoleModel, ...]:
+        """Return the server's model for `use`, if it answers, followed by the own one."""
+        own = RoleModel(self.planner, self.judge, self.dialect)
+        server = self.servers.by_use.get(use)
+        return (RoleModel.on(server), own) if server is not None and server.usable else (own,)
+
+    @property
+    def scene(self) -> Scene:
+        """The present referents of words."""
+        return self.past.scene(self.fleet.world, self.fleet.picture())
+
+    def read(self, text: str) -> str:
+        """Return the words of a mission with misspellings put right, if they are English."""
+        return read_words(text, self.fleet.world, self.rulebook)
+
+    def read_now(self, text: str) -> str:
+        """Return the same with names for what the words point at now, if that is clear."""
+        read = self.read(text)
+        found = self.resolve(read, {})
+        return read if isinstance(found, Unclear) else found.text
+
+    def resolve(self, text: str, answers: Answers) -> Resolved | Unclear:
+        """Return an order with its references replaced by names, or the question to ask first."""
+        return resolve(self.scene, text, answers)
+
+    def read_standing(self, text: str) -> ReadStanding | Unclear | None:
+        """Return a standing order as it is read, what to ask about it, or None for none."""
+        return read_standing(self.scene, text)
+
+    def question_back(self, mission: Mission, read: str) -> str:
+        """Return what to ask of who gave `mission`, where that is no order; '' where it may be.
+
+        It is `read` with names for what it points at.
+        """
+        return question_back(mission.said, read, self.fleet.world, self.rulebook)
+
+    def with_rules(self, rulebook: Rulebook) -> Self:
+        """Return the same with other rules; what was seen is kept, and what was decided."""
+        retriever = self.retriever.over(rulebook.rules)
+        return replace(self, rulebook=with_core(rulebook), retriever=retriever)
+
+
+def _second_reader(engine: Engine) -> Judge | ClauseReader | None:
+    """Return what reads orders again: a judge as it was trained, or any model, in clauses."""
+    second = engine.second_reader
+    if second is None or second.model.prompts != "compact":
+        return ClauseReader(second) if second is not None else None
+    return Judge(second, max_tokens=DIALECTS["compact"].verdict_tokens)
+
+
+@dataclass
+class Stopwatch:
+    """Adds up the seconds of each stage under the names of the Metrics fields."""
+
+    seconds: dict[str, float] = field(default_factory=dict[str, float])
+    started: float = field(default_factory=perf_counter)
+
+    def add(self, stage: str, seconds: float) -> None:
+        """Add `seconds` to `stage`."""
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + seconds
+
+    @contextmanager
+    def time(self, stage: str) -> Generator[None]:
+        """Add the wall time of the block to `stage`."""
+        begin = perf_counter()
+        try:
+            yield
+        finally:
+            self.add(stage, perf_counter() - begin)
+
+    def metrics(self, attempts: int, plans: int = 0, halts: int = 0) -> Metrics:
+        """Return everything measured so far, end to end until now."""
+        return Metrics.model_validate(
+            {
+                **self.seconds,
+                "end_to_end_s": perf_counter() - self.started,
+                "attempts": attempts,
+                "plans": plans,
+                "halts": halts,
+            }
+        )
+
+
+@dataclass
+class MissionContext:
+    """The context of every step of one mission; `emit` takes its events."""
+
+    services: Services
+    mission: Mission
+    emit: Emit
+    monitor: Monitor
+    """The monitor of the mission so far; steps only read it."""
+    stopwatch: Stopwatch = field(default_factory=Stopwatch)
+    attempts: int = 0
+    """Plans so far: answers of the planner and plans of the operator, numbered from 1."""
+
+    def turn_to_own(self, failed: RoleModel, error: str) -> None:
+        """Emit that the session's own model takes over from one on a server."""
+        text = f"{failed.where} {error}; {self.services.engine.model.name} on this machine answers"
+        self.emit(Noticed(level="warning", subject="model server", text=text))
+
+    def next_attempt(self) -> int:
+        """Return the number of one more plan."""
+        self.attempts += 1
+        return self.attempts

@@ -1,0 +1,307 @@
+"""Step 6 of a mission: what else the order may mean, and the operator's decision on the plan.
+
+Which of several readings is right cannot be told from the models' own chances (README, Measured);
+the operator knows what was meant.
+"""
+
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass
+from itertools import islice
+
+from pa_console.fleets.fleet import Countersigned
+from pa_console.language.distinct_readings import distinct
+from pa_console.language.mention_check import check_mentions
+from pa_console.language.order import Task
+from pa_console.language.reading import asked_words, read_asked
+from pa_console.llm.roles.grammar import PLANNED
+from pa_console.mission.approval import (
+    CheckedPlan,
+    OrderAsRead,
+    inadmissible,
+    request_approval,
+    unasked_decision,
+)
+from pa_console.mission.candidate import LIKELIER_OTHERWISE, Candidate
+from pa_console.mission.context import MissionContext
+from pa_console.mission.plan import Planned
+from pa_console.mission.premises import way_to_safety
+from pa_console.mission.propose import other_readings
+from pa_console.mission.understand import NotUnderstood, StandingOffer
+from pa_console.schema.events import event as ev
+from pa_console.schema.events.event import MOST_READINGS
+from pa_console.schema.mission import ELSEWHERE, Decision, MissionStatus
+from pa_console.schema.plan import Action, Plan
+from pa_console.schema.world import World
+
+Decide = Callable[[], Awaitable[Decision]]
+"""Waits for the operator's answer once approval was requested."""
+
+
+_STILL: frozenset[Task] = frozenset(("report", "hold", "refused"))
+"""Tasks that move no asset."""
+
+
+@dataclass(frozen=True)
+class Readings:
+    """The readings that are `offered` beside the one on show, the likeliest first."""
+
+    own: str = ""
+    """The reading of the plan on show; '' if no other reading is offered."""
+    offered: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Decided:
+    """An admissible decision, and the request that it answers."""
+
+    request: ev.ApprovalRequested
+    decision: Decision
+
+
+@dataclass(frozen=True)
+class Approved:
+    """The plan to execute, and who decided that on which request."""
+
+    planned: Planned
+    decided: Decided
+
+
+@dataclass(frozen=True)
+class NotApproved:
+    """The result of a mission whose plan is not executed, and the reason."""
+
+    status: MissionStatus
+    reason: str
+
+
+async def reconsider(context: MissionContext, planned: Planned, before: Readings) -> Readings:
+    """Find what else the order may mean: what the judge has read, and other readings.
+
+    Those are looked for where the models are unsure. What an operator has chosen is not read
+    anew: what was read `before` remains on offer.
+    """
+    looked_at, shown = context.services.variant.readings, planned.best
+    if not looked_at:
+        return Readings()
+    said = planned.answered.said
+    own = said_by_planner(shown) or said
+    known = [before.own, *before.offered] if before.offered else []
+    if not planned.answered.retrieved.chosen:
+        again = shown.read_again
+        known = [said_by_judge(shown), said, again.asked if again and not again.same else ""]
+        if shown.sure is not None and shown.sure < LIKELIER_OTHERWISE:
+            known += await other_readings(context, planned.answered, looked_at)
+    others = distinct(own, known, context.services.fleet.world.base)
+    founded = (said for said in others if not _baseless(context, planned, said))
+    offered = tuple(islice(founded, MOST_READINGS))
+    return Readings(own, offered) if offered else Readings()
+
+
+async def ask_operator(
+    context: MissionContext, planned: Planned, readings: Readings, decide: Decide
+) -> Decided:
+    """Step 6: request approval until there is an admissible decision."""
+    shown = planned.best
+    found = shown.examination
+    request = request_approval(
+        f"{context.mission.id}.{shown.attempt}",
+        shown.attempt,
+        CheckedPlan(found.plan, found.findings, shown.verdict, shown.judge_error),
+        OrderAsRead(
+            asked=readings.own,
+            readings=readings.offered,
+            gaps=shown.gaps_told,
+            confidence=shown.agreed,
+            read_apart=read_apart(shown, context.services.fleet.world.base),
+            narrowed=shown.narrowed,
+            question=_question(shown),
+        ),
+        judging=context.services.variant.judging,
+        if_halted=_way_to_safety(shown, context.services.fleet.world),
+    )
+    return await answered(context, request, decide)
+
+
+async def answered(
+    context: MissionContext, request: ev.ApprovalRequested, decide: Decide
+) -> Decided:
+    """Emit `request` and wait for an admissible decision, by as many people as it takes.
+
+    An approval that is not enough alone stands until the request is answered. Signatures from
+    elsewhere only add to it: every approval needs the operator here. A plan that this station could
+    not send is blocked.
+    """
+    gate, rules = context.services.gate, context.services.rulebook
+    request = request.model_copy(update={"approvals": gate.needed(request, rules)})
+    if (problem := gate.objection(rules)) and request.state != "not_understood":
+        blocked = (*request.blocked_by, problem)
+        request = request.model_copy(update={"blocked_by": blocked, "state": "blocked"})
+    context.emit(request)
+    signatures: dict[str, str] = {}
+    here: Decision | None = None
+    unasked = _unasked(context, request)
+    while True:
+        with context.stopwatch.time("decision_s"):
+            given = unasked or await decide()
+        unasked = None
+        decision, elsewhere = gate.signed(request, given, rules), bool(given.signatures)
+        if elsewhere and not _countersigns(request, decision, signatures):
+            continue
+        if decision.kind == "approve" and not inadmissible(request, decision):
+            signatures.update(decision.signatures)
+            if not elsewhere:
+                here = decision
+            elif here is not None:
+                decision = here.model_copy(update={"by": f"{here.by}, {decision.by}"})
+            decision = decision.model_copy(update={"signatures": signatures.copy()})
+        problem = gate.inadmissible(request, decision, rules)
+        if elsewhere and here is None:
+            problem = problem or "the operator of this station has not approved it"
+        context.emit(
+            ev.DecisionMade(
+                attempt=request.attempt, decision=decision, accepted=not problem, detail=problem
+            )
+        )
+        if not problem:
+            return Decided(request, decision)
+
+
+def countersignature(signed: Countersigned) -> Decision:
+    """Return what a person has signed elsewhere as the decision that it adds to."""
+    return Decision(
+        kind="approve",
+        request_id=signed.request_id,
+        by=f"{signed.person} {ELSEWHERE}",
+        reason=f"signed by {signed.person} {ELSEWHERE}",
+        signatures={signed.person: signed.signature},
+    )
+
+
+def _countersigns(
+    request: ev.ApprovalRequested, decision: Decision, before: Mapping[str, str]
+) -> bool:
+    """Return whether a decision from elsewhere adds a signature where several are required.
+
+    `before` are the signatures so far.
+    """
+    same = decision.request_id == request.request_id
+    return same and bool(request.approvals) and not before.keys() >= decision.signatures.keys()
+
+
+def _unasked(context: MissionContext, request: ev.ApprovalRequested) -> Decision | None:
+    """Return what the standing order that started the mission decides; None where it may not."""
+    services, mission = context.services, context.mission
+    order = services.standing.find(mission.standing) if mission.standing else None
+    if order is None or request.state == "not_understood":
+        return None
+    return unasked_decision(order, request, services.rulebook.unasked)
+
+
+async def offer_standing(
+    context: MissionContext, offered: StandingOffer, decide: Decide
+) -> StandingOffer | NotApproved:
+    """Show a standing order, and return it once an operator has approved it.
+
+    It is in force then, and by nothing else. One that cannot be in force beside the others is
+    blocked.
+    """
+    order, standing = offered.order, context.services.standing
+    allowed = context.services.rulebook.unasked if order.unasked else ()
+    context.emit(ev.StandingOrderRead(order=order, now=offered.now, allowed=allowed))
+    refusal = standing.refusal(order)
+    request = request_approval(
+        f"{context.mission.id}.{order.id}",
+        0,
+        CheckedPlan(Plan(reason="a standing order moves nobody by itself", actions=())),
+        OrderAsRead(),
+        judging=False,
+    ).model_copy(update={"standing": order})
+    if refusal:
+        request = request.model_copy(update={"blocked_by": (refusal,), "state": "blocked"})
+    decided = await answered(context, request, decide)
+    if decided.decision.kind != "approve":
+        why = "; ".join(decided.request.blocked_by) or decided.decision.reason
+        status: MissionStatus = "held" if decided.request.blocked_by else "rejected"
+        return NotApproved(status, why or f"rejected by {decided.decision.by}")
+    standing.approve(offered.condition)
+    context.emit(ev.StandingOrderApproved(order=order, by=decided.decision.by))
+    return offered
+
+
+async def ask_back(
+    context: MissionContext, asked: NotUnderstood, number: int, decide: Decide
+) -> str | NotApproved:
+    """Ask the operator for the meaning, for the time `number`, and return the answer.
+
+    No plan was made, and none is approved by an answer.
+    """
+    context.emit(ev.QuestionAsked(question=asked.question, said=asked.said, choices=asked.choices))
+    request = request_approval(
+        f"{context.mission.id}.0.{number}" if number else f"{context.mission.id}.0",
+        0,
+        CheckedPlan(Plan(reason="", actions=())),
+        OrderAsRead(question=asked.question),
+    )
+    decided = await answered(context, request, decide)
+    if decided.decision.kind == "answer":
+        return " ".join(decided.decision.asked.split())
+    return NotApproved("held", "; ".join(decided.request.blocked_by))
+
+
+def rejection(shown: Candidate, decided: Decided) -> NotApproved:
+    """Return what a mission comes to whose plan was rejected."""
+    blocked_by, decision = decided.request.blocked_by, decided.decision
+    if shown.examination.blocked:
+        return NotApproved("refused", "; ".join(blocked_by))
+    if blocked_by:
+        return NotApproved("held", "; ".join(blocked_by))
+    return NotApproved("rejected", decision.reason or f"rejected by {decision.by}")
+
+
+def _baseless(context: MissionContext, planned: Planned, said: str) -> bool:
+    """Return whether a reading moves an asset and names nothing from the order's words."""
+    reading, world = read_asked(said), context.services.fleet.world
+    if reading is None or all(ask.task in _STILL for ask in reading.asks):
+        return False
+    rehearsal = planned.best.examination.rehearsal
+    before = rehearsal.before if rehearsal is not None else context.services.fleet.picture()
+    text, nothing = planned.answered.retrieved.task.text, Plan(reason="", actions=())
+    return check_mentions(world, before, text, said, nothing).unfounded
+
+
+def _question(shown: Candidate) -> str:
+    """Return the question to ask if a plan moves an asset and no word of the order supports it."""
+    if not shown.mentions.baseless:
+        return ""
+    return "nothing in the order names what was read in it. What is to be done, by whom and where?"
+
+
+def _way_to_safety(shown: Candidate, world: World) -> tuple[Action, ...]:
+    """Return the way to safety of a plan: its agents' actions if it is halted."""
+    rehearsal = shown.examination.rehearsal
+    if rehearsal is None:
+        return ()
+    return way_to_safety(shown.examination.plan, world, rehearsal.before)
+
+
+def said_by_planner(shown: Candidate) -> str:
+    """Return the reading in the plan on show, '' without one."""
+    return asked_words(shown.examination.plan.reason).rstrip("; ")
+
+
+def said_by_judge(shown: Candidate) -> str:
+    """Return the reading in the judge's verdict, '' without one."""
+    said, planned, _ = shown.verdict.feedback.partition(PLANNED) if shown.verdict else ("", "", "")
+    return said if planned else ""
+
+
+def read_apart(shown: Candidate, base: str) -> bool:
+    """Return whether another reader differs from the reading of the plan on show.
+
+    That is the second reader if it was asked, else the judge. If only the second reader reported a
+    confidence, the plan serves its reading.
+    """
+    if shown.read_again is not None:
+        return not shown.read_again.same or shown.sure is None
+    judged = said_by_judge(shown)
+    return bool(judged) and bool(distinct(said_by_planner(shown), (judged,), base))

@@ -1,0 +1,175 @@
+"""Step 7: follows commands from acknowledgement to their end; resends, asks again, gives up."""
+
+import asyncio
+from collections.abc import AsyncIterator, Generator, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand
+
+Step = tuple[int, tuple[CommandReply, ...]]
+
+
+class StepFeed:
+    """One producer (the station's clock), any number of followers; none misses a step."""
+
+    def __init__(self) -> None:
+        self._followers: list[asyncio.Queue[Step]] = []
+
+    @property
+    def wanted(self) -> bool:
+        """True while a follower has taken in every step and waits for the next."""
+        return any(queue.empty() for queue in self._followers)
+
+    def publish(self, tick: int, replies: Sequence[CommandReply]) -> None:
+        """Hand out one step."""
+        for queue in self._followers:
+            queue.put_nowait((tick, tuple(replies)))
+
+    @contextmanager
+    def follow(self) -> Generator[AsyncIterator[Step]]:
+        """Yield an endless iterator over the steps from now on."""
+        queue: asyncio.Queue[Step] = asyncio.Queue()
+        self._followers.append(queue)
+        try:
+            yield _drain(queue)
+        finally:
+            self._followers.remove(queue)
+
+
+async def _drain(queue: asyncio.Queue[Step]) -> AsyncIterator[Step]:
+    while True:
+        yield await queue.get()
+
+
+ACKNOWLEDGE_S = 8.0
+RESEND_S = 1.0
+RESEND_GROWTH = 1.2
+MOST_GROWTH = 10
+"""The number of times that the wait for the next resend grows; then it stays, about ASK_AGAIN_S."""
+
+ASK_AGAIN_S = 6.5
+TIMED_OUT = "timed out"
+"""The beginning of a reply's detail that reports a time-out and comes from no device."""
+
+
+@dataclass
+class _Open:
+    """A command on its way; `sent` and `heard` are ticks."""
+
+    command: DeviceCommand
+    sent: int
+    times: int = 0
+    heard: int | None = None
+    last: CommandReply | None = None
+
+
+class Dispatch:
+    """The commands of one plan on their way; fed with replies and time, it says how each ended.
+
+    It knows no link: the caller sends what `resends` names. Devices take a command id once and
+    repeat their last answer, so sending again is harmless.
+    """
+
+    def __init__(
+        self,
+        commands: Iterable[DeviceCommand],
+        tick: int,
+        dt_s: float,
+        limit_s: float,
+        acknowledge_s: float = ACKNOWLEDGE_S,
+    ) -> None:
+        """The commands were sent at `tick` for the first time; each must end within `limit_s`.
+
+        Those that are not answered at all within `acknowledge_s` are given up.
+        """
+        self._acknowledge_s = acknowledge_s
+        self._open = {command.command_id: _Open(command, tick) for command in commands}
+        self._started, self._dt_s, self._limit_s = tick, dt_s, limit_s
+        self.final: dict[str, CommandReply] = {}
+        """The last reply per agent, once its command has ended."""
+
+    @property
+    def finished(self) -> bool:
+        """True when every command has ended."""
+        return not self._open
+
+    @property
+    def open_agents(self) -> tuple[str, ...]:
+        """The agents whose command has not ended."""
+        return tuple(entry.command.agent for entry in self._open.values())
+
+    @property
+    def open_commands(self) -> tuple[DeviceCommand, ...]:
+        """The commands that have not ended."""
+        return tuple(entry.command for entry in self._open.values())
+
+    def forget(self, command: DeviceCommand) -> None:
+        """Follow `command` no more: its device was told something else."""
+        self._open.pop(command.command_id, None)
+
+    def advance(self, tick: int, replies: Iterable[CommandReply]) -> Iterator[CommandReply]:
+        """Take in the replies of `tick`; yield what is new for this plan, time-outs included.
+
+        A repeated answer, or one that a later answer overtook, shows that the device lives.
+        """
+        for reply in replies:
+            entry = self._open.get(reply.command_id)
+            if entry is None:
+                continue
+            entry.heard = tick
+            final = reply.status in FINAL_REPLIES
+            if final or entry.last is None or _is_news(reply, entry.last):
+                entry.last = reply
+                yield self._note(reply)
+        elapsed = self._seconds(self._started, tick)
+        for entry in list(self._open.values()):
+            if entry.heard is None and elapsed > min(self._acknowledge_s, self._limit_s):
+                limit_s = min(self._acknowledge_s, self._limit_s)
+                yield self._give_up(entry, tick, f"no acknowledgement within {limit_s:.0f} s")
+            elif elapsed > self._limit_s:
+                yield self._give_up(entry, tick, f"not done within {self._limit_s:.0f} s")
+
+    def resends(self, tick: int) -> list[tuple[DeviceCommand, int]]:
+        """Return the commands due again at `tick`, each with the number of times it was resent.
+
+        A command without any answer is due after RESEND_S, then ever later; one whose device has
+        fallen silent is due after ASK_AGAIN_S. Asking twice for one tick gives nothing twice.
+        """
+        due: list[tuple[DeviceCommand, int]] = []
+        for entry in self._open.values():
+            wait_s = ASK_AGAIN_S
+            if entry.heard is None:
+                wait_s = RESEND_S * RESEND_GROWTH ** min(entry.times, MOST_GROWTH)
+            since = max(entry.sent, entry.heard or entry.sent)
+            if self._seconds(since, tick) >= wait_s - self._dt_s / 2:
+                entry.sent, entry.times = tick, entry.times + 1
+                due.append((entry.command, entry.times))
+        return due
+
+    def _seconds(self, since: int, tick: int) -> float:
+        return (tick - since) * self._dt_s
+
+    def _give_up(self, entry: _Open, tick: int, what: str) -> CommandReply:
+        sent = f", sent {entry.times + 1} times" if entry.heard is None and entry.times else ""
+        return self._note(_failed(entry, tick, f"{TIMED_OUT}: {what}{sent}"))
+
+    def _note(self, reply: CommandReply) -> CommandReply:
+        if reply.status in FINAL_REPLIES:
+            self.final[reply.agent] = reply
+            del self._open[reply.command_id]
+        return reply
+
+
+def _is_news(reply: CommandReply, last: CommandReply) -> bool:
+    return reply.tick >= last.tick and reply != last
+
+
+def _failed(entry: _Open, tick: int, detail: str) -> CommandReply:
+    return CommandReply(
+        command_id=entry.command.command_id,
+        agent=entry.command.agent,
+        status="failed",
+        tick=tick,
+        detail=detail,
+    )

@@ -1,0 +1,234 @@
+"""Step 6: structure, rehearsal and every rule in force, whatever was retrieved."""
+
+import asyncio
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Protocol
+
+from shapely import Point, Polygon
+
+from pa_console.fleets.fleet import Outlook
+from pa_console.language.exclusions import excluded_names
+from pa_console.mission.rehearse import order_moments, rehearse
+from pa_console.policy.checks.check_context import goes_to
+from pa_console.policy.checks.findings import ORDER_ID, problems
+from pa_console.policy.checks.rule_checks import prepare_checks
+from pa_console.policy.ordering.moments import moment
+from pa_console.policy.ordering.monitor import Monitor
+from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.evaluation import Variant
+from pa_console.schema.finding import Finding
+from pa_console.schema.mission import Mission
+from pa_console.schema.plan import Plan
+from pa_console.schema.rehearsal import (
+    AssetTimeline,
+    GateTimeline,
+    Rehearsal,
+    Timeline,
+    TrackTimeline,
+)
+from pa_console.schema.telemetry import GateCover, Picture, Track
+from pa_console.schema.world import World
+
+
+class CheckBasis(Protocol):
+    """The basis of an examination: a fleet's present state, the rules in force, the safeguards."""
+
+    @property
+    def fleet(self) -> Outlook:
+        """The present picture, and the forecast from it."""
+        ...
+
+    @property
+    def rulebook(self) -> Rulebook:
+        """The rules in force."""
+        ...
+
+    @property
+    def variant(self) -> Variant:
+        """The active safeguards; all of them outside evaluations."""
+        ...
+
+
+def assume_done(before: Picture, world: World, plan: Plan) -> Rehearsal:
+    """Return the picture after `plan` as if every agent were at its goal at once.
+
+    For the ablation without rehearsal: nothing can happen on the way, so no gap, obstacle or
+    encounter is found, and no zone but a goal's. The duration is the longest straight way at full
+    speed, in seconds.
+    """
+    goals = {a.agent: goal for a in plan.actions if (goal := goes_to(a, world))}
+    assets = {
+        name: asset.model_copy(
+            update={"at": goals[name], "post": goals[name], "position": _at(world, goals[name])}
+        )
+        if name in goals and asset.available
+        else asset
+        for name, asset in before.assets.items()
+    }
+    by: dict[str, list[str]] = {gate: [] for gate in before.gates}
+    for name, asset in assets.items():
+        if asset.available and asset.at in by and asset.post == asset.at:
+            by[asset.at].append(name)
+    after = before.model_copy(
+        update={
+            "assets": assets,
+            "gates": {g: GateCover(covered=bool(n), by=tuple(n)) for g, n in by.items()},
+        }
+    )
+    agents = plan.agents
+    done = order_moments(plan, world, agents)
+    return Rehearsal(
+        before=before,
+        after=after,
+        moments=(moment(before, world, (), agents), moment(after, world, done, agents)),
+        timeline=Timeline(
+            duration_s=max(_seconds(before, world, goals), default=0.0),
+            gates={
+                gate: GateTimeline(
+                    covered_before=before.gates[gate].covered,
+                    covered_after=after.gates[gate].covered,
+                    longest_gap_s=0.0,
+                )
+                for gate in before.gates
+            },
+            tracks={name: _handled(track, plan) for name, track in before.tracks.items()},
+            assets={
+                name: AssetTimeline(finished=True, entered_zones=_entered(world, goals.get(name)))
+                for name in agents
+            },
+        ),
+    )
+
+
+def _handled(track: Track, plan: Plan) -> TrackTimeline:
+    """Return what the orders for the track's gate would make known of it, all at once."""
+    verbs = {action.verb for action in plan.actions if action.target == track.gate}
+
+    def when(known: bool) -> float | None:
+        return 0.0 if known else None
+
+    return TrackTimeline(
+        observed_s=when(track.observed or "observe" in verbs),
+        identified_s=when(track.identity != "unknown" or "identify" in verbs),
+        warned_s=when(track.warned or "warn" in verbs),
+        blocked_s=when("block" in verbs),
+    )
+
+
+def _entered(world: World, goal: str | None) -> tuple[str, ...]:
+    """Return the zones in which the frame `goal` lies."""
+    if goal is None:
+        return ()
+    point = Point(_at(world, goal))
+    return tuple(n for n, zone in world.zones.items() if Polygon(zone.polygon).covers(point))
+
+
+def _at(world: World, frame: str) -> tuple[float, float]:
+    return world.frames[frame].at
+
+
+def _seconds(before: Picture, world: World, goals: dict[str, str]) -> Iterator[float]:
+    for name, goal in goals.items():
+        asset = before.assets[name]
+        speed = world.platforms[asset.kind].speed_mps
+        yield math.dist(asset.position, _at(world, goal)) / speed
+
+
+@dataclass(frozen=True)
+class Examination:
+    """What the safeguards found; there is no rehearsal when the plan cannot even be started."""
+
+    plan: Plan
+    findings: tuple[Finding, ...]
+    rehearsal: Rehearsal | None
+    checks_s: float
+    rehearsal_s: float
+
+    @property
+    def blocked(self) -> bool:
+        """True if the plan cannot be approved."""
+        return any(finding.blocking for finding in self.findings)
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """Every rule that blocks the plan, with its violation."""
+        return tuple(f"{f.rule_id}: {f.message}" for f in self.findings if f.blocking)
+
+    @property
+    def broken(self) -> tuple[str, ...]:
+        """Every broken rule with its violation, warnings included."""
+        return tuple(f"{f.rule_id}: {f.message}" for f in self.findings if f.broken)
+
+    @property
+    def badness(self) -> tuple[int, int]:
+        """Blocking findings, then warnings: the smaller the better."""
+        blocking = sum(finding.blocking for finding in self.findings)
+        return blocking, len(self.broken) - blocking
+
+
+def ruled_out(plan: Plan, world: World, *texts: str) -> tuple[Finding, ...]:
+    """Return a critical finding for each asset and place that `plan` uses and an order rules out.
+
+    The order is in `texts`. To stay or to report is no use of an asset.
+    """
+    excluded = dict.fromkeys(name for text in {*texts} for name in excluded_names(world, text))
+    acting = [action for action in plan.actions if action.verb not in ("hold", "report")]
+    used = {name for action in acting for name in (action.agent, action.target) if name}
+    return tuple(
+        Finding(
+            rule_id=ORDER_ID,
+            priority="critical",
+            status="violates",
+            message=f"the order rules {name} out",
+        )
+        for name in excluded
+        if name in used
+    )
+
+
+async def examine(  # noqa: PLR0917
+    plan: Plan,
+    mission: Mission,
+    outlook: Outlook,
+    rulebook: Rulebook,
+    monitor: Monitor | None = None,
+    variant: Variant | None = None,
+    order: str = "",
+) -> Examination:
+    """Check `plan` against the present picture: its structure first, then by rehearsal.
+
+    `order` is the whole order if `mission` is a phase of it: its exclusions hold in each phase.
+    `monitor` has followed the mission so far: ordering rules go on from its history. A `variant`
+    may leave out the rules or the rehearsal; an order that nobody can take is found in any case.
+    The rules are checked in a thread of their own: however slow a rule file makes them, telemetry
+    and STOP go on.
+    """
+    variant = variant or Variant()
+    started = perf_counter()
+    structural = problems(plan, outlook.world, outlook.picture())
+    excluded = ruled_out(plan, outlook.world, mission.text, order)
+    checked = perf_counter()
+    if structural:
+        return Examination(plan, structural, None, checked - started, 0.0)
+    if variant.rehearsal:
+        rehearsal = await rehearse(outlook, plan)
+    else:
+        rehearsal = assume_done(outlook.picture(), outlook.world, plan)
+    rehearsed = perf_counter()
+    if not variant.checks:
+        return Examination(plan, excluded, rehearsal, checked - started, rehearsed - checked)
+    checks = prepare_checks(
+        rulebook,
+        plan=plan,
+        rehearsal=rehearsal,
+        mission=mission,
+        world=outlook.world,
+        monitor=monitor,
+    )
+    findings = await asyncio.to_thread(checks)
+    done = perf_counter()
+    seconds = checked - started + done - rehearsed
+    return Examination(plan, (*excluded, *findings), rehearsal, seconds, rehearsed - checked)

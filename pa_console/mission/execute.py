@@ -1,0 +1,210 @@
+"""Step 7 of a mission: dispatch, follow to the end or halt, verify by telemetry."""
+
+from collections.abc import AsyncIterator, Iterator, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+
+from pa_console.mission.context import MissionContext
+from pa_console.mission.dispatch import TIMED_OUT, Dispatch, Step, StepFeed
+from pa_console.mission.examine import Examination
+from pa_console.mission.premises import Premises, safe_state
+from pa_console.mission.rehearse import device_commands, order_moments
+from pa_console.mission.verify import needs_more_evidence, verify_plan
+from pa_console.schema.command import DeviceCommand
+from pa_console.schema.events import event as ev
+from pa_console.schema.mission import Verification
+from pa_console.schema.moment import OrderMoment
+from pa_console.schema.plan import Action
+from pa_console.schema.telemetry import Picture
+
+MARGIN_S = 20.0
+EVIDENCE_S = 8.0
+"""The longest wait for fresh telemetry after every command has ended, seconds."""
+
+SAFETY_S = 10.0
+"""The time that the commands of a safe state are followed and resent, seconds."""
+
+TOLD_S = 2.0
+"""The longest wait for telemetry that shows the assets in their safe state, seconds."""
+
+
+@dataclass(frozen=True)
+class Executed:
+    """The result of an approved plan; `before` is the picture that it began in."""
+
+    before: Picture
+    verification: Verification | None = None
+    """None when the plan was halted."""
+    halted: tuple[str, ...] = ()
+    """The reasons why the plan was halted; empty when it ran to its end."""
+
+
+class Execution:
+    """Carries out one approved plan after another of a mission."""
+
+    def __init__(self, context: MissionContext, feed: StepFeed) -> None:
+        self._context, self._services, self._feed = context, context.services, feed
+        self._premises: Premises | None = None
+        self._dispatch: Dispatch | None = None
+        self._safety: tuple[Action, ...] = ()
+        self._stopping: Dispatch | None = None
+        self._halts = 0
+        self._breaches: list[str] = []
+
+    @property
+    def orders(self) -> tuple[OrderMoment, ...]:
+        """The running plan's orders, for ordering rules."""
+        if self._premises is None or self._dispatch is None:
+            return ()
+        done = {name for name, reply in self._dispatch.final.items() if reply.status == "done"}
+        return order_moments(self._premises.plan, self._services.fleet.world, done)
+
+    def breach(self, broken: str) -> None:
+        """Note an ordering that was broken while the plan ran: that halts it."""
+        self._breaches.append(broken)
+
+    async def run(self, approved: Examination, request: ev.ApprovalRequested) -> Executed:
+        """Step 7: send every command, follow it to its end, then compare with telemetry.
+
+        A broken premise or ordering halts the plan to the safe state that was approved with it in
+        `request`; nothing is verified then. A plan whose approval cannot be logged is halted before
+        anything is sent; one of which the gate keeps a command back is halted as well.
+        """
+        fleet, gate, emit = self._services.fleet, self._services.gate, self._context.emit
+        timeline = approved.rehearsal.timeline if approved.rehearsal is not None else None
+        premises = Premises(fleet.world, approved.plan, fleet.picture(), timeline)
+        self._premises = premises
+        self._breaches.clear()
+        if problem := self._services.journal.commit():
+            gate.halt()
+            emit(ev.PlanHalted(attempt=request.attempt, reasons=(problem,)))
+            return Executed(premises.before, halted=(problem,))
+        limit_s = MARGIN_S + 2 * (timeline.duration_s if timeline is not None else 0.0)
+        commands = device_commands(approved.plan, request.request_id)
+        self._safety = request.if_halted
+        start = fleet.time_s
+        with self._feed.follow() as steps:
+            self._dispatch = dispatch = Dispatch(commands, fleet.tick, fleet.world.dt_s, limit_s)
+            halted = self._send(commands)
+            if not halted:
+                halted = await self._until_ended(premises, dispatch, steps)
+            if halted:
+                await self._to_safety(request.attempt, halted, steps)
+        self._dispatch = None
+        gate.finish()
+        self._context.stopwatch.add("execution_s", fleet.time_s - start)
+        if halted:
+            return Executed(premises.before, halted=halted)
+        started = perf_counter()
+        verification = verify_plan(
+            approved.plan, fleet.world, premises.before, fleet.picture(), dispatch.final
+        )
+        emit(ev.MissionVerified(verification=verification, seconds=perf_counter() - started))
+        return Executed(premises.before, verification)
+
+    def halt(self) -> tuple[DeviceCommand, ...]:
+        """End the plan; return the commands that bring whoever is under way to a safe state.
+
+        The caller sends them. Once everything is stopped there are none: every asset holds. Of a
+        plan that was halted before, they are those that were not answered yet.
+        """
+        stopping, self._stopping = self._stopping, None
+        under_way = self._dispatch.open_agents if self._dispatch is not None else ()
+        self._dispatch = None
+        self._services.gate.halt()
+        if self._services.gate.stopped:
+            return ()
+        if stopping is not None:
+            return stopping.open_commands
+        if not under_way:
+            return ()
+        self._halts += 1
+        prefix = f"{self._context.mission.id}.halt{self._halts}"
+        return safe_state(self._safety, self._services.fleet.picture(), under_way, prefix)
+
+    def _send(self, commands: Sequence[DeviceCommand]) -> tuple[str, ...]:
+        """Send every command; return why the plan is halted if the gate keeps one back."""
+        with self._context.stopwatch.time("dispatch_s"):
+            for passage in self._services.gate.send(commands, self._context.emit):
+                if isinstance(passage, ev.CommandRefused):
+                    command = passage.command
+                    return (f"{command.agent} {command.verb}: {passage.reason}",)
+        return ()
+
+    async def _until_ended(
+        self, premises: Premises, dispatch: Dispatch, steps: AsyncIterator[Step]
+    ) -> tuple[str, ...]:
+        """Follow the plan until there is evidence of how it ended; return why it is halted."""
+        fleet = self._services.fleet
+        seen: Picture | None = None
+        ended_s: float | None = None
+        async for step in steps:
+            self._follow(dispatch, step)
+            picture = fleet.picture()
+            if picture is seen:
+                continue
+            seen = picture
+            halted = tuple(gave_up(dispatch))
+            if not dispatch.finished and self._services.variant.checks:
+                broken = premises.broken(picture, dispatch.open_agents)
+                halted = (*halted, *broken, *dict.fromkeys(self._breaches))
+            if halted:
+                return halted
+            if not dispatch.finished:
+                continue
+            ended_s = fleet.time_s if ended_s is None else ended_s
+            late = fleet.time_s - ended_s > EVIDENCE_S
+            if late or not needs_more_evidence(premises.plan, picture, ended_s):
+                break
+        return ()
+
+    async def _to_safety(
+        self, attempt: int, reasons: tuple[str, ...], steps: AsyncIterator[Step]
+    ) -> None:
+        """Bring the agents under way to a safe state and follow them until telemetry shows it.
+
+        The next plan is made from that picture: one from before has them still on their way.
+        """
+        fleet = self._services.fleet
+        commands = self.halt()
+        self._services.gate.send(commands, self._context.emit)
+        self._context.emit(
+            ev.PlanHalted(
+                attempt=attempt,
+                reasons=reasons,
+                safe_state=tuple(
+                    f"{c.agent} {c.verb}{f' {c.target}' if c.target else ''}" for c in commands
+                ),
+            )
+        )
+        if not commands:
+            return
+        self._stopping = dispatch = Dispatch(commands, fleet.tick, fleet.world.dt_s, SAFETY_S)
+        ended_s: float | None = None
+        async for step in steps:
+            self._follow(dispatch, step)
+            if not dispatch.finished:
+                continue
+            ended_s = fleet.time_s if ended_s is None else ended_s
+            assets = fleet.picture().assets
+            told = all(assets[command.agent].stamp_s >= ended_s for command in commands)
+            if told or fleet.time_s - ended_s > TOLD_S:
+                break
+        self._stopping = None
+
+    def _follow(self, dispatch: Dispatch, step: Step) -> None:
+        """Take in one step's replies and resend unanswered commands."""
+        tick, replies = step
+        for reply in dispatch.advance(tick, replies):
+            self._context.emit(ev.CommandReplied(reply=reply))
+        for command, times in dispatch.resends(tick):
+            resent = self._services.gate.resend(command, times)
+            if resent is not None:
+                self._context.emit(resent)
+
+
+def gave_up(dispatch: Dispatch) -> Iterator[str]:
+    """Yield the refusals and failures of devices; a silent device is another matter."""
+    for agent, reply in dispatch.final.items():
+        if reply.status != "done" and not reply.detail.startswith(TIMED_OUT):
+            yield f"{agent}: {reply.detail or reply.status}"

@@ -1,0 +1,301 @@
+"""The last gate before the link: what nobody decided does not pass, and nothing after STOP."""
+
+from collections.abc import Callable, Collection, Sequence
+from typing import Protocol
+
+from pa_console.fleets.fleet import Fleet
+from pa_console.mission.approval import inadmissible, not_unasked, people_needed
+from pa_console.mission.journal import Journal
+from pa_console.mission.rehearse import device_commands
+from pa_console.mission.standing import StandingOrders
+from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.command import DeviceCommand
+from pa_console.schema.events import event as ev
+from pa_console.schema.mission import Decision
+from pa_console.schema.plan import Action
+
+STILL = frozenset(("hold", "report"))
+"""The commands that move nothing: no other leaves the station while everything is stopped."""
+
+STOPPED = "everything is stopped, and nobody has released the stop"
+UNDECIDED = "it is part of no approved plan and of no declared way to safety"
+Passage = ev.CommandSent | ev.CommandRefused
+"""The result of a command at the gate: sent or refused."""
+
+
+class Authority(Protocol):
+    """The keys of a station and of the person at it; `StationAuthority` is one."""
+
+    @property
+    def refusal(self) -> str:
+        """The reason why this station may move nothing at present, '' when it may."""
+        ...
+
+    def objection(self, rules: Rulebook) -> str:
+        """Return why vehicles would take nothing that was checked by `rules`, '' for nothing."""
+        ...
+
+    def fresh(self, agents: Collection[str]) -> frozenset[str]:
+        """Return the agents that have never got an order."""
+        ...
+
+    def signed(
+        self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook
+    ) -> Decision:
+        """Return `decision` with the signature of the person at this station."""
+        ...
+
+    def valid(
+        self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook
+    ) -> dict[str, str]:
+        """Return those signatures of `decision` that approve `request`, one a person."""
+        ...
+
+    def grant(self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook) -> None:
+        """Sign the commands of an approved plan, and of its way to safety, from now on."""
+        ...
+
+
+class CommandGate:
+    """The last gate before the link: a command passes only on a decision.
+
+    Decisions are an approved plan (each of its commands once), the way to safety that was declared
+    with it (once the plan is halted), and the operator's own stop. The stop is latched: until
+    `release` only its holds and commands that move nothing pass, whatever was approved before. The
+    gate decides by the request and the decision it was given, not by the caller or the moment. No
+    log, no action: a plan's command is on the disk before it is on the link, and while the
+    `journal` cannot be written none passes. A stop and a way to safety wait for no disk. If the
+    rules ask for several people, a command passes once that many have signed its approval. Without
+    an `authority` there are no signatures, and a decision counts as one person's. A decision of one
+    of the standing `orders` counts only for a mission that it started, while it is in force, and
+    for commands that the rules leave to standing orders.
+    """
+
+    def __init__(
+        self,
+        fleet: Fleet,
+        journal: Journal,
+        authority: Authority | None = None,
+        orders: StandingOrders | None = None,
+    ) -> None:
+        self._fleet, self._journal, self._authority = fleet, journal, authority
+        self._standing_orders = orders or StandingOrders()
+        self.stopped = False
+        """True while the stop is latched."""
+        self._stops = 0
+        self._orders: set[DeviceCommand] = set()
+        """The commands of the plan in force that have not passed yet."""
+        self._holds: set[DeviceCommand] = set()
+        """The holds of the stop that have not passed yet."""
+        self._plan: frozenset[DeviceCommand] = frozenset()
+        self._safety: tuple[Action, ...] = ()
+        self._halted = False
+        self._standing: dict[str, DeviceCommand] = {}
+        """The latest command of each agent, while it may be repeated."""
+
+    @property
+    def refusal(self) -> str:
+        """The reason why this station may move nothing at present, '' if it may."""
+        return self._authority.refusal if self._authority is not None else ""
+
+    def objection(self, rules: Rulebook) -> str:
+        """Return why nothing that is approved under `rules` could be sent, '' when it could."""
+        if self._authority is None:
+            return ""
+        return self.refusal or self._authority.objection(rules)
+
+    def needed(self, request: ev.ApprovalRequested, rules: Rulebook) -> dict[str, int]:
+        """Return what of `request` more than one person must approve by `rules`, and how many."""
+        agents = {action.agent for action in (*request.plan.actions, *request.if_halted)}
+        fresh = self._authority.fresh(agents) if self._authority is not None else ()
+        return people_needed(request, rules.approvals, fresh)
+
+    def signed(
+        self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook
+    ) -> Decision:
+        """Return `decision` with the signature of the person at this station, if it has keys.
+
+        A decision that was signed elsewhere keeps its valid signatures; its signer has accepted the
+        points that the request names.
+        """
+        if self._authority is None or decision.kind != "approve":
+            return decision
+        if not decision.signatures:
+            return self._authority.signed(request, decision, rules)
+        valid = self._authority.valid(request, decision, rules)
+        update = {
+            "signatures": valid,
+            "acknowledged": request.acknowledge if valid else (),
+            "override_judge": bool(valid) and request.needs_override,
+        }
+        return decision.model_copy(update=update)
+
+    def inadmissible(
+        self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook
+    ) -> str:
+        """Return why `decision` cannot be accepted for `request` under `rules`, or ''."""
+        if problem := self._not_unasked(request, decision, rules):
+            return problem
+        if self._authority is None or decision.kind != "approve":
+            return inadmissible(request, decision, self.needed(request, rules))
+        if problem := self.objection(rules):
+            return problem
+        people = len(self._authority.valid(request, decision, rules))
+        if people < 1:
+            return "nobody who may approve at this site has signed it"
+        return inadmissible(request, decision, self.needed(request, rules), people)
+
+    def _not_unasked(
+        self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook
+    ) -> str:
+        """Return why a standing order may not decide so; '' where it may, or none does."""
+        name = decision.standing_order
+        if not name or decision.kind != "approve":
+            return ""
+        mission = request.request_id.rpartition(".")[0]
+        started = self._standing_orders.starter(mission) == name
+        order = self._standing_orders.find(name) if started else None
+        needed = request.model_copy(update={"approvals": self.needed(request, rules)})
+        return not_unasked(order, needed, rules.unasked)
+
+    def grant(self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook) -> None:
+        """Let the commands of an approved plan pass from now on, in place of the plan before.
+
+        Raises ValueError unless `decision` approves `request`, is admissible and given by as many
+        people as the `rules` ask for, and while everything is stopped.
+        """
+        problem = STOPPED if self.stopped else self.inadmissible(request, decision, rules)
+        if not problem and request.standing is not None:
+            problem = "a standing order has no plan; each mission that it starts has its own"
+        if problem or decision.kind != "approve":
+            raise ValueError(problem or f"the plan was not approved: {decision.kind}")
+        if self._authority is not None:
+            self._authority.grant(request, decision, rules)
+        self._plan = frozenset(device_commands(request.plan, request.request_id))
+        self._orders = set(self._plan)
+        self._safety, self._halted = request.if_halted, False
+
+    def halt(self) -> None:
+        """Let nothing more of the plan pass but its declared way to safety."""
+        standing = self._standing.items()
+        self._standing = {agent: last for agent, last in standing if last not in self._plan}
+        self._orders.clear()
+        self._halted = True
+
+    def finish(self) -> None:
+        """Let nothing more of the plan pass: it has ended."""
+        self._orders.clear()
+        self._safety = ()
+
+    def stop_all(self) -> tuple[DeviceCommand, ...]:
+        """Latch the stop and return its holds, one an asset; nothing else passes from here on."""
+        self.stopped = True
+        self._stops += 1
+        self.finish()
+        self._standing.clear()
+        holds = tuple(
+            DeviceCommand(command_id=f"stop{self._stops}.{number}", agent=name, verb="hold")
+            for number, name in enumerate(self._fleet.world.assets, start=1)
+        )
+        self._holds = set(holds)
+        return holds
+
+    def resume(self, stops: int, *, stopped: bool) -> None:
+        """Take up a session in which there were `stops` stops, the last perhaps not released.
+
+        A device takes no command whose id it knows, so the ids of stops are counted on.
+        """
+        self._stops, self.stopped = stops, stopped
+
+    def release(self) -> None:
+        """Let later decisions pass again; raises ValueError when nothing is stopped."""
+        if not self.stopped:
+            raise ValueError("nothing is stopped")
+        self.stopped = False
+
+    def send(
+        self, commands: Sequence[DeviceCommand], emit: Callable[[Passage], object]
+    ) -> tuple[Passage, ...]:
+        """Put `commands` on the link, as far as they were decided; emit what became of each.
+
+        What stops assets or makes them safe goes out at once, and is logged then. Of the others
+        none goes out unless all may, and each is on the disk by then.
+        """
+        passages: list[Passage] = []
+        logged_first: list[DeviceCommand] = []
+        refused = False
+        for command in commands:
+            if why := self._refusal(command):
+                refused = True
+                passages.append(ev.CommandRefused(command=command, reason=why))
+                continue
+            self._orders.discard(command)
+            self._holds.discard(command)
+            if self._waits_for_log(command):
+                logged_first.append(command)
+            else:
+                self._transmit(command)
+                passages.append(ev.CommandSent(command=command))
+        if not refused:
+            passages += [ev.CommandSent(command=command) for command in logged_first]
+        for passage in passages:
+            emit(passage)
+        if refused or not logged_first:
+            return tuple(passages)
+        if problem := self._journal.commit():
+            held = [ev.CommandRefused(command=command, reason=problem) for command in logged_first]
+            for passage in held:
+                emit(passage)
+            return (*passages, *held)
+        for command in logged_first:
+            self._transmit(command)
+        return tuple(passages)
+
+    def _transmit(self, command: DeviceCommand) -> None:
+        self._standing[command.agent] = command
+        self._fleet.send(command)
+
+    def _waits_for_log(self, command: DeviceCommand) -> bool:
+        """Return whether `command` moves an asset for a plan, and so waits for the log."""
+        return command.verb not in STILL and not (self._halted and self._is_safety(command))
+
+    def resend(self, command: DeviceCommand, times: int) -> ev.CommandResent | None:
+        """Put a command that was not answered on the link again, for the time number `times`.
+
+        Nothing is sent, and None returned, when it stands no more: its device got another command
+        since, its plan was halted, everything was stopped, or another station is in command. While
+        the log cannot be written no asset is told again to move for a plan.
+        """
+        if self._standing.get(command.agent) != command or self._unauthorized(command):
+            return None
+        if self._journal.problem and self._waits_for_log(command):
+            return None
+        self._fleet.send(command)
+        return ev.CommandResent(command_id=command.command_id, times=times)
+
+    def _refusal(self, command: DeviceCommand) -> str:
+        """Return why `command` may not pass, empty when it may."""
+        if self.stopped and command.verb not in STILL:
+            return STOPPED
+        if problem := self._unauthorized(command):
+            return problem
+        safety = self._halted and self._is_safety(command)
+        if command in self._holds or safety:
+            return ""
+        if command in self._orders:
+            return "" if command.verb in STILL else self._journal.problem
+        return STOPPED if self.stopped else UNDECIDED
+
+    def _unauthorized(self, command: DeviceCommand) -> str:
+        """Return why this station may not send `command` at present; a hold it always may."""
+        if self._authority is None or command.verb == "hold":
+            return ""
+        return self._authority.refusal
+
+    def _is_safety(self, command: DeviceCommand) -> bool:
+        """Return whether `command` is the declared one for its agent, or lets it hold instead."""
+        for action in self._safety:
+            if action.agent == command.agent:
+                declared = (action.verb, action.target)
+                return (command.verb, command.target) in (declared, ("hold", None))
+        return False

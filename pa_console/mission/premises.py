@@ -1,0 +1,139 @@
+"""The premises of a running plan, and the way to stop it safely when one breaks (WF-01)."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from pa_console.mission.rehearse import device_commands
+from pa_console.policy.checks.check_context import goes_to
+from pa_console.schema.command import ENCOUNTERS, DeviceCommand
+from pa_console.schema.plan import Action, Plan
+from pa_console.schema.rehearsal import Timeline
+from pa_console.schema.telemetry import AssetTelemetry, Picture
+from pa_console.schema.world import World
+
+
+@dataclass(frozen=True)
+class Premises:
+    """The picture and the rehearsal on which a plan was approved."""
+
+    world: World
+    plan: Plan
+    before: Picture
+    timeline: Timeline | None
+
+    @property
+    def gates(self) -> tuple[str, ...]:
+        """The gates that the plan's agents leave or go to."""
+        posts = [self.before.assets[a.agent].post for a in self.plan.actions]
+        named = {*posts, *(action.target for action in self.plan.actions)}
+        return tuple(gate for gate in self.world.gates if gate in named)
+
+    def broken(self, picture: Picture, open_agents: Sequence[str]) -> tuple[str, ...]:
+        """Return in words every premise that `picture` contradicts."""
+        return (
+            *self._lost_agents(picture, open_agents),
+            *self._lost_gates(picture),
+            *self._changed_tracks(picture, open_agents),
+        )
+
+    def _lost_agents(self, picture: Picture, open_agents: Sequence[str]) -> Iterator[str]:
+        for agent in open_agents:
+            asset = picture.assets.get(agent)
+            if asset is None or not self.before.assets[agent].available:
+                continue
+            if why := why_lost(asset, picture):
+                yield f"{agent} {why} on its way"
+
+    def _lost_gates(self, picture: Picture) -> Iterator[str]:
+        """Yield the gates that are without known cover for longer than was rehearsed and allowed.
+
+        A gate that had no cover when the plan was approved cannot lose it.
+        """
+        for gate in self.gates:
+            cover, was = picture.gates[gate], self.before.gates[gate]
+            if cover.covered or not was.covered:
+                continue
+            rehearsed = self.timeline.gates[gate].longest_gap_s if self.timeline else 0.0
+            allowed = rehearsed + self.world.link_lost_s
+            gone = [
+                name
+                for name in was.by
+                if name not in self.plan.agents and why_lost(picture.assets[name], picture)
+            ]
+            if gone or cover.uncovered_s > allowed:
+                by = f": {', '.join(gone)} cannot be counted on" if gone else ""
+                word = "its cover is unknown" if cover.unknown else "it is not covered"
+                yield f"{gate}: {word}{by}"
+
+    def _changed_tracks(self, picture: Picture, open_agents: Sequence[str]) -> Iterator[str]:
+        actions = [a for a in self.plan.actions if a.agent in open_agents]
+        for track in picture.tracks.values():
+            was = self.before.tracks.get(track.id)
+            verbs = {a.verb for a in actions if a.target == track.gate and a.verb in ENCOUNTERS}
+            if was is not None and (was.intent, was.identity) == (track.intent, track.identity):
+                continue
+            if track.intent == "hostile" and verbs and "block" not in verbs:
+                yield f"{track.id} at {track.gate} is hostile now"
+            harmless = track.identity == "authorized" and bool(verbs & {"warn", "block"})
+            if harmless or (track.intent == "benign" and "block" in verbs):
+                yield f"{track.id} at {track.gate} is {track.identity}, intent {track.intent}"
+
+
+def way_to_safety(plan: Plan, world: World, picture: Picture) -> tuple[Action, ...]:
+    """Return the command of each agent of `plan` if the plan is halted: back to its gate, or hold.
+
+    An agent that covers a gate in `picture`, and is sent away from it, goes back there.
+    """
+    return tuple(
+        Action(agent=action.agent, command=f"move_to {home}" if home else "hold")
+        for action in plan.actions
+        for home in (_left_gate(action, plan, world, picture),)
+    )
+
+
+def _left_gate(action: Action, plan: Plan, world: World, picture: Picture) -> str:
+    """Return the gate that `action` takes its agent away from, '' when it leaves none.
+
+    Of several that it covers, one that nobody covers who has no part in the plan.
+    """
+    goal = goes_to(action, world)
+    left = [gate for gate, cover in picture.gates.items() if action.agent in cover.by]
+    if goal in ("", *left):
+        return ""
+    alone = (gate for gate in left if not set(picture.gates[gate].by).difference(plan.agents))
+    return next(alone, left[0] if left else "")
+
+
+def safe_state(
+    declared: Sequence[Action], picture: Picture, open_agents: Sequence[str], prefix: str
+) -> tuple[DeviceCommand, ...]:
+    """Return the commands that stop a plan: of the way to safety that was `declared`, what is due.
+
+    Only an agent that is under way still, and can be told, is told anything. One that was to go
+    back to its gate goes unless somebody who stays is known to cover the gate now, and even if the
+    picture, which is late, still shows it there; else it holds where it is, as the others do.
+    """
+    actions: list[Action] = []
+    for action in declared:
+        if action.agent not in open_agents or not picture.assets[action.agent].available:
+            continue
+        covering = picture.gates[action.target].by if action.target is not None else ()
+        stays = set(covering).difference(open_agents)
+        actions.append(Action(agent=action.agent, command="hold") if stays else action)
+    return device_commands(Plan(reason="safe state", actions=tuple(actions)), prefix)
+
+
+def why_lost(asset: AssetTelemetry, picture: Picture) -> str:
+    """Return in words why `asset` is lost to the plan, empty when it is not.
+
+    A report that is merely late is none: a lossy link would halt every plan.
+    """
+    if asset.status == "failed":
+        return "failed"
+    if asset.battery_pct <= 0.0:
+        return "has an empty battery"
+    if asset.integrity == "suspect":
+        return "sends suspect telemetry"
+    if asset.comms == "lost":
+        return f"has been silent for {picture.time_s - asset.stamp_s:.0f} s"
+    return ""

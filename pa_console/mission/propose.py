@@ -1,0 +1,383 @@
+"""Steps 3 to 5 of a mission: what the planner is asked, and what it answers."""
+
+import asyncio
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+from time import perf_counter
+from typing import Literal
+
+from pa_console.language.clause_grammar import asked_now, grounded_reason
+from pa_console.language.digest_facts import asset_state
+from pa_console.language.exclusions import excluded_names
+from pa_console.language.reading import asked_words, read_asked
+from pa_console.llm.backend import OnText
+from pa_console.llm.roles.answer_schema import Schema, plan_schema, slot_schema
+from pa_console.llm.roles.clause_reader import ReadingQuestion
+from pa_console.llm.roles.grammar import (
+    ANY_TEXT,
+    CommandSlot,
+    begun_grammar,
+    plan_grammar,
+    slot_grammar,
+)
+from pa_console.llm.roles.planner import Proposal
+from pa_console.llm.roles.prompts import Prompt, paper_prompt
+from pa_console.llm.roles.role_model import RoleModel, first_answer
+from pa_console.mission.context import MissionContext, Services
+from pa_console.mission.picture_text import digest_picture, select
+from pa_console.mission.tasking.choices import commands_serving
+from pa_console.mission.understand import Retrieved
+from pa_console.schema.command import Verb
+from pa_console.schema.events import event as ev
+from pa_console.schema.finding import Usage
+from pa_console.schema.plan import MAX_REASON, Action, Plan
+from pa_console.schema.telemetry import Digest, Picture, Selection
+
+MOST_FACTS = 4
+"""The number of assets whose state a reason describes."""
+
+
+def served_plan(asked: str, slots: Sequence[CommandSlot], digest: Digest) -> Plan:
+    """Return the plan with the commands of `slots`, with the reading `asked` as its reason.
+
+    The reason goes on with the state of the commanded assets.
+    """
+    actions = tuple(Action(agent=slot.agents[0], command=slot.command) for slot in slots)
+    named = list(dict.fromkeys(action.agent for action in actions))[:MOST_FACTS]
+    facts = ", ".join(f"{name}: {asset_state(digest, name)}" for name in named)
+    return Plan(reason=f"{asked}; {facts or 'nobody to send'}"[:MAX_REASON], actions=actions)
+
+
+def still(picture: Picture) -> tuple[CommandSlot, ...]:
+    """Return a hold: the order if no part of the reading can be carried out."""
+    up = (name for name, asset in picture.assets.items() if asset.available)
+    return tuple(CommandSlot((name,), "hold") for name in list(up)[:1])
+
+
+Instead = Literal["", "judged", "read_again"]
+"""The reader of a plan's reading: the planner itself, the judge, or the second reader."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """A prompt for the planner and the grammar of its answer; `digest` is what it tells.
+
+    Its reason matches `reasons`, regular expressions, and begins with `asked` where that is known.
+    """
+
+    digest: Digest
+    prompt: Prompt
+    grammar: str
+    reasons: tuple[str, ...]
+    asked: str
+    picture_s: float
+    prompt_s: float
+    schema: Schema | None = None
+    """The JSON schema for a model on a server, in place of the grammar."""
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A plan under its number in the mission; `confidence` is its planner's in what was asked."""
+
+    number: int
+    plan: Plan
+    confidence: float | None = None
+    by_server: bool = False
+    """True if the model of a server wrote it."""
+
+
+@dataclass(frozen=True)
+class Answered:
+    """A question for a task, and the whole answer of `model` to it, number `attempt`."""
+
+    model: RoleModel
+    retrieved: Retrieved
+    question: Question
+    proposal: Proposal
+    attempt: int
+
+    @property
+    def error(self) -> str:
+        """The reason why there is no plan in it; '' if there is one."""
+        return self.proposal.error if self.proposal.plan is None else ""
+
+    @property
+    def selection(self) -> Selection | None:
+        """The part of the picture that the prompt spoke of; None means all of it."""
+        return self.question.digest.selection
+
+    @property
+    def said(self) -> str:
+        """The reading: the operator's, or else that in the answer; '' without one."""
+        return self._words.rstrip("; ")
+
+    @property
+    def begun(self) -> str:
+        """The beginning of the answer up to its reading; '' without one."""
+        text = self.proposal.text
+        words = next((words for words in (self._words, self.said) if words in text), "")
+        return text[: text.find(words) + len(words)]
+
+    @property
+    def _words(self) -> str:
+        if self.question.asked:
+            return self.question.asked
+        plan = self.proposal.plan
+        return asked_words(plan.reason) if plan is not None else ""
+
+
+def ask_for_plan(
+    services: Services,
+    retrieved: Retrieved,
+    reasons: Sequence[str] = (),
+    previous: str = "",
+    model: RoleModel | None = None,
+) -> Question:
+    """Return the question for a plan; `reasons` are the faults of the `previous` one.
+
+    It is for `model`, by default for the session's own.
+    """
+    dialect = model.dialect if model is not None else services.dialect
+    started = perf_counter()
+    picture, world, task = services.fleet.picture(), services.fleet.world, retrieved.task
+    rules = [services.rulebook.get(hit.rule_id) for hit in retrieved.hits]
+    selection = select(picture, world, task, rules)
+    digest = digest_picture(picture, world, selection)
+    digested = perf_counter()
+    if services.variant.prompt == "paper":
+        prompt = paper_prompt(world, digest, rules, task)
+    else:
+        prompt = dialect.planner(world, digest, rules, task, reasons, previous)
+    grammar, stated, asked = ANY_TEXT, (), asked_now(world, digest, retrieved.chosen)
+    schema: Schema | None = None
+    if dialect.served:
+        stated = tuple(dialect.reason(world, digest, task.text, asked))
+        grammar = begun_grammar(stated)
+    elif services.variant.grammar:
+        shown = (None, None) if selection is None else (selection.assets, selection.frames)
+        if services.variant.grounded:
+            stated = tuple(dialect.reason(world, digest, task.text, asked))
+        grammar = plan_grammar(world, picture, *shown, retrieved.verbs, stated)
+        if model is not None and model.server is not None:
+            schema = plan_schema(world, picture, *shown, retrieved.verbs)
+    spent_s = perf_counter() - digested
+    return Question(digest, prompt, grammar, stated, asked, digested - started, spent_s, schema)
+
+
+async def ask_planner(
+    context: MissionContext, retrieved: Retrieved, reasons: Sequence[str], previous: str
+) -> Answered:
+    """Steps 3 to 5, once; `reasons` say what was wrong with the `previous` plan.
+
+    Where a model on a server gives no plan, the session's own is asked in its place.
+    """
+    attempt = context.next_attempt()
+
+    async def ask(model: RoleModel) -> Answered:
+        question = ask_for_plan(context.services, retrieved, reasons, previous, model)
+        return await _answered(context, model, retrieved, question, attempt)
+
+    answered = await first_answer(context.services.planners, ask, context.turn_to_own)
+    proposal = answered.proposal
+    context.emit(_proposed(answered, proposal, attempt))
+    if attempt == 1:
+        context.stopwatch.add("first_token_s", proposal.usage.first_token_s)
+    return answered
+
+
+async def _answered(
+    context: MissionContext,
+    model: RoleModel,
+    retrieved: Retrieved,
+    question: Question,
+    attempt: int,
+) -> Answered:
+    """Ask `model` for the plan number `attempt`."""
+    watch = context.stopwatch
+    watch.add("picture_s", question.picture_s)
+    watch.add("prompt_s", question.prompt_s)
+    context.emit(ev.PictureDigested(digest=question.digest, seconds=question.picture_s))
+    context.emit(
+        ev.PromptBuilt(
+            role="planner",
+            attempt=attempt,
+            system=question.prompt.system,
+            user=question.prompt.user,
+            seconds=question.prompt_s,
+            server=model.where,
+        )
+    )
+
+    def on_text(piece: str) -> None:
+        context.emit(ev.TextStreamed(role="planner", attempt=attempt, text=piece))
+
+    with watch.time("planning_s"):
+        if model.dialect.served:
+            proposal = await _served(context, model, retrieved, question, on_text)
+        else:
+            proposal = await model.planner.plan(
+                question.prompt, question.grammar, on_text, question.schema
+            )
+    if retrieved.chosen:
+        proposal = replace(proposal, confidence=None)
+    return Answered(model, retrieved, question, proposal, attempt)
+
+
+async def _served(
+    context: MissionContext,
+    model: RoleModel,
+    retrieved: Retrieved,
+    question: Question,
+    on_text: OnText,
+) -> Proposal:
+    """Ask `model` for a reading, and make the plan for it."""
+    asked = ReadingQuestion(question.prompt, question.reasons)
+    read = await model.planner.reader.read(asked, on_text)
+    if read.error:
+        return Proposal(read.text, None, read.error, read.fatal, read.usage)
+    ways = await commands_for(context, retrieved, read.asked, 1, retrieved.verbs)
+    slots = ways[0] if ways else still(context.services.fleet.picture())
+    made = served_plan(read.asked, slots, question.digest)
+    return Proposal(read.text, made, usage=read.usage, confidence=read.confidence)
+
+
+async def ask_for_others(
+    context: MissionContext, answered: Answered, *, as_asked: bool = False
+) -> list[Attempt]:
+    """Step 5 once more, several answers at once: the other plans, the likeliest first.
+
+    With `as_asked` all of them say of what was asked what the first answer said. All of them are
+    told. There are none where the console makes the plan.
+    """
+    question, count = answered.question, context.services.variant.candidates - 1
+    if count < 1 or answered.model.dialect.served:
+        return []
+    first = context.attempts
+    with context.stopwatch.time("planning_s"):
+        found, usage = await answered.model.planner.several(
+            question.prompt, question.grammar, count, answered.begun if as_asked else ""
+        )
+    others: list[Attempt] = []
+    for proposal in found:
+        number = context.next_attempt()
+        given = replace(
+            proposal,
+            usage=usage if number == first + 1 else Usage(),
+            confidence=answered.proposal.confidence if as_asked else None,
+        )
+        context.emit(_proposed(answered, given, number, instead_of=first))
+        if given.plan is not None:
+            by_server = answered.model.server is not None
+            others.append(Attempt(number, given.plan, given.confidence, by_server))
+    return others
+
+
+async def other_readings(context: MissionContext, answered: Answered, count: int) -> list[str]:
+    """Return the planner's other likely readings, the likeliest first.
+
+    At most `count` are tried. None if its answer has no reading.
+    """
+    question = answered.question
+    if not question.reasons or not answered.said or count < 1:
+        return []
+    text = answered.proposal.text
+    end = text.find(" ", len(answered.begun))
+    with context.stopwatch.time("readings_s"):
+        found, _ = await answered.model.planner.readings(
+            question.prompt, question.reasons, count, text[: end if end >= 0 else len(text)]
+        )
+    return found
+
+
+async def commands_for(
+    context: MissionContext,
+    retrieved: Retrieved,
+    asked: str,
+    most: int,
+    verbs: Sequence[Verb] = (),
+) -> list[tuple[CommandSlot, ...]]:
+    """Return the commands that serve the reading `asked`, each with the assets that may get it.
+
+    If the planner may give some commands only, the rest is left out by `verbs`. In a large world
+    the search takes a while, in a thread of its own.
+    """
+    fleet, reading = context.services.fleet, read_asked(asked)
+    if reading is None or (retrieved.verbs and not verbs):
+        return []
+    texts = {retrieved.task.text, context.mission.text}
+    said = [name for text in texts for name in excluded_names(fleet.world, text)]
+    reading = reading._replace(excluded=tuple(dict.fromkeys((*reading.excluded, *said))))
+    found = (
+        slots
+        for slots in commands_serving(reading, fleet.world, fleet.picture())
+        if not verbs or all(slot.verb in verbs for slot in slots)
+    )
+    return await asyncio.to_thread(list, islice(found, most))
+
+
+async def ask_who(
+    context: MissionContext,
+    answered: Answered,
+    asked: str,
+    slots: Sequence[CommandSlot],
+    instead: Instead = "",
+) -> Attempt | None:
+    """Step 5 once more, with the commands of `slots` given: who of those open to it has each.
+
+    The plan says that this was `asked`; `instead` says who read that in the mission, if not the
+    planner. None when there is no plan in the answer. Where the console makes the plans, it says
+    who.
+    """
+    first = context.attempts
+    by_server = answered.model.server is not None
+    with context.stopwatch.time("planning_s"):
+        proposal = await _given_commands(context, answered, asked, slots)
+        number = context.next_attempt()
+        sure = None if instead else answered.proposal.confidence
+        given = replace(proposal, confidence=sure)
+        told = _proposed(answered, given, number, instead_of=first, given=True)
+        if instead:
+            told = told.model_copy(update={f"as_{instead}": True})
+        context.emit(told)
+    return (
+        Attempt(number, given.plan, sure, by_server and not instead)
+        if given.plan is not None
+        else None
+    )
+
+
+async def _given_commands(
+    context: MissionContext, answered: Answered, asked: str, slots: Sequence[CommandSlot]
+) -> Proposal:
+    """Return a plan for the reading `asked` with the commands of `slots`."""
+    model, question, task = answered.model, answered.question, answered.retrieved.task
+    if model.dialect.served:
+        made = served_plan(asked, slots, question.digest)
+        return Proposal(made.answer, made)
+    world = context.services.fleet.world
+    grammar = slot_grammar(slots, grounded_reason(world, question.digest, task.text, asked))
+    schema = slot_schema(slots, asked) if model.server is not None else None
+    return await model.planner.plan(question.prompt, grammar, schema=schema)
+
+
+def _proposed(
+    answered: Answered,
+    proposal: Proposal,
+    attempt: int,
+    *,
+    instead_of: int | None = None,
+    given: bool = False,
+) -> ev.PlanProposed:
+    return ev.PlanProposed(
+        attempt=attempt,
+        text=proposal.text,
+        plan=proposal.plan,
+        error=proposal.error,
+        usage=proposal.usage,
+        confidence=proposal.confidence,
+        instead_of=instead_of,
+        given=given,
+        as_chosen=bool(answered.retrieved.chosen),
+    )

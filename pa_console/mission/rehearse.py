@@ -1,0 +1,335 @@
+"""Step 6: runs a plan in a forecast and records what happens on the way."""
+
+import asyncio
+import math
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from math import dist
+
+import shapely
+from shapely import LineString, Polygon
+
+from pa_console.fleets.fleet import Outlook
+from pa_console.policy.checks.check_context import goes_to
+from pa_console.policy.ordering.moments import distinct, moment
+from pa_console.schema.base import Point
+from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand
+from pa_console.schema.moment import OrderMoment
+from pa_console.schema.plan import Plan
+from pa_console.schema.rehearsal import (
+    AssetTimeline,
+    GateTimeline,
+    GuardChange,
+    Motion,
+    Rehearsal,
+    TimedPoint,
+    Timeline,
+    TrackTimeline,
+)
+from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
+from pa_console.schema.world import World
+
+TOLERANCE_M = 0.5
+"""A recorded way is at most about so far from the rehearsed one."""
+
+
+class MotionRecord:
+    """Follows the agents of a plan, whatever else is under way, and the tracks.
+
+    Of their positions it keeps those at which way or speed change.
+    """
+
+    def __init__(self, world: World, before: Picture, plan: Plan) -> None:
+        sent = ((action.agent, goes_to(action, world)) for action in plan.actions)
+        self._goals = {agent: goal for agent, goal in sent if goal}
+        under_way = (name for name, asset in before.assets.items() if asset.route)
+        self._assets = tuple(dict.fromkeys((*plan.agents, *under_way)))
+        self._ways: dict[str, _Way] = {}
+        self._guards: dict[str, list[GuardChange]] = {}
+        self._arrived: dict[str, float] = {}
+        self._ended: dict[str, float] = {}
+        self.sample(before, 0.0)
+
+    def end(self, agent: str, time_s: float) -> None:
+        """Note that a command of an agent has ended."""
+        self._ended[agent] = round(time_s, 2)
+
+    def sample(self, picture: Picture, time_s: float) -> None:
+        """Take in the next picture, `time_s` seconds after the start."""
+        time_s = round(time_s, 2)
+        for name, position in self._positions(picture):
+            way = self._ways.get(name)
+            if way is None:
+                self._ways[name] = _Way(time_s, position)
+            else:
+                way.add(time_s, position)
+        for agent, goal in self._goals.items():
+            if agent not in self._arrived and picture.assets[agent].at == goal:
+                self._arrived[agent] = time_s
+        for gate, cover in picture.gates.items():
+            known = self._guards.setdefault(gate, [])
+            if not known or known[-1][1] != cover.by:
+                known.append((time_s, cover.by))
+
+    def _positions(self, picture: Picture) -> Iterator[tuple[str, Point]]:
+        for name in self._assets:
+            yield name, picture.assets[name].position
+        for name, track in picture.tracks.items():
+            yield name, track.position
+
+    def result(self) -> Motion:
+        """Return the recorded motion; an asset that stood still has no trajectory."""
+        ways = {name: way.points() for name, way in self._ways.items()}
+        return Motion(
+            trajectories={name: points for name, points in ways.items() if len(points) > 1},
+            guards={gate: tuple(changes) for gate, changes in self._guards.items()},
+            arrived_s=self._arrived,
+            ended_s=self._ended,
+        )
+
+
+class _Way:
+    """The positions of one thing, those left out that lie on an even straight way."""
+
+    def __init__(self, time_s: float, position: Point) -> None:
+        self._kept = [(time_s, position)]
+        self._last = time_s, position
+
+    def add(self, time_s: float, position: Point) -> None:
+        """Take in the next position; the one before is kept if the way bends there."""
+        (from_s, (x, y)), (last_s, last) = self._kept[-1], self._last
+        if last_s > from_s:
+            share = (last_s - from_s) / (time_s - from_s)
+            expected = x + (position[0] - x) * share, y + (position[1] - y) * share
+            if dist(expected, last) > TOLERANCE_M:
+                self._kept.append(self._last)
+        self._last = time_s, position
+
+    def points(self) -> tuple[TimedPoint, ...]:
+        """Return the way so far; one point only where nothing has moved."""
+        end = self._last if dist(self._last[1], self._kept[-1][1]) > TOLERANCE_M else None
+        kept = [*self._kept, end] if end is not None else self._kept
+        return tuple((time_s, round(x, 2), round(y, 2)) for time_s, (x, y) in kept)
+
+
+HORIZON_S = 240.0
+SETTLE_S = 2.0
+MOST_STEPS_PER_SLICE = 60
+ASSET_STEPS_PER_SLICE = 6000
+"""The size of a slice, steps times assets: a few milliseconds."""
+
+
+def device_commands(plan: Plan, prefix: str) -> tuple[DeviceCommand, ...]:
+    """Return the plan's actions as device commands with ids `prefix`.1, `prefix`.2 and so on."""
+    return tuple(
+        DeviceCommand(
+            command_id=f"{prefix}.{number}",
+            agent=action.agent,
+            verb=action.verb,
+            target=action.target,
+        )
+        for number, action in enumerate(plan.actions, start=1)
+    )
+
+
+def order_moments(plan: Plan, world: World, done: Collection[str]) -> tuple[OrderMoment, ...]:
+    """Return the plan's orders as ordering rules see them; `done` names who has finished."""
+    return tuple(
+        OrderMoment(
+            agent=action.agent,
+            kind=world.assets[action.agent].kind,
+            verb=action.verb,
+            target=action.target,
+            done=action.agent in done,
+        )
+        for action in plan.actions
+    )
+
+
+async def rehearse(outlook: Outlook, plan: Plan) -> Rehearsal:
+    """Run `plan` in a forecast until every command has ended, at most HORIZON_S seconds.
+
+    The forecast knows what the picture shows and nothing of the truth. The event loop gets its
+    turn after every slice of steps, so a screen stays alive meanwhile.
+    """
+    before = outlook.picture()
+    forecast = outlook.forecast()
+    recorder = _Recorder(forecast.world, before, plan)
+    commands = device_commands(plan, "rehearsal")
+    for command in commands:
+        forecast.send(command)
+    pending = {command.command_id for command in commands}
+    start, end = forecast.time_s, None
+    few = ASSET_STEPS_PER_SLICE // len(forecast.world.assets)
+    steps_per_slice = min(max(few, 1), MOST_STEPS_PER_SLICE)
+    every = max(1, round(forecast.world.telemetry_period_s / forecast.world.dt_s))
+    for step in range(1, round(HORIZON_S / forecast.world.dt_s) + 1):
+        for reply in forecast.step():
+            recorder.reply(reply, forecast.time_s - start)
+            if reply.status in FINAL_REPLIES:
+                pending.discard(reply.command_id)
+        if not pending and end is None:
+            end = forecast.time_s + SETTLE_S
+        if step % every == 0:
+            recorder.sample(forecast.picture(), forecast.time_s - start)
+            if end is not None and forecast.time_s >= end:
+                break
+        if step % steps_per_slice == 0:
+            await asyncio.sleep(0)
+    return recorder.result(forecast.time_s - start)
+
+
+@dataclass
+class _AssetLog:
+    finished: bool = False
+    detail: str = "not finished within the rehearsal"
+    left_perimeter: bool = False
+    zones: list[str] = field(default_factory=list[str])
+    least_battery: float = 100.0
+    travelled: float = 0.0
+
+
+@dataclass
+class _TrackLog:
+    observed: float | None = None
+    contact: float | None = None
+    identified: float | None = None
+    warned: float | None = None
+    blocked: float | None = None
+    least: float | None = None
+
+
+class _Recorder:
+    """Collects the timeline from successive pictures of the forecast."""
+
+    def __init__(self, world: World, before: Picture, plan: Plan) -> None:
+        self._world, self._before, self._last = world, before, before
+        self._plan = plan
+        self._moments = [moment(before, world, (), plan.agents)]
+        self._agents = {action.agent: _AssetLog() for action in plan.actions}
+        self._motion = MotionRecord(world, before, plan)
+        self._movers = {a.agent for a in plan.actions if a.verb not in ("hold", "report")}
+        self._tracks: dict[str, _TrackLog] = {name: _TrackLog() for name in before.tracks}
+        self._gap = dict.fromkeys(world.gates, 0.0)
+        self._longest = dict.fromkeys(world.gates, 0.0)
+        self._time = 0.0
+        self._orders: tuple[OrderMoment, ...] = ()
+        self._done: set[str] | None = None
+        self._inside = Polygon(world.perimeter).buffer(1.0)
+        self._zones = {name: Polygon(zone.polygon) for name, zone in world.zones.items()}
+        for area in (self._inside, *self._zones.values()):
+            shapely.prepare(area)
+        for track in before.tracks.values():
+            self._look_at(track, before, 0.0)
+
+    def reply(self, reply: CommandReply, time_s: float) -> None:
+        log = self._agents.get(reply.agent)
+        if log is not None and reply.status in FINAL_REPLIES:
+            log.finished, log.detail = reply.status == "done", reply.detail
+            self._motion.end(reply.agent, time_s)
+
+    def sample(self, picture: Picture, time_s: float) -> None:
+        for gate, cover in picture.gates.items():
+            self._gap[gate] = 0.0 if cover.covered else self._gap[gate] + time_s - self._time
+            self._longest[gate] = max(self._longest[gate], self._gap[gate])
+        for name, log in self._agents.items():
+            self._follow(log, self._last.assets[name], picture.assets[name])
+        for track in picture.tracks.values():
+            self._look_at(track, picture, time_s)
+        self._motion.sample(picture, time_s)
+        self._last, self._time = picture, time_s
+        done = {name for name, log in self._agents.items() if log.finished}
+        if done != self._done:
+            self._done, self._orders = done, order_moments(self._plan, self._world, done)
+        self._moments.append(moment(picture, self._world, self._orders, self._plan.agents))
+
+    def _follow(self, log: _AssetLog, was: AssetTelemetry, now: AssetTelemetry) -> None:
+        log.least_battery = min(log.least_battery, now.battery_pct)
+        if was.position == now.position:
+            return
+        log.travelled += _gap_m(was.position, now.position)
+        if not shapely.intersects_xy(self._inside, *now.position):
+            log.left_perimeter = True
+        for name, zone in self._zones.items():
+            if name not in log.zones and _enters(zone, was.position, now.position):
+                log.zones.append(name)
+
+    def _look_at(self, track: Track, picture: Picture, time_s: float) -> None:
+        log = self._tracks.setdefault(track.id, _TrackLog())
+        ground = [
+            (asset, _gap_m(asset.position, track.position))
+            for name in self._movers
+            if (asset := picture.assets[name]).kind != "uav" and asset.available
+        ]
+        near = any(gap <= self._world.platforms[a.kind].sensor_range_m for a, gap in ground)
+        blocking = any(a.task == "blocking" and a.at == track.gate for a, _ in ground)
+        log.observed = _first(log.observed, track.observed, time_s)
+        log.contact = _first(log.contact, near, time_s)
+        log.identified = _first(log.identified, track.identity != "unknown", time_s)
+        log.warned = _first(log.warned, track.warned, time_s)
+        log.blocked = _first(log.blocked, blocking, time_s)
+        if track.identity == "unknown" and ground:
+            closest = min(gap for _, gap in ground)
+            log.least = closest if log.least is None else min(log.least, closest)
+
+    def result(self, duration_s: float) -> Rehearsal:
+        after = self._last
+        return Rehearsal(
+            before=self._before,
+            after=after,
+            moments=distinct(self._moments),
+            motion=self._motion.result(),
+            timeline=Timeline(
+                duration_s=duration_s,
+                gates={
+                    gate: GateTimeline(
+                        covered_before=self._before.gates[gate].covered,
+                        covered_after=after.gates[gate].covered,
+                        longest_gap_s=self._longest[gate],
+                    )
+                    for gate in self._world.gates
+                },
+                tracks={
+                    name: TrackTimeline(
+                        observed_s=log.observed,
+                        ground_contact_s=log.contact,
+                        identified_s=log.identified,
+                        warned_s=log.warned,
+                        blocked_s=log.blocked,
+                        least_distance_m=log.least,
+                    )
+                    for name, log in self._tracks.items()
+                },
+                assets={
+                    name: AssetTimeline(
+                        finished=log.finished,
+                        detail="" if log.finished else log.detail,
+                        left_perimeter=log.left_perimeter,
+                        entered_zones=tuple(log.zones),
+                        least_battery_pct=log.least_battery,
+                        travelled_m=log.travelled,
+                    )
+                    for name, log in self._agents.items()
+                },
+            ),
+        )
+
+
+def _first(known: float | None, now: bool, time_s: float) -> float | None:
+    return time_s if known is None and now else known
+
+
+def _gap_m(here: Point, there: Point) -> float:
+    dx, dy = there[0] - here[0], there[1] - here[1]
+    return math.sqrt(dx * dx + dy * dy)
+
+
+def _enters(zone: Polygon, here: Point, there: Point) -> bool:
+    """Return whether the straight way between two points comes into `zone` from outside it."""
+    left, low, right, high = zone.bounds
+    (ax, ay), (bx, by) = here, there
+    if max(ax, bx) < left or min(ax, bx) > right or max(ay, by) < low or min(ay, by) > high:
+        return False
+    return bool(zone.intersects(LineString((here, there)))) and not shapely.contains_xy(
+        zone, ax, ay
+    )

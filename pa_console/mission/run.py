@@ -1,0 +1,394 @@
+"""The eight steps for one mission (paper, Section III).
+
+A mission may take several plans: one for each phase of a workflow, and another one whenever a
+premise of the running plan breaks. Each is planned, checked, judged and approved on its own.
+"""
+
+import asyncio
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from pa_console.language.references.resolution import chosen, names_something
+from pa_console.language.references.scene import Move
+from pa_console.mission.candidate import Candidate
+from pa_console.mission.context import Emit, MissionContext, Services, ordered_by
+from pa_console.mission.decide import (
+    Approved,
+    Decide,
+    NotApproved,
+    Readings,
+    ask_back,
+    ask_operator,
+    offer_standing,
+    reconsider,
+    rejection,
+)
+from pa_console.mission.dispatch import StepFeed
+from pa_console.mission.execute import Executed, Execution
+from pa_console.mission.judge import OutcomeCase, OutcomeVerdicts, unjudged
+from pa_console.mission.outcome import Outcome, Results, WorkflowProgress, begun
+from pa_console.mission.plan import Planned, Unplanned, judge, plan, reexamine, take
+from pa_console.mission.report import PlanFacts, ReportFacts, after_action_report
+from pa_console.mission.understand import (
+    NotUnderstood,
+    Refused,
+    Retrieved,
+    StandingOffer,
+    Understood,
+    retrieve,
+    understand,
+)
+from pa_console.policy.ordering.moments import moment
+from pa_console.policy.ordering.monitor import Monitor, halts
+from pa_console.schema.alarm import Alarm
+from pa_console.schema.command import DeviceCommand
+from pa_console.schema.events import event as ev
+from pa_console.schema.mission import MAX_MISSION_TEXT, Mission
+from pa_console.schema.moment import Moment
+from pa_console.schema.telemetry import Picture
+
+MOST_QUESTIONS = 2
+"""The number of times in a row that an operator is asked for the meaning of an order."""
+MAX_VOIDED = 2
+MAX_HALTS = 3
+MAX_TRIES = 2
+"""Plans that may be executed for one task without bringing it to its end."""
+
+INTERRUPTED = "the mission was interrupted before its outcome could be judged"
+
+WATCH_S = 12.0
+"""The time that the situation is watched after a plan, seconds."""
+
+
+@dataclass(frozen=True)
+class StationSide:
+    """The station's services for a mission.
+
+    These are time and replies, the operator, the queue of verdicts on outcomes, and the open
+    alarms.
+    """
+
+    feed: StepFeed
+    decide: Decide
+    verdicts: OutcomeVerdicts
+    open_alarms: Callable[[], Sequence[Alarm]]
+
+
+class MissionRun:
+    """Works on one mission from its words to the report.
+
+    `work` may be called again after the mission had to give way to an emergency: it goes on where
+    the workflow stands, with a new plan.
+    """
+
+    def __init__(
+        self, services: Services, mission: Mission, emit: Emit, station: StationSide
+    ) -> None:
+        self.mission = mission
+        self._services, self._station, self._emit = services, station, emit
+        self._monitor = Monitor(services.rulebook, services.fleet.world, services.sightings)
+        self._context = MissionContext(services, mission, emit, self._monitor)
+        self._progress = WorkflowProgress(services.rulebook, mission)
+        self._execution = Execution(self._context, station.feed)
+        self._retrieved: Retrieved | None = None
+        self._readings = Readings()
+        self._understood: Understood | None = None
+        self._ordered: list[Move] = []
+        """The orders of the mission, or those it would have given if it had been approved."""
+        self.moving = False
+        """True while the mission waits for the world, not the world for the mission."""
+        alarm = next((a for a in station.open_alarms() if a.id == mission.alarm), None)
+        self._facts = ReportFacts(mission, alarm, warnings=services.rulebook.seal.warnings)
+        self._results = Results(mission, self._progress, self._monitor, station.open_alarms)
+
+    @property
+    def subjects(self) -> frozenset[str]:
+        """The subjects of the mission: its own and the tracks of its workflows."""
+        own = (self.mission.subject,) if self.mission.subject is not None else ()
+        return frozenset((*own, *self._progress.tracks))
+
+    async def work(self) -> None:
+        """Carry the mission out; a plan is executed only after an admissible approval."""
+        seal = self._services.rulebook.seal
+        self._emit(
+            ev.MissionStarted(
+                rules_content_sha256=seal.content_sha256, rules_warnings=seal.warnings
+            )
+        )
+        outcome = None if self._understood is not None else await self._understand()
+        if outcome is None:
+            if self._services.variant.workflows:
+                self._tell(self._progress.begin(self._now()))
+            outcome = await self._plan_after_plan()
+        self.close(outcome)
+
+    async def _understand(self) -> Outcome | None:
+        """Step 1: read the mission's words, and ask back what one answer settles.
+
+        None where it can be planned; it is worked on as it was read from then on.
+        """
+        answers: dict[str, str] = {}
+        for number in range(MOST_QUESTIONS + 1):
+            match await understand(self._context, answers):
+                case Refused(reason):
+                    return Outcome("refused", reason)
+                case Understood() as understood:
+                    self._begin_as(understood)
+                    return None
+                case StandingOffer() as offered:
+                    return await self._offer(offered)
+                case NotUnderstood(question) if number == MOST_QUESTIONS:
+                    return Outcome("held", f"not understood: {question}")
+                case NotUnderstood() as asked:
+                    answer = await ask_back(self._context, asked, number, self._station.decide)
+                    if isinstance(answer, NotApproved):
+                        return Outcome(answer.status, answer.reason)
+                    self._answered(asked, answer, answers)
+        return None
+
+    async def _offer(self, offered: StandingOffer) -> Outcome:
+        """Put a standing order to the operator; it starts its missions by itself from then on."""
+        approved = await offer_standing(self._context, offered, self._station.decide)
+        if isinstance(approved, NotApproved):
+            return Outcome(approved.status, approved.reason)
+        name = approved.order.id
+        return Outcome("verified", f"standing order {name} is in force until it is revoked")
+
+    def _answered(self, asked: NotUnderstood, answer: str, answers: dict[str, str]) -> None:
+        """Let an answer join the order: for the words that were not clear, or for all of them.
+
+        One that names nothing leaves the words as they are: it is asked once more.
+        """
+        mission, services = self.mission, self._services
+        scene = services.past.scene(services.fleet.world, services.fleet.picture())
+        meant = chosen(scene, answer, asked.choices) or services.read(answer)
+        words = {"text": meant[:MAX_MISSION_TEXT], "typed": answer[:MAX_MISSION_TEXT]}
+        if asked.said:
+            if meant in asked.choices or names_something(scene, meant):
+                answers[asked.said] = meant
+            words = {"typed": f"{mission.said} ({answer})"[:MAX_MISSION_TEXT]}
+        else:
+            answers.clear()
+        self.mission = self._context.mission = mission.model_copy(update=words)
+
+    def _begin_as(self, understood: Understood) -> None:
+        """Work on the mission as it was read."""
+        mission, self._understood = understood.mission, understood
+        if mission == self._facts.mission:
+            return
+        self._emit(
+            ev.OrderRead(text=mission.text, typed=mission.said, references=understood.references)
+        )
+        self.mission = self._context.mission = mission
+        self._progress = WorkflowProgress(self._services.rulebook, mission)
+        self._facts.mission = mission
+        self._results = Results(mission, self._progress, self._monitor, self._station.open_alarms)
+
+    def close(self, outcome: Outcome) -> None:
+        """Step 8: tell the report and the end of the mission."""
+        facts, picture = self._facts, self._services.fleet.picture()
+        self._services.standing.ended(self.mission.id, picture.time_s)
+        status, reason = outcome.status, outcome.reason
+        if (read := self._understood) is not None:
+            past = self._services.past
+            past.remember(self.mission, self._ordered, undid=read.undoes, corrects=read.corrects)
+        text = after_action_report(facts, status, reason, picture, self._station.open_alarms())
+        metrics = self._context.stopwatch.metrics(
+            self._context.attempts, plans=len(facts.plans), halts=len(facts.halts)
+        )
+        self._emit(ev.MissionReported(text=text))
+        self._emit(ev.MissionFinished(status=status, reason=reason, metrics=metrics))
+
+    def see(self, picture: Picture) -> None:
+        """Take in new telemetry: orderings are monitored, workflows move on."""
+        self._facts.see(picture)
+        orders = self._execution.orders
+        agents = tuple(order.agent for order in orders)
+        now = moment(picture, self._services.fleet.world, orders, agents)
+        halting = self._services.variant.checks
+        for finding in self._monitor.observe(now):
+            if halting and halts(finding, self._services.rulebook):
+                self._execution.breach(f"{finding.rule_id}: {finding.message}")
+        self._tell(self._progress.observe(now))
+
+    def halt(self) -> tuple[DeviceCommand, ...]:
+        """End the running plan; return the commands that bring its agents to a safe state."""
+        return self._execution.halt()
+
+    async def _plan_after_plan(self) -> Outcome:
+        """Steps 2 to 8, once for every plan that the mission takes."""
+        task = self._progress.task or self.mission
+        reasons: tuple[str, ...] = ()
+        tries: dict[str, int] = {}
+        while True:
+            phase = self._progress.phase
+            retrieved = self._retrieve(task)
+            approved = await self._until_approved(retrieved, reasons)
+            if isinstance(approved, NotApproved):
+                return self._stopped_short(approved, phase, reasons)
+            executed = await self._carry_out(approved, task)
+            reasons = executed.halted
+            if reasons:
+                if len(self._facts.halts) > MAX_HALTS:
+                    return Outcome("unverified", f"halted: {'; '.join(reasons)}")
+                task = self._progress.task or task
+                continue
+            tries[task.text] = tries.get(task.text, 0) + 1
+            following = self._progress.task or self._results.follow_up
+            if following is None and self._services.variant.workflows:
+                carried_out = approved.planned.best.examination.plan
+                following = begun(carried_out, task, self._services.fleet.picture())
+            if following is None or tries.get(following.text, 0) >= MAX_TRIES:
+                return self._results.conclude()
+            reasons, task = self._results.lacking(following, task), following
+
+    def _retrieve(self, task: Mission) -> Retrieved:
+        """Step 2; what the operator has said that a task asks stands for the same words."""
+        before = self._retrieved
+        chosen = before.chosen if before is not None and before.task.text == task.text else ""
+        retrieved = retrieve(self._context, task, self._progress.verbs, chosen)
+        self._retrieved, self._facts.rules = retrieved, retrieved.rule_ids
+        return retrieved
+
+    async def _until_approved(
+        self, retrieved: Retrieved, reasons: Sequence[str]
+    ) -> Approved | NotApproved:
+        """Steps 3 to 6: plan and decide, and again if the situation changed meanwhile."""
+        previous, changed = "", ""
+        for _ in range(MAX_VOIDED):
+            planned = await plan(self._context, retrieved, reasons, previous)
+            approved = await self._decide(planned)
+            if isinstance(approved, NotApproved):
+                return approved
+            shown = approved.planned.best
+            fresh = await reexamine(self._context, retrieved.task, shown.examination.plan)
+            if fresh is None:
+                return self._still_approved(approved)
+            changed = f"the situation changed: {'; '.join(fresh.broken)}"
+            self._emit(ev.PlanVoided(attempt=shown.attempt, reason=changed))
+            reasons, previous = fresh.broken, fresh.plan.answer
+            retrieved = approved.planned.answered.retrieved
+        return NotApproved("held", changed)
+
+    def _still_approved(self, approved: Approved) -> Approved | NotApproved:
+        """Return the approved plan, unless its basis has been withdrawn meanwhile."""
+        decided, services = approved.decided, self._services
+        why = services.gate.inadmissible(decided.request, decided.decision, services.rulebook)
+        return NotApproved("held", why) if why else approved
+
+    async def _decide(self, planned: Planned | Unplanned) -> Approved | NotApproved:
+        """Step 6: judge and ask; go round again for the operator's own plan, or reading."""
+        while not isinstance(planned, Unplanned):
+            planned = await judge(self._context, planned)
+            self._readings = await reconsider(self._context, planned, self._readings)
+            decided = await ask_operator(
+                self._context, planned, self._readings, self._station.decide
+            )
+            decision = decided.decision
+            if decision.kind == "approve":
+                return Approved(planned, decided)
+            if decision.kind == "choose":
+                chosen = replace(planned.answered.retrieved, chosen=decision.asked)
+                self._retrieved = chosen
+                planned = await plan(self._context, chosen)
+            elif decision.kind == "reject" or decision.plan is None:
+                if not self._facts.plans and not planned.best.examination.blocked:
+                    self._remember(planned.best)
+                return rejection(planned.best, decided)
+            else:
+                planned = await take(self._context, planned.answered, decision.plan)
+        return NotApproved("held", planned.error or "the planner gave no plan")
+
+    def _stopped_short(self, stopped: NotApproved, phase: str, halted: Sequence[str]) -> Outcome:
+        """Return what a mission comes to whose next plan was not approved."""
+        status, reason = stopped.status, stopped.reason
+        if halted and self._facts.plans:
+            why = f"{'; '.join(halted)}; the next plan was {status}: {reason}"
+            return Outcome("unverified", why)
+        return Outcome(status, f"phase {phase}: {reason}" if phase else reason)
+
+    async def _carry_out(self, approved: Approved, task: Mission) -> Executed:
+        """Step 7 for one plan: execute, see what comes of it, have the outcome judged."""
+        decided, shown = approved.decided, approved.planned.best
+        self._services.gate.grant(decided.request, decided.decision, self._services.rulebook)
+        phase = self._progress.phase
+        self.moving = True
+        try:
+            executed = await self._execute(approved, task)
+            if executed.verification is None:
+                return executed
+            if self._services.variant.workflows:
+                await self._see_it_out(shown, phase, task)
+        finally:
+            self.moving = False
+        if self._services.variant.judging:
+            case = OutcomeCase(
+                task,
+                executed.before,
+                self._services.fleet.picture(),
+                approved.planned.answered.selection,
+                shown.examination.plan,
+                executed.verification,
+                shown.verdict.feedback if shown.verdict is not None else "",
+            )
+            self._station.verdicts.ask(self._context, shown.attempt, case)
+        return executed
+
+    async def _see_it_out(self, shown: Candidate, phase: str, task: Mission) -> None:
+        """Let a plan join its workflow and watch its consequences.
+
+        A plan that is not watched to its end gets no verdict, and an event says so.
+        """
+        try:
+            self._tell(self._progress.join(shown.examination.plan, self._now()))
+            await self._watch_outcome(phase, task)
+        except BaseException:
+            if self._services.variant.judging:
+                self._emit(unjudged(shown.attempt, INTERRUPTED))
+            raise
+
+    async def _execute(self, approved: Approved, task: Mission) -> Executed:
+        """Execute a plan and note for the report what became of it, also when it is cut short."""
+        decided, shown = approved.decided, approved.planned.best
+        ordered = self._remember(shown)
+        moved = {name for move in ordered for name in (move.agent, move.target, move.before)}
+        self._services.standing.moves(self.mission.id, moved)
+        facts = PlanFacts(
+            shown.examination.plan, task.text, decision=decided.decision, unmet=shown.unmet
+        )
+        try:
+            executed = await self._execution.run(shown.examination, decided.request)
+        except asyncio.CancelledError:
+            self._facts.plans.append(replace(facts, halted=("interrupted before its end",)))
+            raise
+        verification = executed.verification
+        self._facts.plans.append(replace(facts, verification=verification, halted=executed.halted))
+        if verification is not None:
+            self._results.verifications.append(verification)
+        return executed
+
+    def _remember(self, shown: Candidate) -> tuple[Move, ...]:
+        """Return and remember the orders of a plan, with each asset's post before it."""
+        ordered = ordered_by(shown.examination.plan, self._services.fleet.picture())
+        self._ordered += ordered
+        return ordered
+
+    async def _watch_outcome(self, phase: str, task: Mission) -> None:
+        """Let the world go on until `phase` or `task` is over and its outcome known.
+
+        At most WATCH_S simulated seconds.
+        """
+        fleet = self._services.fleet
+        end_s = fleet.time_s + WATCH_S
+        with self._station.feed.follow() as steps:
+            async for _ in steps:
+                if not self._results.awaits(phase, task) or fleet.time_s >= end_s:
+                    return
+
+    def _now(self) -> Moment:
+        return moment(self._services.fleet.picture(), self._services.fleet.world, ())
+
+    def _tell(self, moves: Iterable[ev.WorkflowMoved]) -> None:
+        for move in moves:
+            self._facts.moved(move, self._services.fleet.time_s)
+            self._emit(move)

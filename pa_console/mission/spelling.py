@@ -1,0 +1,343 @@
+"""Step 1: misspelt words of a mission are put right before anything reads it.
+
+A word is misspelt when no dictionary, no operator, no rule and no name of the world knows it; it is
+read as the likeliest word that few slips of the hand make it of (a noisy channel). Words that are
+known stay as they are, so a rule's words never vanish, and what was typed is kept beside.
+"""
+
+import json
+import math
+import re
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache, lru_cache
+from typing import NamedTuple
+
+from rapidfuzz import fuzz, process
+from rapidfuzz.distance import OSA
+from spellchecker import SpellChecker
+
+from pa_console.language.mentions import find_mentions, speaks_of_site
+from pa_console.language.name_linking import link_names
+from pa_console.language.verb_lexicon import find_verbs
+from pa_console.language.world_names import KIND_WORDS, NEARLY, WORD
+from pa_console.policy.retrieval.related_words import default_vocabulary
+from pa_console.policy.rulebook import Rulebook
+from pa_console.resources import data_folder
+from pa_console.schema.world import World
+
+SHORT, _LONG = 3, 8
+"""Words of so few letters are near to too much; words of so many may have two slips."""
+_SLIP, _FIRST_LETTER = math.log(0.004), math.log(0.05)
+"""The likelihood of one slip, and of one in a word's first letter, against none."""
+_NAMED = 0.13
+"""The share of a mission's words that are of the world's names: two of fifteen."""
+_TURNING = frozenset(
+    ("not", "nor", "non", "yes", "but", "all", "any", "off", "out", "one", "two", "six", "ten")
+)
+"""Short words on which the meaning turns: only their own letters, swapped or doubled, are one."""
+_RARE = 100
+"""A word that is so rare in the dictionary's text, 1.6 billion words, may be of any language."""
+_BRITISH = (
+    (re.compile(r"(?<=\w\w)is(e[drs]?|ers|ing|ations?)$"), r"iz\1"),
+    (re.compile(r"(?<=\w\w)ys(e[drs]?|ers|ing)$"), r"yz\1"),
+    (re.compile(r"(?<=\w\w)our(s|ed|ing|ers?|able|ful|less|ites?|hoods?)?$"), r"or\1"),
+    (re.compile(r"(?<=\w\w[aeiou])ll(ed|ing|ers?|ations?)$"), r"l\1"),
+    (re.compile(r"^(met|cent|lit|theat|fib|calib)re(s|d)?$"), r"\1er\2"),
+    (re.compile(r"^(def|off|lic|pret)ence(s|less)?$"), r"\1ense\2"),
+)
+"""Endings that British English spells otherwise than the dictionary, which is American."""
+_OTHERWISE: Mapping[str, str] = {
+    "manoeuvr": "maneuv", "draught": "draft", "plough": "plow", "mould": "mold", "grey": "gray",
+    "smoulder": "smolder", "tyre": "tire", "kerb": "curb", "cheque": "check", "storey": "story",
+}  # fmt: skip
+"""Beginnings of words that it spells otherwise."""
+
+
+class English:
+    """The words of English and of operators, with how likely each is."""
+
+    def __init__(self, counts: Mapping[str, int], operators: Iterable[str]) -> None:
+        """`counts` are those of a large text, `operators` their words, most frequent first."""
+        total = sum(counts.values())
+        self._likely: defaultdict[str, float] = defaultdict(float)
+        for word, count in counts.items():
+            self._likely[word] += 0.5 * count / total
+        ranked = {word: 1.0 / (rank + 10) for rank, word in enumerate(operators)}
+        whole = sum(ranked.values())
+        for word, share in ranked.items():
+            self._likely[word] += 0.5 * share / whole
+        self._rare = 0.5 * _RARE / total
+        self._operators = frozenset(ranked)
+        self._by_length: defaultdict[int, list[str]] = defaultdict(list)
+        for word in self._likely:
+            self._by_length[len(word)].append(word)
+
+    def __contains__(self, word: str) -> bool:
+        """Return whether `word`, in lower case, is known in American or in British spelling."""
+        return word in self._likely or any(form in self._likely for form in _american(word))
+
+    def is_common(self, word: str) -> bool:
+        """Return whether `word`, in lower case, is certainly English; the rarest words are not."""
+        forms = (word, *_american(word))
+        return any(self._likely.get(form, 0.0) > self._rare for form in forms)
+
+    def is_operators(self, word: str) -> bool:
+        """Return whether operators use `word`, in lower case."""
+        return word in self._operators
+
+    def is_near(self, word: str, names: "NameWords") -> bool:
+        """Return whether `word` is nearly one that operators use, or one of the world's `names`."""
+        if self.likeliest(word, names, plain=False) is not None:
+            return True
+        listed = (*names.words, *self._operators)
+        near = process.extractOne(word, listed, scorer=fuzz.ratio, score_cutoff=NEARLY)
+        return near is not None and len(word) > SHORT
+
+    @lru_cache(maxsize=1024)  # noqa: B019 - there is one for the life of the process
+    def likeliest(self, word: str, names: "NameWords", plain: bool) -> str | None:
+        """Return what `word` was meant to be, None when nothing is near.
+
+        Unless it is a `plain` word, only names of the world and operators' words are; as for short
+        words, which are near to too much.
+        """
+        slips = 1 if len(word) < _LONG else 2
+        lengths = range(max(len(word) - slips, SHORT), len(word) + slips + 1)
+        words = [*names.words, *(other for length in lengths for other in self._by_length[length])]
+        near = process.extract(word, words, scorer=OSA.distance, score_cutoff=slips, limit=None)
+        plain = plain and len(word) > SHORT
+        likely = {
+            other: math.log(self._likely[other] + names.share(other))
+            + distance * _SLIP
+            + (_FIRST_LETTER if other[0] != word[0] else 0.0)
+            for other, distance, _ in near
+            if (plain or other in names.words or other in self._operators)
+            and (other not in _TURNING or {*other} == {*word})
+        }
+        return max(likely, key=lambda other: likely[other], default=None)
+
+
+@cache
+def english() -> English:
+    """Return the English word list; without its file, operators have no words of their own."""
+    path = data_folder() / "rules" / "vocabulary" / "operators.txt"
+    text = path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
+    lines = (line.strip().lower() for line in text.splitlines())
+    listed = (line for line in lines if line and not line.startswith("#"))
+    others = (word for group in default_vocabulary().groups.values() for word in group)
+    operators = dict.fromkeys((*listed, *others, *KIND_WORDS))
+    return English(SpellChecker().word_frequency.dictionary, operators)
+
+
+class NameWords(NamedTuple):
+    """The words that the names of a world are made of, each as often as it is there."""
+
+    words: tuple[str, ...]
+    counts: tuple[int, ...]
+
+    def share(self, word: str) -> float:
+        """Return how likely a word of a mission is `word` because it is of a name."""
+        at = self.words.index(word) if word in self.words else None
+        return 0.0 if at is None else _NAMED * self.counts[at] / sum(self.counts)
+
+
+def name_words(world: World) -> NameWords:
+    """Return the words of the names of `world`."""
+    return _name_words((*world.frames, *world.zones), (*world.assets,))
+
+
+@lru_cache(maxsize=8)
+def _name_words(places: tuple[str, ...], assets: tuple[str, ...]) -> NameWords:
+    """Return the words of the names of places and of assets, these in the plural too.
+
+    A place's words may be typed as one: `stonegate`.
+    """
+    said = [word.lower() for name in (*places, *assets) for word in WORD.findall(name)]
+    said += ["".join(words).lower() for words in map(WORD.findall, places) if len(words) > 1]
+    said += [f"{word.lower()}s" for name in assets for word in WORD.findall(name)]
+    counts = Counter(word for word in said if len(word) > SHORT - 1 and word.isalpha())
+    return NameWords(tuple(counts), tuple(counts.values()))
+
+
+def _american(word: str) -> Iterator[str]:
+    """Yield how `word` is spelt in American English, if it may be British."""
+    for british, american in _BRITISH:
+        if british.search(word):
+            yield british.sub(american, word)
+    stem = next((stem for stem in _OTHERWISE if word.startswith(stem)), "")
+    if stem:
+        yield _OTHERWISE[stem] + word.removeprefix(stem)
+
+
+@lru_cache(maxsize=4)
+def rule_words(rulebook: Rulebook) -> frozenset[str]:
+    """Return every word that a rule uses, in its text or its checks."""
+    rules = (rule.model_dump_json().lower() for rule in rulebook.rules)
+    return frozenset(word for rule in rules for word in re.findall("[a-z]+", rule))
+
+
+_WORD = re.compile(r"[^\W\d_]+(?:['’][^\W\d_]+)*")
+_ENDING = re.compile(r"['’](?:s|re|ve|ll|d|m|t)$")
+_CALL_SIGN = re.compile(r"\w*[\d_]\w*")
+"""Names of assets and frames, call signs and numbers: of no language."""
+_ALPHABET = frozenset("abcdefghijklmnopqrstuvwxyz")
+_MOST_STRANGE = 0.3
+"""The share of strange words from which a text is not English."""
+_SLIP_WEIGHT = 0.35
+"""The weight, as a strange word, of a word that is nearly a word of orders."""
+_OTHER_LANGUAGES = frozenset(
+    word
+    for words in (
+        "der das und ist nicht ein eine einen einem dem zum zur mit auf für nach sich wir sie",
+        "le la les une et est qui dans pour avec vous nous aux du ce cette je tu au de tout",
+        "el los las una para como pero muy lo su se esta este",
+        "il gli della alla nel che di non sono questo",
+        "os uma ao em você está isso",
+        "het een naar niet ik dat ook maar voor zijn er",
+        "och att det som på för av med till inte jag og ikke til ska skal",
+        "nie się jest jak dla bir ve bu için mi",
+        "pe cu și je na že jsem yang dan ke ini itu",
+    )
+    for word in words.split()
+)
+"""The commonest words of other languages that orders in English have no use for.
+
+In turn German, French, Spanish, Italian, Portuguese, Dutch, Scandinavian, Polish and Turkish,
+Romanian, Czech and Indonesian. Other alphabets need no list.
+"""
+_CODE = re.compile(
+    r"[A-Za-z_][\w.]*\((?!s\))[^()]*\)[\s:;)]*$"
+    r"|^\s*(?:SELECT|INSERT|UPDATE|DELETE|CREATE|DROP)\b.+\b(?:FROM|INTO|SET|TABLE)\b"
+    r"|<(\w+)[^<>]*>.*</\1>"
+    r"|\bhttps?://",
+    re.DOTALL,
+)
+
+
+class _Words(NamedTuple):
+    """The number of words of a text without names, and the words that are no English."""
+
+    number: int
+    strange: tuple[str, ...]
+    slips: tuple[str, ...]
+    """The strange words that are nearly a word of orders or a name."""
+
+    @property
+    def share(self) -> float:
+        """The share of the words that are strange."""
+        return (len(self.strange) + _SLIP_WEIGHT * len(self.slips)) / max(self.number, 1)
+
+
+def is_english(text: str, world: World, rulebook: Rulebook) -> bool:
+    """Return whether `text`, as typed, is English by its words; a text without words is."""
+    return _words(text, world, rulebook).share < _MOST_STRANGE
+
+
+def question_back(typed: str, read: str, world: World, rulebook: Rulebook) -> str:
+    """Return what has to be asked of an operator who gives no order; '' where it may be one.
+
+    It was `typed` so, and is `read` with what is misspelt put right. Nobody may be moved for a text
+    that is asked back about.
+    """
+    words = _words(typed, world, rulebook)
+    if not words.number and not find_mentions(world, typed):
+        return "there are no words in it. What is to be done, by whom and where?"
+    if words.share >= _MOST_STRANGE:
+        strange = ", ".join(dict.fromkeys((*words.strange, *words.slips)))
+        return f"not known in English: {strange}. What is to be done, in English?"
+    if _is_code(typed):
+        return "it reads as program text. What is to be done, in words?"
+    if not speaks_of_site(world, link_names(world, read)) and not _moves_nobody(read):
+        return "it names nobody and nothing of this site. What is to be done, by whom and where?"
+    return ""
+
+
+def _words(text: str, world: World, rulebook: Rulebook) -> _Words:
+    dictionary, names = english(), name_words(world)
+    known = rule_words(rulebook).union(names.words)
+    count, strange, slips = 0, list[str](), list[str]()
+    for word in _WORD.findall(_CALL_SIGN.sub(" ", _without_names(text, world))):
+        low = word.lower().replace("’", "'")
+        base = _ENDING.sub("", low)
+        count += 1
+        if dictionary.is_operators(base) or base in known:
+            continue
+        if low in _OTHER_LANGUAGES:
+            strange.append(word)
+        elif not (base in _ALPHABET or dictionary.is_common(base) or dictionary.is_common(low)):
+            near = len(base) >= SHORT and base.isascii() and dictionary.is_near(base, names)
+            (slips if near else strange).append(word)
+    return _Words(count, tuple(strange), tuple(slips))
+
+
+def _without_names(text: str, world: World) -> str:
+    for name in (*world.frames, *world.zones, *world.assets):
+        text = text.replace(name, " ")
+    return text
+
+
+def _is_code(text: str) -> bool:
+    if _CODE.search(text):
+        return True
+    if text.lstrip()[:1] not in ("{", "["):
+        return False
+    try:
+        json.loads(text)
+    except (ValueError, RecursionError):
+        return False
+    return True
+
+
+def _moves_nobody(text: str) -> bool:
+    """Return whether a text without names may be one of the orders that need none: *freeze*."""
+    return any(verb.means & {"hold", "report"} for verb in find_verbs(text))
+
+
+_TYPED = re.compile(r"(?<![\w'])(?:[A-Z][a-z]{2,}|[a-z]{3,}|[A-Z]{3,})(?![\w'])")
+"""Words that may be misspelt: no name in digits or camel case, no contraction, nothing of two
+letters."""
+_FOREIGN = 0.25
+"""When nothing is near to more than this share of the unknown words, they are not English."""
+
+
+def read_words(text: str, world: World, rulebook: Rulebook) -> str:
+    """Return an operator's words with misspellings put right, if they are English."""
+    return respell(text, world, rulebook) if is_english(text, world, rulebook) else text
+
+
+def respell(text: str, world: World, rulebook: Rulebook) -> str:
+    """Return `text` with its misspelt words put right; text in another language is left alone."""
+    dictionary, names = english(), name_words(world)
+    known = rule_words(rulebook).union(names.words)
+    shouted = text.isupper()
+    found = [match for match in _TYPED.finditer(text) if shouted or not match[0].isupper()]
+    unknown = [
+        match
+        for match in found
+        if not (match[0].lower() in known or match[0].lower() in dictionary)
+    ]
+    meant = [_meant(match, names, dictionary) for match in unknown]
+    if meant.count(None) > max(_FOREIGN * len(meant), 1):
+        return text
+    parts, done = list[str](), 0
+    for match, word in zip(unknown, meant, strict=True):
+        parts += [text[done : match.start()], word or match[0]]
+        done = match.end()
+    return "".join((*parts, text[done:]))
+
+
+def prepare() -> None:
+    """Load the dictionary, which takes a moment, so that no mission waits for it."""
+    english()
+
+
+def _meant(typed: re.Match[str], names: NameWords, dictionary: English) -> str | None:
+    """Return the intended word for `typed`, in its own case; None when nothing is near."""
+    word = typed[0]
+    before = typed.string[: typed.start()].rstrip(" \"'(")
+    capital = word[0].isupper() and not word.isupper()
+    named = capital and before and before[-1] not in ".!?:"
+    best = dictionary.likeliest(word.lower(), names, plain=not named)
+    if best is not None and word[0].isupper():
+        return best.capitalize() if capital else best.upper()
+    return best

@@ -1,0 +1,194 @@
+"""Commands that bring assets to a stop: sent at once, and again until each is known to stand."""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from pa_console.fleets.fleet import Fleet
+from pa_console.mission.dispatch import MOST_GROWTH, RESEND_GROWTH, RESEND_S, Dispatch, Step
+from pa_console.mission.gate import CommandGate
+from pa_console.schema.base import Point
+from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand
+from pa_console.schema.events import event as ev
+from pa_console.schema.telemetry import AssetTelemetry, Picture
+from pa_console.schema.world import World
+
+CONFIRM_S = 1.0
+"""An asset that has not answered a stop within this time is reported."""
+
+STANDS_MPS = 0.05
+"""An asset that reports no more than this stands: measured speeds are never quite zero."""
+
+MOVED_M = 2.0
+"""A standing asset's reported positions scatter less than this."""
+
+
+@dataclass
+class _Held:
+    """One asset's hold: `sent` is the tick it last went out, `at` where the asset came to stand."""
+
+    command: DeviceCommand
+    sent: int
+    times: int = 0
+    reply: CommandReply | None = None
+    at: Point | None = None
+    doubt: str = "no answer"
+
+
+class StopConfirmation:
+    """Decides for each asset whether it has obeyed a stop, by its answer and by its telemetry.
+
+    An answer alone confirms nothing: telemetry sent after the stop must show that the asset stands,
+    and goes on showing it. An asset that moves again is in doubt again.
+    """
+
+    def __init__(
+        self, holds: Sequence[DeviceCommand], world: World, tick: int, time_s: float
+    ) -> None:
+        """`tick` and `time_s` are when the stop was pressed, on the fleet's clock."""
+        self._held = {hold.agent: _Held(hold, tick) for hold in holds}
+        self._dt_s, self._pressed_s = world.dt_s, time_s
+        # A report from just before the stop and the next picture may lie one period apart.
+        self._look_s = CONFIRM_S + world.telemetry_period_s - world.dt_s
+
+    @property
+    def confirmed(self) -> bool:
+        """True when telemetry shows that every asset stands."""
+        return all(not held.doubt for held in self._held.values())
+
+    def answer(self, replies: Iterable[CommandReply]) -> Iterator[CommandReply]:
+        """Take in the replies of one step; yield those that are news."""
+        for reply in replies:
+            held = self._held.get(reply.agent)
+            if held is None or reply.command_id != held.command.command_id or reply == held.reply:
+                continue
+            held.reply = reply
+            yield reply
+
+    def look(self, picture: Picture, time_s: float) -> Mapping[str, str]:
+        """Compare with a picture; return the overdue assets, each with why it is in doubt."""
+        since_s = time_s - self._pressed_s + 1e-6
+        overdue: dict[str, str] = {}
+        for name, held in self._held.items():
+            before, held.doubt = held.doubt, self._doubt(held, picture.assets.get(name))
+            if not held.doubt:
+                continue
+            answered = held.reply is not None and held.reply.status in FINAL_REPLIES
+            moved_again = not before or held.at is not None
+            if moved_again or since_s >= (self._look_s if answered else CONFIRM_S):
+                overdue[name] = held.doubt
+        return overdue
+
+    def resends(self, tick: int, overdue: Mapping[str, str]) -> list[tuple[DeviceCommand, int]]:
+        """Return the holds that are due again at `tick`, each with how often that makes it.
+
+        A hold without an answer is sent again as any command is; an answered one while its asset
+        is among the `overdue`.
+        """
+        due: list[tuple[DeviceCommand, int]] = []
+        for name, held in self._held.items():
+            answered = held.reply is not None and held.reply.status in FINAL_REPLIES
+            if not held.doubt or (answered and name not in overdue):
+                continue
+            wait_s = RESEND_S * RESEND_GROWTH ** min(held.times, MOST_GROWTH)
+            if (tick - held.sent) * self._dt_s >= wait_s - self._dt_s / 2:
+                held.sent, held.times = tick, held.times + 1
+                due.append((held.command, held.times))
+        return due
+
+    def _doubt(self, held: _Held, asset: AssetTelemetry | None) -> str:
+        """Return why it is not certain that an asset stands, '' where telemetry shows it."""
+        reply = held.reply
+        if asset is None or reply is None or reply.status not in FINAL_REPLIES:
+            return "no answer"
+        if reply.status != "done" and asset.status != "failed":
+            return f"it refuses: {reply.detail}"
+        if asset.stamp_s <= self._pressed_s or asset.stale:
+            return "no telemetry since"
+        if asset.integrity != "ok":
+            return "its telemetry cannot be relied on"
+        if asset.speed_mps > STANDS_MPS or asset.task in ("moving", "returning"):
+            return "it moves"
+        if held.at is not None and math.dist(held.at, asset.position) > MOVED_M:
+            return "its position changes"
+        held.at = held.at or asset.position
+        return ""
+
+
+SAFETY_LIMIT_S = 60.0
+"""A way to safety is repeated for this long to assets that have not answered, seconds."""
+
+
+class EmergencyStop:
+    """Follows stop commands that no mission follows any more."""
+
+    def __init__(self, fleet: Fleet, gate: CommandGate) -> None:
+        self._fleet, self._gate = fleet, gate
+        self._open: list[Dispatch] = []
+        self._stop: StopConfirmation | None = None
+        self._overdue: Mapping[str, str] = {}
+
+    @property
+    def waiting(self) -> bool:
+        """True while a way to safety is unanswered, or an asset is not seen to stand."""
+        return bool(self._open) or (self._stop is not None and not self._stop.confirmed)
+
+    def hold_all(self) -> list[ev.EventPayload]:
+        """Stop everything: send every asset a hold, whatever is known of it; return the events.
+
+        A hold is sent again until telemetry shows that its asset stands, however long that takes,
+        and whenever an asset moves again before `release`.
+        """
+        self._open.clear()
+        holds = self._gate.stop_all()
+        events: list[ev.EventPayload] = []
+        self._gate.send(holds, events.append)
+        fleet = self._fleet
+        self._stop = StopConfirmation(holds, fleet.world, fleet.tick, fleet.time_s)
+        self._overdue = {}
+        return events
+
+    def release(self) -> None:
+        """Watch the assets no more: the operator has released the stop."""
+        self._stop, self._overdue = None, {}
+
+    def follow(self, commands: Sequence[DeviceCommand]) -> Iterator[ev.EventPayload]:
+        """Send a mission's way to safety and see to the answers from now on; yield the events."""
+        events: list[ev.CommandSent | ev.CommandRefused] = []
+        self._gate.send(commands, events.append)
+        yield from events
+        sent = [event.command for event in events if isinstance(event, ev.CommandSent)]
+        if sent:
+            tick, dt_s = self._fleet.tick, self._fleet.world.dt_s
+            self._open.append(Dispatch(sent, tick, dt_s, SAFETY_LIMIT_S, SAFETY_LIMIT_S))
+
+    def step(self, step: Step) -> Iterator[ev.EventPayload]:
+        """Take in one step's replies; send again what was not answered and still stands."""
+        tick, replies = step
+        if self._stop is not None:
+            yield from self._confirm(self._stop, tick, replies)
+        for stop in self._open:
+            for reply in stop.advance(tick, replies):
+                yield ev.CommandReplied(reply=reply)
+            for command, times in stop.resends(tick):
+                resent = self._gate.resend(command, times)
+                if resent is not None:
+                    yield resent
+                else:
+                    stop.forget(command)
+        self._open = [stop for stop in self._open if not stop.finished]
+
+    def _confirm(
+        self, stop: StopConfirmation, tick: int, replies: Sequence[CommandReply]
+    ) -> Iterator[ev.EventPayload]:
+        """Compare a stop with answers and telemetry; report each change of what is in doubt."""
+        for reply in stop.answer(replies):
+            yield ev.CommandReplied(reply=reply)
+        overdue = stop.look(self._fleet.picture(), self._fleet.time_s)
+        if overdue != self._overdue:
+            self._overdue = overdue
+            yield ev.StopUnconfirmed(assets=dict(overdue))
+        for command, times in stop.resends(tick, overdue):
+            resent = self._gate.resend(command, times)
+            if resent is not None:
+                yield resent

@@ -1,0 +1,1 @@
+"""Who goes: the commands that serve an order, and how far a plan fulfils it."""

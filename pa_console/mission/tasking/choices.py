@@ -1,0 +1,508 @@
+"""The commands of plans that serve an order, and the candidates for each.
+
+Recon from the air comes first, then identification, then a warning, then a block of a contact that
+is hostile and was warned; noncombatants are only watched (ROE-08). The workflow goes on by itself
+later. This is the other side of `fulfilment.py`: there a plan is compared with a reading, here
+commands are made from one.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, islice
+from typing import NamedTuple
+
+from pa_console.language.order import Ask, Reading, Task
+from pa_console.llm.roles.grammar import CommandSlot
+from pa_console.mission.tasking.fulfilment import is_to_be_warned, of_everyone, reporters
+from pa_console.mission.tasking.moves import PlanMoves
+from pa_console.mission.tasking.obstacles import is_of, obstacle_to, unfit
+from pa_console.policy.checks.check_context import goes_to
+from pa_console.schema.plan import MAX_ACTIONS, Action, Plan
+from pa_console.schema.telemetry import Picture, Track
+from pa_console.schema.world import AssetKind, World
+
+
+class NotInPictureError(Exception):
+    """The plan for an ask depends on more than the picture shows."""
+
+
+class CommandUnit(NamedTuple):
+    """Commands that serve a part of an order, all of them or none."""
+
+    slots: tuple[CommandSlot, ...]
+    ahead: bool = False
+    """The looks at places without a known contact: given up before any other part."""
+
+
+@dataclass(frozen=True)
+class StandingAssets(PlanMoves):
+    """The places of all assets before a plan for an order that names those in `named`."""
+
+    named: frozenset[str] = frozenset()
+
+    def free(self, kind: AssetKind | None = None) -> list[str]:
+        """Return who could be sent somewhere, of one kind if that is given, but for those named."""
+        return [name for name in super().free(kind) if name not in self.named]
+
+    def near(self, place: str, kind: AssetKind) -> tuple[str, ...]:
+        """Return the assets of a kind at a place, then the free ones; no named ones."""
+        there = (name for name in self.there(place, kind) if name not in self.named)
+        return tuple(dict.fromkeys((*there, *self.free(kind))))
+
+    def fit(self, ask: Ask) -> list[str]:
+        """Return the assets that `ask` names and that can do their part of it."""
+        return [n for n in ask.who.names if not unfit(n, ask, self.world, self.before)]
+
+
+def units_of_one(slots: Iterable[CommandSlot]) -> Iterator[CommandUnit]:
+    """Yield every slot as a unit of its own."""
+    yield from (CommandUnit((slot,)) for slot in slots)
+
+
+def one_unit(slots: Iterable[CommandSlot]) -> Iterator[CommandUnit]:
+    """Yield one unit of all slots, if there are any."""
+    if every := tuple(slots):
+        yield CommandUnit(every)
+
+
+_MOST_RELIEFS = 3
+"""Ways in which one gate is taken over that are looked at, the soonest first."""
+
+_DETOUR = 1.2
+"""The allowed length of a way, as a multiple of the straight one."""
+Moves = Mapping[str, str]
+"""Destinations by agent: agent -> frame."""
+Commands = tuple[tuple[str, str], ...]
+"""Agents with their commands."""
+
+
+def backfill_commands(
+    stands: StandingAssets, goals: Moves, *, others_stay: bool, late: bool
+) -> Iterator[Commands]:
+    """Yield the commands that keep every gate covered and unknown tracks seen first, best first.
+
+    With `late`, a gate may be taken over by whoever is there soonest, though that is after its
+    grace by the straight way. Nothing is yielded where there is no way, or one that would need
+    others of whom the order says that they stay.
+    """
+    needs = [*_bare(stands, goals, late=late), *_unseen(stands, goals)]
+    if not needs:
+        yield ()
+    elif not others_stay:
+        yield from _came(stands, goals, needs, late=late)
+
+
+def _came(
+    stands: StandingAssets, goals: Moves, needs: Sequence[str], *, late: bool
+) -> Iterator[Commands]:
+    """Yield who comes to the places in `needs`, one for each."""
+    if not needs:
+        if not [*_bare(stands, goals, late=late), *_unseen(stands, goals)]:
+            yield ()
+        return
+    place, *others = needs
+    command, names = _helpers(stands, goals, place, late=late)
+    for name in names[:_MOST_RELIEFS]:
+        for rest in _came(stands, {**goals, name: place}, others, late=late):
+            yield ((name, command), *rest)
+
+
+def _helpers(
+    stands: StandingAssets, goals: Moves, place: str, *, late: bool
+) -> tuple[str, list[str]]:
+    """Return the command for the asset that comes to `place`, and the candidates for it."""
+    spare = [n for n in stands.free() if n not in goals and not _is_last(stands, n, goals)]
+    if _is_unseen(stands, goals, place):
+        return f"observe {place}", [name for name in spare if stands.kind(name) == "uav"]
+    soonest = sorted(spare, key=lambda name: _way_s(stands, name, place))
+    return f"move_to {place}", [n for n in soonest if late or _is_in_time(stands, n, place)]
+
+
+def _bare(stands: StandingAssets, goals: Moves, *, late: bool) -> Iterator[str]:
+    """Yield each gate that all its guards leave and that no asset reaches in time."""
+    for gate in stands.world.gates:
+        guards = stands.guards(gate)
+        if not guards or any(goals.get(name, gate) == gate for name in guards):
+            continue
+        coming = [name for name, goal in goals.items() if goal == gate]
+        if not any(late or _is_in_time(stands, name, gate) for name in coming):
+            yield gate
+
+
+def _unseen(stands: StandingAssets, goals: Moves) -> Iterator[str]:
+    """Yield each place to which only ground assets go although an unseen track is there."""
+    yield from (p for p in dict.fromkeys(goals.values()) if _is_unseen(stands, goals, p))
+
+
+def _is_unseen(stands: StandingAssets, goals: Moves, place: str) -> bool:
+    unknown = any(t.identity == "unknown" and not t.observed for t in stands.tracks(place))
+    coming = [name for name, goal in goals.items() if goal == place != stands.post(name)]
+    flown = any(stands.kind(name) == "uav" for name, goal in goals.items() if goal == place)
+    watched = any(name not in goals for name in stands.there(place, "uav"))
+    return unknown and bool(coming) and not flown and not watched
+
+
+def bare_s(stands: StandingAssets, goals: Moves) -> float:
+    """Return how long the gates that all their guards leave wait for a new guard, in seconds."""
+    left = (
+        [_way_s(stands, name, gate) for name, goal in goals.items() if goal == gate]
+        for gate in stands.world.gates
+        if (guards := stands.guards(gate)) and all(goals.get(n, gate) != gate for n in guards)
+    )
+    return sum(min(coming, default=math.inf) for coming in left)
+
+
+def but_guards(stands: StandingAssets, names: Sequence[str], place: str) -> Iterator[str]:
+    """Yield `names` without the last guard of each gate but `place`, who stays (WF-03)."""
+    left = {gate: [*stands.guards(gate)] for gate in stands.world.gates if gate != place}
+    for name in names:
+        gate = stands.post(name)
+        if left.get(gate) != [name]:
+            yield name
+            if name in left.get(gate, ()):
+                left[gate].remove(name)
+
+
+def _is_last(stands: StandingAssets, name: str, goals: Moves) -> bool:
+    """Return whether all other guards of the gate that `name` covers go away."""
+    gate = stands.post(name)
+    guards = stands.guards(gate)
+    return name in guards and all(goals.get(g, gate) != gate for g in guards if g != name)
+
+
+def _is_in_time(stands: StandingAssets, name: str, gate: str) -> bool:
+    """Return whether an asset can reach `gate` within its grace time, with a detour."""
+    return _DETOUR * _way_s(stands, name, gate) <= stands.world.coverage_grace_s
+
+
+def _way_s(stands: StandingAssets, name: str, gate: str) -> float:
+    """Return how long an asset needs at least to be at a gate, in seconds."""
+    way = math.dist(stands.before.assets[name].position, stands.world.frames[gate].at)
+    return way / stands.world.platforms[stands.kind(name)].speed_mps
+
+
+def identify_units(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
+    """Yield the commands that identify a contact; a drone looks first if none was seen (WF-02)."""
+    yield _only_looked_at(stands, ask.place) or _identified(stands, ask)
+
+
+def encounter_units(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
+    """Yield the next command about a contact, or a drone's look if there is no known one."""
+    tracks = stands.tracks(ask.place)
+    if look := _only_looked_at(stands, ask.place):
+        yield look
+    elif any(_is_stranger(track) for track in tracks):
+        at_once = ask.task == "warn" or all(track.observed for track in tracks)
+        yield _identified(stands, ask) if at_once else CommandUnit(_look(stands, ask.place))
+    elif any(map(is_to_be_warned, tracks)):
+        yield CommandUnit((CommandSlot(_robots(stands, ask), f"warn {ask.place}"),))
+    else:
+        raise NotInPictureError
+
+
+def block_units(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
+    """Yield who closes a lane; whoever is there is met in order before (WF-01)."""
+    if all(map(_may_block, stands.tracks(ask.place))):
+        if ask.who.names:
+            yield from (
+                CommandUnit((CommandSlot((n,), f"block {ask.place}"),)) for n in stands.fit(ask)
+            )
+        elif vehicles := stands.near(ask.place, "ugv"):
+            yield CommandUnit((CommandSlot(vehicles, f"block {ask.place}"),))
+    else:
+        yield from encounter_units(
+            stands, replace(ask, task="respond", who=replace(ask.who, names=()))
+        )
+
+
+def _is_stranger(track: Track) -> bool:
+    return track.identity == "unknown" and track.status != "leaving"
+
+
+def _may_block(track: Track) -> bool:
+    known = track.identity == "unauthorized" and track.warned and track.intent == "hostile"
+    return known and not track.noncombatants
+
+
+def _identified(stands: StandingAssets, ask: Ask) -> CommandUnit:
+    look = () if all(t.observed for t in stands.tracks(ask.place)) else _look(stands, ask.place)
+    return CommandUnit((*look, CommandSlot(_robots(stands, ask), f"identify {ask.place}")))
+
+
+def _only_looked_at(stands: StandingAssets, place: str) -> CommandUnit | None:
+    """Return the look that suffices without a known contact, or with noncombatants."""
+    tracks = stands.tracks(place)
+    if tracks and not any(track.noncombatants for track in tracks):
+        return None
+    return CommandUnit(_look(stands, place), ahead=not tracks)
+
+
+def _look(stands: StandingAssets, place: str) -> tuple[CommandSlot, ...]:
+    """Return that a drone looks at a place."""
+    return (CommandSlot(stands.near(place, "uav"), f"observe {place}"),)
+
+
+def _robots(stands: StandingAssets, ask: Ask) -> tuple[str, ...]:
+    """Return the robots for an encounter: those that `ask` names, or any."""
+    return tuple(stands.fit(ask)) or stands.near(ask.place, "robot")
+
+
+def units(stands: StandingAssets, ask: Ask) -> list[CommandUnit]:
+    """Return the commands that serve `ask`, none if no asset has to act.
+
+    Raises UntoldError if the console cannot determine them.
+    """
+    found = list(_SERVES[ask.task](stands, ask))
+    if not all(slot.agents for unit in found for slot in unit.slots):
+        return []
+    return found
+
+
+def _sent(stands: StandingAssets, ask: Ask, command: str, place: str) -> Iterator[CommandUnit]:
+    """Yield `command` for the named assets, or for the requested number of available ones.
+
+    A gate may need each named asset that covers it alone.
+    """
+    team = ask.who
+    if team.names:
+        away = [n for n in stands.fit(ask) if ask.task == "home" or stands.post(n) != place]
+        yield from one_unit(CommandSlot((n,), command) for n in away if n not in stands.alone)
+        yield from units_of_one(CommandSlot((n,), command) for n in away if n in stands.alone)
+        return
+    free = [
+        name
+        for name in stands.free(team.kind)
+        if stands.post(name) != place and is_of(stands, name, ask)
+    ]
+    number = len(free) if team.count == "all" or ask.task == "mass" else team.count
+    if number >= len(free):
+        yield from units_of_one(
+            CommandSlot((name,), command) for name in but_guards(stands, free, place)
+        )
+    else:
+        yield from units_of_one(CommandSlot(tuple(free), command) for _ in range(number))
+
+
+def _gone(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
+    yield from _sent(stands, ask, f"move_to {ask.place}", ask.place)
+
+
+def _home(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
+    yield from _sent(stands, ask, "return_to_base", stands.world.base)
+
+
+def _looked(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
+    if ask.who.names:
+        yield from one_unit(
+            CommandSlot((name,), f"observe {ask.place}") for name in stands.fit(ask)
+        )
+        return
+    near = (n for n in stands.near(ask.place, "uav") if is_of(stands, n, ask))
+    if drones := tuple(n for n in near if not unfit(n, ask, stands.world, stands.before)):
+        yield CommandUnit((CommandSlot(drones, f"observe {ask.place}"),))
+
+
+def _taken_over(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
+    """Yield who leaves and who comes; nobody comes where those who could stand there already."""
+    place = ask.place or (stands.post(ask.leaving) if ask.leaving else "")
+    leaves: tuple[CommandSlot, ...] = ()
+    if ask.task == "relieve" and stands.before.assets[ask.leaving].available:
+        leaves = (CommandSlot((ask.leaving,), "return_to_base"),)
+    if ask.who.names:
+        away = (name for name in stands.fit(ask) if stands.post(name) != place)
+        come = tuple(CommandSlot((name,), f"move_to {place}") for name in away)
+    else:
+        others = tuple(_guards(stands, ask, place))
+        stays = ask.task == "relieve" and not others and _stand_there(stands, ask, place)
+        come = () if stays else (CommandSlot(others, f"move_to {place}"),)
+    yield from one_unit((*leaves, *come))
+
+
+def _guards(stands: StandingAssets, ask: Ask, place: str) -> list[str]:
+    """Return who could come to guard a place: of the kind that is asked for first, then others."""
+    kind, assets = ask.who.kind, stands.before.assets
+    free = [n for n in stands.free() if is_of(stands, n, ask) and stands.post(n) != place]
+    if not any(kind in (None, stands.kind(name)) for name in free):
+        free = [] if _stand_there(stands, ask, place) else free
+    return sorted(free, key=lambda n: (assets[n].comms != "ok", kind not in (None, stands.kind(n))))
+
+
+def _stand_there(stands: StandingAssets, ask: Ask, place: str) -> bool:
+    """Return whether a free asset that could guard a place stands there."""
+    free = (name for name in stands.free(ask.who.kind) if is_of(stands, name, ask))
+    return any(stands.post(name) == place for name in free)
+
+
+def _swapped(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
+    first, second = ask.who.names
+    places = ((first, second), (second, first))
+    yield CommandUnit(
+        tuple(CommandSlot((one,), f"move_to {stands.post(other)}") for one, other in places)
+    )
+
+
+def _stood_down(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
+    """Yield that all but one of those at a place go home: who is low rather than who is not."""
+    assets = stands.before.assets
+    there = [n for n, a in assets.items() if a.available and a.post == ask.place]
+    stays = sorted(there, key=lambda n: assets[n].low_battery)[:1]
+    leave = [name for name in there if name not in (*stays, *stands.named)]
+    yield from one_unit(CommandSlot((name,), "return_to_base") for name in leave)
+
+
+def _reported(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
+    team = ask.who
+    if team.names:
+        yield from units_of_one(CommandSlot((name,), "report") for name in stands.fit(ask))
+        return
+    asked = tuple(n for n in reporters(ask, stands.before) if n not in stands.named)
+    number = team.count
+    if number != "all" and not of_everyone(ask):
+        yield from units_of_one(
+            CommandSlot(asked, "report") for _ in range(min(number, len(asked)))
+        )
+
+
+def _held(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
+    yield from units_of_one(CommandSlot((name,), "hold") for name in stands.fit(ask))
+
+
+def _untold(_stands: StandingAssets, _ask: Ask) -> Iterator[CommandUnit]:
+    raise NotInPictureError
+
+
+_SERVES: Mapping[Task, Callable[[StandingAssets, Ask], Iterator[CommandUnit]]] = {
+    "go": _gone,
+    "mass": _gone,
+    "home": _home,
+    "look": _looked,
+    "identify": identify_units,
+    "warn": encounter_units,
+    "respond": encounter_units,
+    "block": block_units,
+    "cover": _taken_over,
+    "relieve": _taken_over,
+    "swap": _swapped,
+    "stand_down": _stood_down,
+    "report": _reported,
+    "hold": _held,
+    "refused": _untold,
+    "unreadable": _untold,
+}
+
+
+_NOTHING = Plan(reason="nothing yet", actions=())
+_TRIED = 100
+"""Ways to give the commands of a part of an order to assets that are looked at."""
+_WAYS = 12
+"""The number of assignments, with every gate covered, that the model may choose from."""
+_PARTS = 40
+"""Parts of an order that are looked at, the largest first."""
+
+Way = tuple[Action, ...]
+
+
+def commands_serving(
+    reading: Reading, world: World, picture: Picture
+) -> Iterator[tuple[CommandSlot, ...]]:
+    """Yield the commands of plans that serve `reading`, each with who may have it, best first.
+
+    What can all be done is, and else as much as can: what only looks ahead is given up first, then
+    what was asked last. Of each part, the model's choice comes before the console's own. Those that
+    cover a gate come first (WF-03). At last, or where nothing can be done, somebody holds. Nothing
+    is yielded where the console cannot tell what serves the order.
+    """
+    named = (n for ask in reading.asks for n in (*ask.who.names, ask.leaving) if n)
+    stands = StandingAssets(world, picture, _NOTHING, frozenset((*named, *reading.excluded)))
+    due = [ask for ask in reading.asks if not obstacle_to(ask, world, picture)]
+    try:
+        found = [unit for ask in due for unit in units(stands, ask)]
+    except NotInPictureError:
+        return
+    called = [name for ask in due if of_everyone(ask) for name in reporters(ask, picture)]
+    for part in _parts(found[:MAX_ACTIONS]) if found or called else []:
+        slots = [slot for unit in part for slot in unit.slots]
+        for late in (False, True):
+            ways = _ways(stands, slots, called, others_stay=reading.others_stay, late=late)
+            if looked_at := list(islice(ways, _WAYS)):
+                looked_at.sort(key=lambda way: _late_s(stands, way))
+                yield from _chosen(looked_at)
+                break
+    yield (CommandSlot(tuple(name for name, a in picture.assets.items() if a.available), "hold"),)
+
+
+def _parts(found: Sequence[CommandUnit]) -> list[list[CommandUnit]]:
+    """Return parts of what serves an order, the largest first, and at first all of it."""
+    number = len(found)
+    left_out = (
+        sorted(
+            combinations(range(number), count),
+            key=lambda out: (sum(not found[i].ahead for i in out), [-i for i in reversed(out)]),
+        )
+        for count in range(max(number, 1))
+    )
+    every = (out for some in left_out for out in some)
+    return [[unit for i, unit in enumerate(found) if i not in out] for out in islice(every, _PARTS)]
+
+
+def _chosen(ways: Sequence[Way]) -> Iterator[tuple[CommandSlot, ...]]:
+    """Yield what `ways` leave open to choice, and then the first of them as it is."""
+    first = ways[0]
+    commands = [action.command for action in first]
+    alike = [way for way in ways if [action.command for action in way] == commands]
+    names = (dict.fromkeys(way[i].agent for way in alike) for i in range(len(first)))
+    yield tuple(CommandSlot(tuple(n), said) for n, said in zip(names, commands, strict=True))
+    if len(alike) > 1:
+        yield tuple(CommandSlot((action.agent,), action.command) for action in first)
+
+
+def _ways(
+    stands: StandingAssets,
+    slots: Sequence[CommandSlot],
+    called: Sequence[str],
+    *,
+    others_stay: bool,
+    late: bool,
+) -> Iterator[Way]:
+    """Yield plans in which each asset has one command at most and no gate is left.
+
+    The assets in `called` report if they have nothing else to do. With `late`, gates may wait for
+    their new guard.
+    """
+    for given in islice(_given(slots), _TRIED):
+        goals = _goals(stands, given)
+        for more in backfill_commands(stands, goals, others_stay=others_stay, late=late):
+            first = [Action(agent=name, command=said) for name, said in more]
+            busy = {*goals, *(name for name, _ in more)}
+            told = (Action(agent=n, command="report") for n in called if n not in busy)
+            if way := (*first, *given, *told)[:MAX_ACTIONS]:
+                yield way
+
+
+def _goals(stands: StandingAssets, actions: Sequence[Action]) -> dict[str, str]:
+    """Return the place of each commanded asset once its command is carried out."""
+    ends = ((action.agent, goes_to(action, stands.world)) for action in actions)
+    return {name: goal or stands.post(name) for name, goal in ends}
+
+
+def _late_s(stands: StandingAssets, way: Way) -> float:
+    """Return how long the gates that their guards leave wait for others at least, in seconds."""
+    return bare_s(stands, _goals(stands, way))
+
+
+def _given(
+    slots: Sequence[CommandSlot], had: tuple[Action, ...] = ()
+) -> Iterator[tuple[Action, ...]]:
+    """Yield the ways to give each of `slots` to an asset without a command."""
+    number = len(had)
+    if number == len(slots):
+        yield had
+        return
+    agents, command = slots[number]
+    if number and slots[number] == slots[number - 1]:
+        agents = agents[agents.index(had[-1].agent) + 1 :]
+    busy = {action.agent for action in had}
+    for name in agents:
+        if name not in busy:
+            yield from _given(slots, (*had, Action(agent=name, command=command)))

@@ -1,0 +1,270 @@
+"""The parts of an order that cannot be carried out now, or need not be, and the movable assets.
+
+A part that could be done and is not planned is for the judge to object to (`fulfilment.py`).
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from pa_console.language.feasibility import VERB_FOR, Obstacle, asset_obstacles, can_do, obstacle
+from pa_console.language.order import Ask, Reading, Task
+from pa_console.mission.tasking.moves import PlanMoves
+from pa_console.schema.command import COMMANDS
+from pa_console.schema.telemetry import Picture
+from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
+
+
+def obstacle_to(ask: Ask, world: World, picture: Picture) -> str:
+    """Return why nothing of `ask` can be done, empty when at least a part can."""
+    if ask.task == "refused":
+        return "no order may have that"
+    found = obstacle(
+        ask, world, lambda name: next(asset_obstacles(name, ask, world, picture), None)
+    )
+    if found is not None:
+        return _told(found, ask.task)
+    return "" if ask.who.names else _nobody(ask, picture)
+
+
+def unfit(name: str, ask: Ask, world: World, picture: Picture) -> str:
+    """Return why the asset of that name cannot do its part of `ask`, empty when it can."""
+    found = next(asset_obstacles(name, ask, world, picture), None)
+    return "" if found is None else _told(found, ask.task)
+
+
+def _told(found: Obstacle, task: Task) -> str:
+    """Return an obstacle in words, with its rule where there is one."""
+    match found.problem:
+        case "closed":
+            return f"{found.subject} is closed (ROE-07)"
+        case "no place":
+            return "no such place (CAP-06)"
+        case "no asset":
+            return f"no asset {found.subject} (CAP-10)"
+        case "down":
+            return f"{found.subject} is down"
+        case "low":
+            return f"{found.subject} is low (CAP-04)"
+        case "poor link":
+            return f"{found.subject} has a poor link (CAP-05)"
+        case "wrong kind":
+            kind = "asset" if found.kind is None else PLAIN_KINDS[found.kind]
+            return f"no {kind} can {VERB_FOR[task]}"
+
+
+def _nobody(ask: Ask, picture: Picture) -> str:
+    """Return that every asset which could do it is down."""
+    kind, verb = ask.who.kind, VERB_FOR.get(ask.task)
+    kinds = (kind,) if kind is not None else COMMANDS[verb].kinds if verb is not None else ()
+    up = {asset.kind for asset in picture.assets.values() if asset.available}
+    return "" if not kinds or up.intersection(kinds) else "whoever could do it is down (CAP-10)"
+
+
+def post_of(moves: PlanMoves, ask: Ask) -> str:
+    """Return the place to take over: the named one, or that of the asset that leaves."""
+    return ask.place or (moves.post(ask.leaving) if ask.leaving else "")
+
+
+@dataclass(frozen=True)
+class PlanForOrder:
+    """A plan, and the asks of its order that can be carried out."""
+
+    moves: PlanMoves
+    due: tuple[Ask, ...]
+    others_stay: bool
+    watched: frozenset[str] = frozenset()
+    """The places of asks that no asset can carry out: a look there is a safe alternative
+    (CAP-10)."""
+
+    def spare(self, ask: Ask, kind: AssetKind | None = None) -> list[str]:
+        """Return the free assets, of one kind if given, that act for no ask but `ask`.
+
+        If `ask` names an origin, only those from there.
+        """
+        moves, others = self.moves, [each for each in self.due if each != ask]
+        return [
+            name
+            for name in moves.free(kind)
+            if is_of(moves, name, ask)
+            and not moves.takes_over(name)
+            and not (name in moves.moved and any(_carries_out(moves, name, w) for w in others))
+        ]
+
+    def can_deal(self, ask: Ask) -> bool:
+        """Return whether an asset could look at the place of `ask`, or deal with a contact there.
+
+        A drone can, from its place or as a spare one; a robot once a track was seen (WF-02).
+        """
+        moves, tracks = self.moves, self.moves.tracks(ask.place)
+        seen = bool(tracks) and all(track.observed for track in tracks)
+        kinds: tuple[AssetKind, ...] = ("uav", "robot") if seen else ("uav",)
+        if any(moves.there(ask.place, kind) for kind in kinds):
+            return True
+        return not self.others_stay and any(self.spare(ask, kind) for kind in kinds)
+
+
+def is_of(moves: PlanMoves, name: str, ask: Ask) -> bool:
+    """Return whether `name` comes from the place that the order names as the origin."""
+    return ask.who.origin in ("", moves.post(name))
+
+
+def may_move(moves: PlanMoves, name: str, ask: Ask) -> bool:
+    """Return whether `name` may move for `ask`."""
+    if name in (*ask.who.names, ask.leaving):
+        return True
+    goal, fits = moves.ends(name), ask.who.kind in (None, moves.kind(name))
+    from_there = is_of(moves, name, ask)
+    match ask.task:
+        case "go" | "mass":
+            return not ask.who.names and goal == ask.place and fits and from_there
+        case "home":
+            return not ask.who.names and goal == moves.world.base and fits and from_there
+        case "look":
+            return goal == ask.place and moves.kind(name) == "uav" and from_there
+        case "cover" | "relieve":
+            return goal == post_of(moves, ask) and from_there
+        case "stand_down":
+            return goal == moves.world.base and moves.post(name) == ask.place
+        case "identify" | "warn" | "block" | "respond":
+            return goal == ask.place
+        case _:
+            return False
+
+
+def _carries_out(moves: PlanMoves, name: str, ask: Ask) -> bool:
+    """Return whether `name` carries out `ask` itself, and does not only look first (WF-02)."""
+    kind = moves.kind(name)
+    asked = name in ask.who.names or ask.who.kind in (None, kind)
+    return may_move(moves, name, ask) and (name == ask.leaving or asked) and can_do(kind, ask.task)
+
+
+_LOOKS: frozenset[Task] = frozenset(("look", "identify", "warn", "respond"))
+"""The verbs that begin with a drone's look (WF-02)."""
+_GOES: frozenset[Task] = frozenset((*_LOOKS, "go", "mass", "home", "block", "cover", "relieve"))
+
+
+_MEETS: frozenset[Task] = frozenset(("identify", "warn", "respond"))
+"""The verbs that need a contact at the place."""
+_ONLY_FREE = re.compile(
+    r"\b(?:free|spared?|available|idle|unassigned|surplus|extra|needed|can|could|possible|rest"
+    r"|others?|remaining)\b"
+)
+"""Words, in lower case, that limit *all* to the available assets."""
+
+
+class Unmet(NamedTuple):
+    """A part of an order that a plan does not do, and the reason."""
+
+    told: str
+    so: bool = False
+    """True if it is already as ordered."""
+
+
+def unmet_asks(moves: PlanMoves, reading: Reading, text: str) -> tuple[Unmet, ...]:
+    """Return each ask of `reading` that is not or not wholly carried out, with the reason.
+
+    `text` is the order in its own words: where it asks for all and not for those who are free, it
+    is told who stays.
+    """
+    world, before = moves.world, moves.before
+    due = tuple(ask for ask in reading.asks if not obstacle_to(ask, world, before))
+    case = PlanForOrder(moves, due, reading.others_stay)
+    every = not _ONLY_FREE.search(text.lower())
+    found = (
+        Unmet(f"{ask.words}: {why}", so)
+        for ask in reading.asks
+        for why, so in _unmet(case, ask, every=every)
+        if why
+    )
+    return tuple({one.told: one for one in found}.values())
+
+
+def _unmet(case: PlanForOrder, ask: Ask, *, every: bool) -> Iterator[tuple[str, bool]]:
+    """Yield why `ask` is not carried out and whether that is because it is so already."""
+    there = _there_already(case.moves, ask)
+    why = _why(case, ask)
+    yield why or there, not why
+    if every and not why:
+        yield ", ".join(_left(case.moves, ask)), False
+
+
+def _there_already(moves: PlanMoves, ask: Ask) -> str:
+    """Return who stands already where somebody was asked for and nobody is sent."""
+    if ask.task != "go" or obstacle_to(ask, moves.world, moves.before):
+        return ""
+    if ask.who.names:
+        there = [n for n in ask.who.names if _is_there(moves, n, ask)]
+    else:
+        there = [] if moves.sent(ask.place, ask.who.kind) else _standing(moves, ask)
+    return f"{', '.join(there)} there already" if there else ""
+
+
+def _is_there(moves: PlanMoves, name: str, ask: Ask) -> bool:
+    post = moves.post(name) if name in moves.world.assets else ""
+    return post == ask.place and name not in moves.moved
+
+
+def _left(moves: PlanMoves, ask: Ask) -> Iterator[str]:
+    """Yield who of all that were asked for is left where it is, with the reason."""
+    if ask.who.count != "all" or ask.task not in ("go", "mass", "home"):
+        return
+    place = moves.world.base if ask.task == "home" else ask.place
+    for name, asset in moves.before.assets.items():
+        meant = ask.who.kind in (None, asset.kind) and is_of(moves, name, ask)
+        if not meant or place in (moves.ends(name), moves.post(name)):
+            continue
+        if why := unfit(name, ask, moves.world, moves.before):
+            yield why
+        elif name in moves.alone:
+            yield f"{name} covers {moves.post(name)} alone (WF-03)"
+        else:
+            yield f"{name} stays"
+
+
+def _why(case: PlanForOrder, ask: Ask) -> str:
+    moves = case.moves
+    if why := obstacle_to(ask, moves.world, moves.before):
+        return why
+    if ask.task in _MEETS and not moves.tracks(ask.place):
+        return "nobody is in sight there"
+    if ask.who.names:
+        return ", ".join(_kept(moves, ask))
+    if ask.task not in _GOES:
+        return ""
+    team, sent = ask.who, len(moves.sent(ask.place, ask.who.kind))
+    if ask.task == "go" and team.count != "all" and 0 < sent < team.count:
+        return f"no more than {sent} can be spared"
+    return "" if _begun(moves, ask) or case.spare(ask, _needed(ask)) else "nobody can be spared"
+
+
+def _kept(moves: PlanMoves, ask: Ask) -> Iterator[str]:
+    """Yield why those who were named do not do their part."""
+    for name in ask.who.names:
+        post = moves.post(name) if name in moves.world.assets else ""
+        if why := unfit(name, ask, moves.world, moves.before):
+            yield why
+        elif ask.task in _GOES and name in moves.alone and moves.ends(name) == post != ask.place:
+            yield f"{name} covers {post} alone"
+
+
+def _begun(moves: PlanMoves, ask: Ask) -> bool:
+    """Return whether an asset acts for `ask`, or the one it needs stands there already."""
+    acting = (a.agent for a in moves.plan.actions if a.verb not in ("hold", "report"))
+    return bool(_standing(moves, ask)) or any(may_move(moves, name, ask) for name in acting)
+
+
+def _standing(moves: PlanMoves, ask: Ask) -> list[str]:
+    """Return the assets that `ask` needs and that stand at its place."""
+    place = moves.world.base if ask.task == "home" else post_of(moves, ask)
+    kind = _needed(ask)
+    kinds: tuple[AssetKind, ...] = (kind,) if kind else ("uav", "ugv", "robot")
+    return [name for kind in kinds for name in moves.there(place, kind)]
+
+
+def _needed(ask: Ask) -> AssetKind | None:
+    """Return the kind of asset that has to be free for `ask`, None where any would do."""
+    if ask.task in _LOOKS:
+        return "uav"
+    return "ugv" if ask.task == "block" else ask.who.kind

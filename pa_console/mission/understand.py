@@ -1,0 +1,204 @@
+"""Steps 1 and 2: what the words of a mission rule out, and which rules concern them."""
+
+import asyncio
+from dataclasses import dataclass, replace
+from time import perf_counter
+
+from pa_console.language.contradiction import contradiction
+from pa_console.language.references.outcome import Unclear
+from pa_console.language.references.resolution import Answers
+from pa_console.mission.context import MissionContext
+from pa_console.mission.standing import example_subject, starts_now
+from pa_console.policy.checks.rule_checks import check_mission
+from pa_console.policy.standing_conditions import StandingCondition
+from pa_console.schema.command import Verb
+from pa_console.schema.events import event as ev
+from pa_console.schema.mission import MAX_MISSION_TEXT, Mission
+from pa_console.schema.rule import RuleHit
+from pa_console.schema.standing import StandingOrder, StandingStart
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A mission that no plan may serve; `reason` names the rules."""
+
+    reason: str
+
+
+@dataclass(frozen=True)
+class NotUnderstood:
+    """A mission whose words are no order that the console can read; `question` asks back.
+
+    Where only the words that were `said` are not clear, what they can mean is in `choices`.
+    """
+
+    question: str
+    said: str = ""
+    choices: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Understood:
+    """A mission that can be planned, with names in place of references."""
+
+    mission: Mission
+    references: tuple[ev.Reference, ...] = ()
+    undoes: bool = False
+    """True if it takes back the last order."""
+    corrects: bool = False
+    """True if it replaces the last order."""
+
+
+@dataclass(frozen=True)
+class StandingOffer:
+    """A standing order to propose, and the missions that it would start `now`."""
+
+    condition: StandingCondition
+    now: tuple[StandingStart, ...] = ()
+
+    @property
+    def order(self) -> StandingOrder:
+        """The order itself."""
+        return self.condition.order
+
+
+@dataclass(frozen=True)
+class Retrieved:
+    """The next plan's task, and the rules in the planner's prompt for it.
+
+    `task` is the mission itself, or a phase of its workflow; with `verbs`, the planner is given no
+    other commands. `chosen` is the operator's reading of the task; '' if the planner has to read
+    it.
+    """
+
+    task: Mission
+    hits: tuple[RuleHit, ...]
+    verbs: tuple[Verb, ...] = ()
+    chosen: str = ""
+
+    @property
+    def rule_ids(self) -> tuple[str, ...]:
+        """Ids of the rules that were retrieved for the task."""
+        return tuple(hit.rule_id for hit in self.hits)
+
+
+async def understand(
+    context: MissionContext, answers: Answers
+) -> Refused | NotUnderstood | Understood | StandingOffer:
+    """Step 1: decide what the mission's words alone rule out, and find what they point at.
+
+    Ruled out is what the rules on words refuse, and what is no order. No model has been asked so
+    far. `answers` are those to questions on its words.
+    """
+    refused = await _refused(context, context.mission)
+    if refused is not None or context.mission.source == "alarm":
+        return refused or Understood(context.mission)
+    if context.mission.source == "operator":
+        standing = await _standing(context)
+        if standing is not None:
+            return standing
+    read = await asyncio.to_thread(_read, context, answers)
+    if isinstance(read, Understood) and read.mission is not context.mission:
+        return await _refused(context, read.mission) or read
+    return read
+
+
+async def _standing(context: MissionContext) -> Refused | NotUnderstood | StandingOffer | None:
+    """Return a standing order to approve, or the fault of one; None if there is none.
+
+    Its order is tried for one subject: an order that can never be read, or that the rules on words
+    refuse, is no standing order either.
+    """
+    services, mission = context.services, context.mission
+    found = services.read_standing(mission.text)
+    if found is None:
+        return None
+    if isinstance(found, Unclear):
+        return NotUnderstood(found.question)
+    order = StandingOrder(
+        id=services.standing.new_id(),
+        text=mission.said,
+        each=found.condition.each,
+        condition=found.condition.cel,
+        words=found.condition.words,
+        order=found.order,
+        unasked=found.unasked,
+        most_an_hour=found.most_an_hour,
+    )
+    world, picture = services.fleet.world, services.fleet.picture()
+    try:
+        condition = StandingCondition(order, world)
+        now = starts_now(condition, picture)
+    except ValueError as error:
+        return NotUnderstood(f"its condition cannot be used: {error}")
+    subject = example_subject(order, picture)
+    typed = services.read_standing(mission.said)
+    said = found.order if isinstance(typed, Unclear) or typed is None else typed.order
+    given = order.model_copy(update={"order": said}).order_for(*subject)
+    words = {"text": order.order_for(*subject), "typed": given}
+    sample = mission.model_copy(update=words)
+    if refused := await _refused(context, sample):
+        return refused
+    read = await asyncio.to_thread(_read, replace(context, mission=sample), {})
+    if isinstance(read, NotUnderstood) and not read.said:
+        return NotUnderstood(f"what it orders is not understood: {read.question}")
+    return StandingOffer(condition, now)
+
+
+def _read(context: MissionContext, answers: Answers) -> NotUnderstood | Understood:
+    """Return an operator's words with names for what they point at, or what to ask back."""
+    services, mission = context.services, context.mission
+    found = services.resolve(mission.text, answers)
+    text = mission.text if isinstance(found, Unclear) else found.text
+    if question := services.question_back(mission, text):
+        return NotUnderstood(question)
+    for words in dict.fromkeys((mission.text, text)):
+        if (excluded := contradiction(services.fleet.world, words)) is not None:
+            return NotUnderstood(excluded.question)
+    if isinstance(found, Unclear):
+        return NotUnderstood(found.question, found.said, found.choices)
+    if found.text == mission.text or len(found.text) > MAX_MISSION_TEXT:
+        return Understood(mission)
+    references = tuple(ev.Reference(said=said, means=means) for said, means in found.meant)
+    read = mission.model_copy(update={"text": found.text, "typed": mission.said})
+    return Understood(read, references, found.undoes, found.corrects)
+
+
+async def _refused(context: MissionContext, mission: Mission) -> Refused | None:
+    services = context.services
+    if not services.variant.checks:
+        return None
+    started = perf_counter()
+    findings = await asyncio.to_thread(
+        check_mission, services.rulebook, mission, services.fleet.world
+    )
+    seconds = perf_counter() - started
+    context.stopwatch.add("checks_s", seconds)
+    blocking = [f"{f.rule_id}: {f.message}" for f in findings if f.blocking]
+    if not blocking:
+        return None
+    context.emit(ev.PlanChecked(attempt=1, findings=findings, seconds=seconds))
+    return Refused("; ".join(blocking))
+
+
+def retrieve(
+    context: MissionContext, task: Mission, verbs: tuple[Verb, ...] = (), chosen: str = ""
+) -> Retrieved:
+    """Step 2: find the rules that concern the words of `task`, and the pinned ones."""
+    started = perf_counter()
+    hits = _hits(context, task.text)
+    seconds = perf_counter() - started
+    context.stopwatch.add("retrieval_s", seconds)
+    method = context.services.retriever.method
+    context.emit(ev.RulesRetrieved(method=method, hits=hits, seconds=seconds))
+    return Retrieved(task, hits, verbs, chosen)
+
+
+def _hits(context: MissionContext, text: str) -> tuple[RuleHit, ...]:
+    """Return the rules for the prompt: pinned ones, best ones, or both, by variant."""
+    retriever, variant = context.services.retriever, context.services.variant
+    top_k = context.services.top_k if variant.retrieval else 0
+    if variant.pinned:
+        return retriever.retrieve(text, top_k)
+    best = retriever.score_all(text)[:top_k]
+    return tuple(hit.model_copy(update={"pinned": False}) for hit in best)

@@ -1,1 +1,0 @@
-"""The eight steps from mission to report, as a stream of typed events."""

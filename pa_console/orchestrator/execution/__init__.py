@@ -1,1 +1,0 @@
-"""Step 7: dispatch, follow, verify by telemetry; the last gate before the link."""

@@ -1,1 +1,0 @@
-"""A console that has joined the session of another station."""

@@ -1,1 +1,0 @@
-"""One mission through its eight steps, from its words to its report."""

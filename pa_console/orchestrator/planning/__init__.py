@@ -1,1 +1,0 @@
-"""Steps 2 to 6: from a mission's words to a plan that was checked, judged and decided on."""

@@ -1,0 +1,174 @@
+"""Other plans for an order: other readings and other agents, each rehearsed now."""
+
+import asyncio
+from collections.abc import AsyncGenerator, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice, product
+from typing import Literal
+
+from pa_console.language.plain_words import plain_reading
+from pa_console.language.reading import read_asked
+from pa_console.llm.roles.grammar import CommandSlot
+from pa_console.mission.examine import CheckBasis, examine
+from pa_console.mission.tasking.choices import commands_serving
+from pa_console.schema.events.questions import AnswerLine
+from pa_console.schema.mission import Mission
+from pa_console.schema.plan import Action, Plan
+from pa_console.schema.rehearsal import RehearsedReading
+from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.session.wording import order_in_words
+from pa_console.station.why import asked_of, attempt_of, rehearsed_in_words
+
+MOST_TRIED = 3
+"""Plans that are examined at most, where the ones before are blocked."""
+
+
+MOST_ASSIGNED = 12
+"""The number of assignments of the same commands that are tried for alternatives."""
+
+
+async def rehearse_reading(basis: CheckBasis, task: Mission, asked: str) -> RehearsedReading | None:
+    """Return the best plan for the reading `asked`, rehearsed in the present picture.
+
+    None if the console cannot find one.
+    """
+    fleet, reading = basis.fleet, read_asked(asked)
+    if reading is None or not reading.readable:
+        return None
+    ways = islice(commands_serving(reading, fleet.world, fleet.picture()), MOST_TRIED)
+    first: RehearsedReading | None = None
+    for slots in await asyncio.to_thread(list, ways):
+        plan = Plan(reason="", actions=_assigned(slots))
+        found = await examine(plan, task, fleet, basis.rulebook, variant=basis.variant)
+        if found.rehearsal is None:
+            continue
+        rehearsed = RehearsedReading(plan=plan, rehearsal=found.rehearsal, faults=found.faults)
+        if not found.blocked:
+            return rehearsed
+        first = first or rehearsed
+    return first
+
+
+async def rehearse_other_ways(
+    basis: CheckBasis, task: Mission, asked: str, but: Plan
+) -> AsyncGenerator[RehearsedReading]:
+    """Yield sound plans for the reading `asked` with other agents than the plan `but`.
+
+    The commands are those that the console itself would give, and no rule blocks a yielded plan.
+    None if the console cannot find one.
+    """
+    fleet, reading = basis.fleet, read_asked(asked)
+    if reading is None or not reading.readable:
+        return
+    first = await asyncio.to_thread(
+        lambda: next(commands_serving(reading, fleet.world, fleet.picture()), ())
+    )
+    known = {_orders(but)}
+    for actions in islice(_assignments(first), MOST_ASSIGNED):
+        plan = Plan(reason=asked, actions=actions)
+        if _orders(plan) in known:
+            continue
+        known.add(_orders(plan))
+        found = await examine(plan, task, fleet, basis.rulebook, variant=basis.variant)
+        if found.rehearsal is not None and not found.blocked:
+            yield RehearsedReading(plan=plan, rehearsal=found.rehearsal, faults=found.faults)
+
+
+def _orders(plan: Plan) -> frozenset[tuple[str, str]]:
+    return frozenset((action.agent, action.command) for action in plan.actions)
+
+
+def _assignments(slots: Sequence[CommandSlot]) -> Iterator[tuple[Action, ...]]:
+    """Yield who may have each of the commands, the best first; nobody has two."""
+    for agents in product(*(slot.agents for slot in slots)):
+        if len(set(agents)) == len(agents):
+            yield tuple(
+                Action(agent=agent, command=slot.command)
+                for agent, slot in zip(agents, slots, strict=True)
+            )
+
+
+def _assigned(slots: Sequence[CommandSlot]) -> tuple[Action, ...]:
+    """Return the commands with the first agent of each that has none; nobody has two."""
+    given: dict[int, str] = {}
+    for at in sorted(range(len(slots)), key=lambda at: len(slots[at].agents)):
+        free = (agent for agent in slots[at].agents if agent not in given.values())
+        if agent := next(free, ""):
+            given[at] = agent
+    return tuple(
+        Action(agent=given[at], command=slot.command)
+        for at, slot in enumerate(slots)
+        if at in given
+    )
+
+
+MOST_ALTERNATIVES = 2
+"""The number of other plans beside the present one; more when there are more readings."""
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """Another plan, for another `reading` of the order or another way to do the same."""
+
+    sort: Literal["reading", "way"]
+    asked: str
+    found: RehearsedReading
+
+    @property
+    def line(self) -> AnswerLine:
+        """The plan and the result of its rehearsal, in one line."""
+        plan, rehearsal = self.found.plan, self.found.rehearsal
+        orders = ", ".join(f"{a.agent} {order_in_words(a)}" for a in plan.actions) or "no command"
+        faults = f"; nobody may approve it: {'; '.join(self.found.faults)}"
+        bad = faults if self.found.faults else ""
+        read = f"read as “{plain_reading(self.asked)}”: " if self.sort == "reading" else ""
+        said = f"{read}{orders}; {rehearsed_in_words(rehearsal)}{bad}"
+        return AnswerLine(about=f"another {self.sort}", said=said)
+
+
+async def find_alternatives(basis: CheckBasis, trace: MissionTrace) -> AsyncGenerator[Alternative]:
+    """Yield other plans than the one that waits: for other readings, with other agents.
+
+    They are rehearsed in the present picture, and no model is asked.
+    """
+    attempt, request = attempt_of(trace), trace.approval
+    if attempt is None or attempt.plan is None:
+        return
+    known = 0
+    readings: Sequence[str] = request.readings if request is not None else ()
+    for asked in readings:
+        found = await rehearse_reading(basis, trace.mission, asked)
+        if found is not None:
+            known += 1
+            yield Alternative("reading", asked, found)
+    asked = asked_of(trace, attempt)
+    if not asked:
+        return
+    ways = rehearse_other_ways(basis, trace.mission, asked, attempt.plan)
+    while known < MOST_ALTERNATIVES:
+        found = await anext(ways, None)
+        if found is None:
+            return
+        if _only_holds(found.plan) and not _only_holds(attempt.plan):
+            continue
+        known += 1
+        yield Alternative("way", asked, found)
+
+
+def _only_holds(plan: Plan) -> bool:
+    """Return whether a plan only holds: the console's own way out when nothing can be done."""
+    return all(action.verb == "hold" for action in plan.actions)
+
+
+def order_for(plan: Plan, base: str) -> str:
+    """Return in words an order for just what a plan does: who goes where, and who does what."""
+    parts: list[str] = []
+    for action in plan.actions:
+        if action.verb == "move_to":
+            parts.append(f"{action.agent} to {action.target}")
+        elif action.verb == "return_to_base":
+            parts.append(f"{action.agent} to {base}")
+        else:
+            parts.append(f"{action.agent} {order_in_words(action)}")
+    *firsts, last = parts or [""]
+    return f"{', '.join(firsts)} and {last}." if firsts else f"{last}." if last else ""

@@ -1,0 +1,258 @@
+"""Answers a question of the operator's about what has been proposed or done.
+
+What is told is on record, in the picture, or found by the checks and the rehearsal that every plan
+goes through. No model is asked, nothing is decided, and no command is given.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+from pa_console.language.questions.question import Question
+from pa_console.language.questions.question_grammar import read_question
+from pa_console.language.references.scene import Scene
+from pa_console.mission.examine import CheckBasis
+from pa_console.mission.spelling import read_words
+from pa_console.policy.checks.plain_text import compatible_form
+from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.events import event as ev
+from pa_console.schema.events.questions import AnswerLine, QuestionAnswered
+from pa_console.schema.mission import MAX_MISSION_TEXT
+from pa_console.schema.telemetry import AssetTelemetry, Picture
+from pa_console.schema.text.quantities import clock_text
+from pa_console.session.state.fold import Notice, SessionState
+from pa_console.session.state.mission_trace import Attempt, MissionTrace
+from pa_console.session.wording import order_in_words
+from pa_console.station.alternatives import Alternative, find_alternatives
+from pa_console.station.why import (
+    asset_lines,
+    attempt_of,
+    checked_lines,
+    end_lines,
+    not_in_plan,
+    plan_lines,
+)
+from pa_console.station.why_not import why_not_lines
+
+MOST_REMEMBERED = 50
+"""The number of missions kept; a question is about the last one."""
+
+
+class RecentRecord:
+    """Folds the events of a session as its log has them, and forgets missions of long ago."""
+
+    def __init__(self, state: SessionState) -> None:
+        """Go on from `state`, which is the record's own from then on."""
+        self.state = state
+
+    def take(self, event: ev.Event) -> None:
+        """Take in one event; what no log tells, or nobody has verified, is no part of it."""
+        if event.data.transient or isinstance(event.data, ev.UNVERIFIED):
+            return
+        self.state.apply(event)
+        if isinstance(event.data, ev.MissionReceived):
+            self._forget()
+
+    def _forget(self) -> None:
+        missions = self.state.missions
+        over = [name for name, trace in missions.items() if trace.status is not None]
+        kept = (self.state.active, self.state.last_active)
+        for name in over[: max(len(missions) - MOST_REMEMBERED, 0)]:
+            if name not in kept:
+                del missions[name]
+
+
+IS_QUESTION = "this is a question: it is answered where it is asked, and no mission is made of it"
+NO_QUESTION = (
+    "this is no question that is answered here; those are Why?, Why ASSET?, Why not ASSET?, "
+    "Why is nobody at GATE? and What would you do instead?"
+)
+
+
+def question_in(text: str, scene: Scene, rulebook: Rulebook) -> Question | None:
+    """Return the question about the record in `text`; None for an order.
+
+    Slips of the hand are put right as in an order, and the typed text is kept.
+    """
+    if len(text) > MAX_MISSION_TEXT:
+        return None
+    plain = " ".join(compatible_form(text).split())
+    found = read_question(scene, read_words(plain, scene.world, rulebook))
+    return replace(found, text=" ".join(text.split())) if found is not None else None
+
+
+_MOST_NOTICES = 4
+_GATE_NOTICES = ("covered by ", "no longer covered", "cover unknown")
+
+
+def gate_lines(state: SessionState, gate: str, dt_s: float) -> Iterator[AnswerLine]:
+    """Yield the facts in the picture and in the events about the cover of a gate.
+
+    `dt_s` is the duration of a tick, in seconds.
+    """
+    picture = state.picture
+    cover = picture.gates.get(gate) if picture is not None else None
+    if picture is None or cover is None:
+        yield AnswerLine(about="now", said=f"nothing has been reported of {gate} yet")
+        return
+    if cover.covered:
+        said = (
+            f"{gate} is not uncovered: {', '.join(cover.by)} cover{'s' * (len(cover.by) == 1)} it"
+        )
+    elif cover.unknown:
+        said = f"nobody can say whether {gate} is covered"
+    else:
+        said = f"nobody covers {gate}"
+    yield AnswerLine(about="now", said=said)
+    if not cover.covered and cover.uncovered_s > 0.0:
+        last = max(picture.time_s - cover.uncovered_s, 0.0)
+        for_s = f"it has had no guard for {cover.uncovered_s:.0f} s"
+        yield AnswerLine(about="since", said=f"{clock_text(last)}: {for_s}")
+    yield from _belongs(picture, gate, cover.by)
+    yield from _sent_away(state, gate)
+    for notice in _known_of(state, gate):
+        at = clock_text(notice.tick * dt_s)
+        yield AnswerLine(about="told", said=f"at {at}: {notice.text}")
+
+
+def _belongs(picture: Picture, gate: str, guards: tuple[str, ...]) -> Iterator[AnswerLine]:
+    """Yield who has the post at the gate and does not cover it, with how that one is."""
+    for name, asset in picture.assets.items():
+        if gate in (asset.post, asset.at) and name not in guards:
+            yield AnswerLine(about=name, said=_how(asset, gate, picture.time_s))
+
+
+def _how(asset: AssetTelemetry, gate: str, now_s: float) -> str:
+    if asset.status == "failed":
+        return f"was at {gate} and has failed" if asset.at == gate else "has failed"
+    if asset.integrity == "suspect":
+        return "its telemetry cannot be right"
+    if asset.comms == "lost" or asset.stale:
+        return f"has been silent for {now_s - asset.stamp_s:.0f} s"
+    if not asset.available:
+        return "is not available"
+    if asset.post == gate:
+        return f"is on its way to {gate}: {asset.task}"
+    return f"is at {gate}, on its way to {asset.post}" if asset.post else f"is at {gate}"
+
+
+def _sent_away(state: SessionState, gate: str) -> Iterator[AnswerLine]:
+    """Yield the last mission that sent a guard of the gate elsewhere, with who approved it."""
+    for trace in reversed([*state.missions.values()]):
+        lines = [*_left_for(trace, gate)]
+        if lines:
+            yield from lines
+            return
+
+
+def _left_for(trace: MissionTrace, gate: str) -> Iterator[AnswerLine]:
+    attempt = trace.find(trace.executing) if trace.executing else None
+    if attempt is None or attempt.plan is None or attempt.rehearsal is None:
+        return
+    cover = attempt.rehearsal.before.gates.get(gate)
+    for action in attempt.plan.actions:
+        leaves = action.verb == "return_to_base" or action.target not in (None, gate)
+        if cover is None or action.agent not in cover.by or not leaves:
+            continue
+        approved = [d.decision for d in trace.decisions if d.accepted and d.decision.settles]
+        by = f", approved by {approved[-1].by}" if approved else ""
+        said = f"covered it until {trace.mission.id} sent it away: {order_in_words(action)}{by}"
+        yield AnswerLine(about=action.agent, said=said)
+
+
+def _known_of(state: SessionState, gate: str) -> list[Notice]:
+    """Return the last notices on the cover of the gate, oldest first."""
+    own = [n for n in state.notices if n.subject == gate and n.text.startswith(_GATE_NOTICES)]
+    return own[-_MOST_NOTICES:]
+
+
+NOTHING_YET = "nothing has been ordered in this session yet"
+NO_PLAN = "there is no plan for it"
+NOW = "looked for in the picture as it is now; nothing is ordered by that"
+NO_OTHER = "no other sound plan is known for this order"
+
+
+@dataclass(frozen=True)
+class Answer:
+    """An answer, and the mission that it is about; '' for none."""
+
+    told: QuestionAnswered
+    mission: str = ""
+
+
+async def answer(
+    basis: CheckBasis,
+    question: Question,
+    state: SessionState,
+    found: Callable[[Alternative], object] = lambda _: None,
+) -> Answer:
+    """Return the answer to `question`, as the session stands in `state`.
+
+    It is about the plan that waits, else about the mission that is worked on or was last. Each
+    alternative is given to `found` as soon as it is rehearsed.
+    """
+    trace = state.current
+    if question.topic == "gate":
+        lines = gate_lines(state, question.subjects[0], basis.fleet.world.dt_s)
+        return Answer(_told(question, [*lines]))
+    if trace is None:
+        return Answer(_told(question, [AnswerLine(about="on record", said=NOTHING_YET)]))
+    lines = await _about(basis, question, trace, found)
+    return Answer(_told(question, lines), trace.mission.id)
+
+
+def _told(question: Question, lines: list[AnswerLine]) -> QuestionAnswered:
+    return QuestionAnswered(
+        question=question.text,
+        topic=question.topic,
+        subjects=question.subjects,
+        lines=tuple(lines),
+    )
+
+
+async def _about(
+    basis: CheckBasis,
+    question: Question,
+    trace: MissionTrace,
+    found: Callable[[Alternative], object],
+) -> list[AnswerLine]:
+    """Return the answer to a question about one mission."""
+    world, attempt = basis.fleet.world, attempt_of(trace)
+    if question.topic == "plan":
+        return [*plan_lines(trace, world)]
+    if attempt is None:
+        none = AnswerLine(about=trace.mission.id, said=NO_PLAN)
+        return [none, *end_lines(trace)]
+    match question.topic:
+        case "asset":
+            if not_in_plan(attempt, question.subjects):
+                return _not_sent(trace, attempt, question)
+            lines = [*asset_lines(trace, attempt, world, question.subjects)]
+            return [*lines, *checked_lines(attempt), *end_lines(trace)]
+        case "other_asset":
+            told = why_not_lines(basis, trace, attempt, question.subjects)
+            return [line async for line in told]
+        case _:
+            return await _alternatives(basis, trace, found)
+
+
+def _not_sent(trace: MissionTrace, attempt: Attempt, question: Question) -> list[AnswerLine]:
+    """Return that none of the named assets has a part in the plan, and which assets have."""
+    agents = attempt.plan.agents if attempt.plan is not None else ()
+    who = ", ".join(dict.fromkeys(agents)) or "nobody"
+    meant = question.subjects[0] if len(question.subjects) == 1 else "none of them"
+    no = "has no part" if len(question.subjects) == 1 else "has a part"
+    said = f"{meant} {no} in the plan of {trace.mission.id}: it is for {who}"
+    return [AnswerLine(about="plan", said=said)]
+
+
+async def _alternatives(
+    basis: CheckBasis, trace: MissionTrace, found: Callable[[Alternative], object]
+) -> list[AnswerLine]:
+    lines: list[AnswerLine] = []
+    async for each in find_alternatives(basis, trace):
+        found(each)
+        lines.append(each.line)
+    if not lines:
+        return [AnswerLine(about=trace.mission.id, said=NO_OTHER)]
+    over = [AnswerLine(about="now", said=NOW)] if trace.approval is None else []
+    return [*over, *lines]

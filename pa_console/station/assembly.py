@@ -1,0 +1,312 @@
+"""Finds the world and the rules that a recorded session ran with, by the hashes in its log."""
+
+import hashlib
+import secrets
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from functools import cached_property
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pa_console import __version__
+from pa_console.fleets.fleet import Fleet, Simulated
+from pa_console.fleets.simulated import SimulatedFleet
+from pa_console.llm.engine import Engine
+from pa_console.llm.roles.grammar import plan_grammar
+from pa_console.llm.servers.servers import NO_SERVERS, Servers
+from pa_console.mission.context import Services
+from pa_console.policy.expressions.deadlines import DEADLINE_S
+from pa_console.policy.retrieval.retriever import DEFAULT_METHOD, Retriever
+from pa_console.policy.rulebook import Rulebook, load_rules
+from pa_console.policy.trust.core_rules import with_core
+from pa_console.policy.trust.pinned_rules import RulesPins
+from pa_console.policy.trust.rule_seal import refuse_altered
+from pa_console.resources import existing_data, find_data
+from pa_console.schema.document import DocumentError, read_bytes
+from pa_console.schema.evaluation import Variant
+from pa_console.schema.events.event import SessionStarted
+from pa_console.schema.plan import MAX_ACTIONS
+from pa_console.schema.world import World
+from pa_console.sim.worlds.scenario_file import LoadedScenario
+from pa_console.sim.worlds.world_file import open_world
+from pa_console.station.clock import Clock
+from pa_console.station.earlier_session import ResumedSession
+from pa_console.station.rules_in_force import RulesWatch
+from pa_console.station.station import Station
+
+if TYPE_CHECKING:
+    from pa_console.fleets.station_authority import StationAuthority
+
+PINNED_PACKAGES = ("llama-cpp-python", "llguidance", "pymunk", "common-expression-language")
+
+
+@dataclass(frozen=True)
+class Site:
+    """A world and the rules in force there, with their files; rules of no file have no path."""
+
+    world: World
+    world_path: Path
+    rulebook: Rulebook
+    rules_path: Path | None = None
+
+    @property
+    def world_sha256(self) -> str:
+        """SHA-256 of the world file."""
+        return hashlib.sha256(read_bytes(self.world_path)).hexdigest()
+
+    @cached_property
+    def retriever(self) -> Retriever:
+        """Finds rules by the default method; indexed once for all stations of the site."""
+        return Retriever(self.rulebook.rules)
+
+    def retriever_by(self, method: str) -> Retriever:
+        """Return what finds rules by `method`; raises ValueError for an unknown one."""
+        if method == DEFAULT_METHOD:
+            return self.retriever
+        return Retriever(self.rulebook.rules, method)
+
+
+def open_rules(
+    name: str,
+    *,
+    unsigned: bool = False,
+    pins: RulesPins | None = None,
+    accept: bool = False,
+    deadline_s: float = DEADLINE_S,
+) -> tuple[Rulebook, Path]:
+    """Load rules by installed name or path, with their file; raises DocumentError.
+
+    Rules that were altered since they were signed raise AlteredRulesError, unless `unsigned`. With
+    `pins`, rules that are less than those used before raise RefusedRulesError, unless the operator
+    does `accept` them. The core is in force whatever the file says; a check may take `deadline_s`.
+    """
+    path = existing_data("rules", name, "rules.yaml")
+    rulebook = load_rules(path, deadline_s)
+    if not unsigned:
+        refuse_altered(path, rulebook.seal)
+    if pins is not None:
+        seal = pins.admit(rulebook.name, rulebook.seal, accept=accept or unsigned)
+        rulebook = rulebook.sealed(seal)
+    return with_core(rulebook, deadline_s), path
+
+
+def load_site(
+    world: str,
+    rules: str,
+    *,
+    unsigned: bool = False,
+    pins: RulesPins | None = None,
+    accept: bool = False,
+    deadline_s: float = DEADLINE_S,
+) -> Site:
+    """Load a world and rules by installed name or path, as `open_world` and `open_rules` do."""
+    loaded, world_path = open_world(world)
+    rulebook, rules_path = open_rules(
+        rules, unsigned=unsigned, pins=pins, accept=accept, deadline_s=deadline_s
+    )
+    return Site(loaded, world_path, rulebook, rules_path)
+
+
+def new_session_id() -> str:
+    """Return a session id that sorts by time."""
+    return f"{datetime.now(UTC):%Y%m%dT%H%M%S}-{secrets.token_hex(2)}"
+
+
+def open_station(
+    site: Site,
+    engine: Engine,
+    clock: Clock,
+    *,
+    seed: int = 0,
+    readonly: bool = False,
+    keep_engine: bool = False,
+    scenario: LoadedScenario | None = None,
+    respond: bool = False,
+    variant: Variant | None = None,
+    fleet: Fleet | None = None,
+    watch: RulesWatch | None = None,
+    read_unasked: bool = True,
+    resumed: ResumedSession | None = None,
+    authority: "StationAuthority | None" = None,
+    servers: Servers = NO_SERVERS,
+) -> Station:
+    """Return a station on `site` whose planner and judge are two roles on `engine`.
+
+    The engine is closed with the session unless `keep_engine`. With `respond`, alarms become
+    missions by themselves. Without a `fleet` of the caller's, the station gets a simulated one of
+    its own, that begins with `seed` and in `scenario`. An evaluation may give a `variant` of the
+    pipeline. A console may `watch` its rule file. Without `read_unasked`, the model reads nothing
+    before it is asked for, as where the picture is about to change. A `resumed` session goes on
+    with its own fleet, seed and scenario. With an `authority`, what is approved and sent is signed;
+    vehicles that are simulated here check it, a `fleet` of the caller's gets its tokens from it.
+    Models on `servers` are asked before the engine's, which takes over when they do not answer.
+    Raises ValueError for a `scenario` in a fleet that is not simulated.
+    """
+    now = time.time
+    if resumed is not None:
+        fleet, scenario = resumed.fleet, None
+        if authority is not None:
+            now = _use_keys(resumed.fleet, authority)
+    if fleet is None:
+        played = scenario.scenario if scenario is not None else None
+        fleet = SimulatedFleet.start(site.world, seed, played)
+        if authority is not None:
+            now = _use_keys(fleet, authority)
+    elif scenario is not None and not isinstance(fleet, Simulated):
+        raise ValueError(f"scenario {scenario.scenario.name} is for a simulated fleet only")
+    variant = variant or Variant()
+    retriever = site.retriever_by(variant.method or DEFAULT_METHOD)
+    services = Services.open(
+        fleet,
+        site.rulebook,
+        engine,
+        variant,
+        retriever=retriever,
+        authority=authority,
+        servers=servers,
+    )
+    if resumed is not None:
+        services = replace(services, sightings=resumed.sightings)
+    grammar = plan_grammar(site.world, fleet.picture(), tuple(site.world.assets)[:MAX_ACTIONS])
+    reader = engine.model.second_reader
+    started = (
+        resumed.started
+        if resumed is not None
+        else SessionStarted(
+            session=new_session_id(),
+            version=__version__,
+            world=site.world.name,
+            world_sha256=site.world_sha256,
+            rules=site.rulebook.name,
+            rules_sha256=site.rulebook.sha256,
+            rules_seal=site.rulebook.seal,
+            model=engine.model.name,
+            model_sha256=engine.model.sha256,
+            seed=fleet.seed if isinstance(fleet, Simulated) else seed,
+            scenario=scenario.scenario.name if scenario is not None else "",
+            scenario_sha256=scenario.sha256 if scenario is not None else "",
+            sampler=engine.sampler,
+            grammar_sha256=hashlib.sha256(grammar.encode()).hexdigest(),
+            variant=variant,
+            readonly=readonly,
+            packages={name: version(name) for name in PINNED_PACKAGES},
+            adapters={adapter.path.name: adapter.sha256 for adapter in engine.model.adapters},
+            second_reader=reader.name if reader is not None else "",
+            second_reader_sha256=reader.fingerprint if reader is not None else "",
+            servers=servers.named,
+        )
+    )
+    if authority is not None:
+        authority.begin(started.session, lambda: services.journal.head, now)
+    return Station(
+        services,
+        clock,
+        started,
+        readonly=readonly,
+        keep_engine=keep_engine,
+        respond=respond,
+        watch=watch,
+        read_unasked=read_unasked,
+        resumed=resumed,
+    )
+
+
+def _use_keys(fleet: SimulatedFleet, authority: "StationAuthority") -> Callable[[], float]:
+    """Let simulated vehicles check what they are sent; return their clock, and the station's.
+
+    It goes with the simulation: a token is good for as long, however fast that is.
+    """
+    from pa_console.fleets.station_authority import Vehicles  # noqa: PLC0415 - only with keys
+
+    begun = time.time()
+
+    def now() -> float:
+        return begun + fleet.time_s
+
+    keys = authority.keys
+    vehicles = Vehicles(fleet.world.assets, keys.owner, keys.messages, now)
+    fleet.use(authority.authorize, vehicles.verify)
+    return now
+
+
+WORLD_FILE = "world.yaml"
+
+
+def has_rules_of(started: SessionStarted, book: Rulebook) -> bool:
+    """Return whether `book` has the very rules of a session, by its file or by their content."""
+    content = started.rules_seal.content_sha256 if started.rules_seal is not None else None
+    return book.sha256 == started.rules_sha256 or book.seal.content_sha256 == content
+
+
+class SessionSites:
+    """Searches given files, installed ones, and the worlds beside a log.
+
+    An evaluation's folder holds `logs` and `worlds`: there the worlds of its logs are found.
+    """
+
+    def __init__(self, worlds: Iterable[str] = (), rules: Iterable[str] = ()) -> None:
+        """`worlds` and `rules` are paths or installed names; a folder of worlds is searched."""
+        self._given = tuple(worlds)
+        self._rules = tuple(rules)
+        self._hashes: dict[Path, str] = {}
+        self._worlds: dict[str, World] = {}
+        self._books: dict[Path, Rulebook] = {}
+
+    def world_of(self, started: SessionStarted, log: Path) -> World:
+        """Return the world of a session; raises ValueError when none here has its hash.
+
+        Raises DocumentError when the file cannot be used any more.
+        """
+        if started.world_sha256 not in self._worlds:
+            path = self.world_file(started, log)
+            if path is None:
+                raise ValueError(
+                    f"the world {started.world!r} of this session is not here as it was then "
+                    f"(SHA-256 {started.world_sha256[:12]}); give its file with --world"
+                )
+            self._worlds[started.world_sha256] = open_world(str(path))[0]
+        return self._worlds[started.world_sha256]
+
+    def world_file(self, started: SessionStarted, log: Path) -> Path | None:
+        """Return the file of a session's world, None when none here has its hash."""
+        files = self._files(started, log)
+        return next((path for path in files if self._hash(path) == started.world_sha256), None)
+
+    def rules_of(self, started: SessionStarted) -> Rulebook | None:
+        """Return the rules of a session, None when none here are what they were."""
+        for name in (*self._rules, started.rules):
+            path = find_data("rules", name, "rules.yaml")
+            if not path.is_file():
+                continue
+            if path not in self._books:
+                self._books[path] = load_rules(path)
+            book = self._books[path]
+            if has_rules_of(started, book):
+                return book
+        return None
+
+    def _files(self, started: SessionStarted, log: Path) -> Iterator[Path]:
+        for name in self._given:
+            yield from _world_files(find_data("worlds", name, WORLD_FILE))
+        yield from _world_files(find_data("worlds", started.world, WORLD_FILE))
+        yield from _world_files(log.parent.parent / "worlds")
+
+    def _hash(self, path: Path) -> str:
+        """Return the SHA-256 of a file, empty for one that no world can be read from."""
+        if path not in self._hashes:
+            self._hashes[path] = ""
+            with suppress(DocumentError):
+                self._hashes[path] = hashlib.sha256(read_bytes(path)).hexdigest()
+        return self._hashes[path]
+
+
+def _world_files(place: Path) -> Iterator[Path]:
+    if place.is_file():
+        yield place
+    elif place.is_dir():
+        yield from sorted(place.glob(f"*/{WORLD_FILE}"))
+        yield from sorted(place.glob("*.yaml"))

@@ -1,0 +1,207 @@
+"""Moves the world on at the clock's pace, and takes in its telemetry."""
+
+import asyncio
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from time import perf_counter
+from typing import Protocol
+
+from pa_console.mission.standing import Withheld
+from pa_console.schema.events import event as ev
+from pa_console.schema.telemetry import Picture
+from pa_console.station.notices import Noticer
+from pa_console.station.worker import MissionWorker, StationParts
+
+MAX_STEPS_AT_ONCE = 20
+IDLE_S = 0.005
+FAULT_AGAIN_S = 10.0
+"""An internal error that recurs is reported this often."""
+
+
+class Clock(Protocol):
+    """Decides how many steps to take now."""
+
+    waits: bool
+    """True if the world stands still while the model is asked."""
+
+    @property
+    def rate(self) -> float:
+        """Seconds on the fleet's clock a second."""
+        ...
+
+    @rate.setter
+    def rate(self, rate: float) -> None: ...
+
+    async def due(self, dt_s: float, waiting: Callable[[], bool]) -> int:
+        """Wait until steps are due and return their number; `waiting`: someone needs a step."""
+        ...
+
+
+class RealTimeClock:
+    """`rate` simulated seconds a second; after a hold-up it does not race to catch up."""
+
+    waits = False
+
+    def __init__(self, rate: float = 1.0) -> None:
+        self.rate = rate
+        self._owed = 0.0
+        self._last = perf_counter()
+
+    async def due(self, dt_s: float, waiting: Callable[[], bool]) -> int:  # noqa: ARG002
+        """Sleep about one step; `waiting` makes no difference."""
+        await asyncio.sleep(dt_s / max(self.rate, 1.0))
+        now = perf_counter()
+        self._owed += (now - self._last) * self.rate / dt_s
+        self._last = now
+        steps = min(int(self._owed), MAX_STEPS_AT_ONCE)
+        self._owed = min(self._owed - steps, 1.0)
+        return steps
+
+
+class DevicesClock:
+    """The real time of devices; `rate` stays as it is."""
+
+    waits = False
+
+    def __init__(self, rate: float = 1.0) -> None:
+        self._clock = RealTimeClock(rate)
+
+    @property
+    def rate(self) -> float:
+        """Seconds on the devices' clock a second."""
+        return self._clock.rate
+
+    @rate.setter
+    def rate(self, rate: float) -> None:
+        """Leave it as it is."""
+
+    async def due(self, dt_s: float, waiting: Callable[[], bool]) -> int:
+        """Sleep about one step; return how many have passed."""
+        return await self._clock.due(dt_s, waiting)
+
+
+class SteppedClock:
+    """Steps as fast as possible while a follower waits, and else not at all."""
+
+    rate = 1.0
+    waits = True
+
+    async def due(self, dt_s: float, waiting: Callable[[], bool]) -> int:  # noqa: ARG002
+        """Return one step as soon as someone waits for it."""
+        await asyncio.sleep(0.0)
+        if not waiting():
+            await asyncio.sleep(IDLE_S)
+        return 1 if waiting() else 0
+
+
+class Ticking:
+    """Steps one fleet and emits everything that happens in it."""
+
+    def __init__(
+        self,
+        parts: StationParts,
+        clock: Clock,
+        worker: MissionWorker,
+        stop: Callable[[str], None],
+    ) -> None:
+        """Take the first look at the picture; `stop` stops everybody for whom it is told."""
+        self._stop = stop
+        self._services, self._feed, self._intake = parts.services, parts.feed, parts.intake
+        self._emergency_stop, self._emit = parts.emergency_stop, parts.emit
+        self._clock, self._worker, self._fleet = clock, worker, parts.services.fleet
+        self.first = self._fleet.picture()
+        """The picture that the session begins with."""
+        self._noticer = Noticer(self.first)
+        self._refusal, self._fault = "", ("", 0.0)
+        self._services.sightings.look(self.first)
+
+    async def run(self) -> None:
+        """Move the world on at the clock's pace, and report telemetry at its own period.
+
+        A clock that lets the world wait for the mission does so only while the mission is thought
+        about.
+        """
+        world = self._fleet.world
+        every = max(1, round(world.telemetry_period_s / world.dt_s))
+        while True:
+            for _ in range(await self._clock.due(world.dt_s, self._wanted)):
+                with self._kept_going():
+                    self._step()
+                if self._fleet.tick % every == 0:
+                    with self._kept_going():
+                        self._look()
+
+    def _step(self) -> None:
+        """Move the world on by one step; a stop goes before everything else that came in."""
+        self._services.journal.commit()
+        received = self._fleet.step()
+        if received.stop_asked:
+            self._stop(received.stop_asked)
+        for payload in self._emergency_stop.step((self._fleet.tick, received.replies)):
+            self._emit(payload, None)
+        self._feed.publish(self._fleet.tick, received.replies)
+        for told in received.told:
+            self.happened(told)
+        for signed in received.countersigned:
+            self._worker.countersign(signed)
+
+    @contextmanager
+    def _kept_going(self) -> Generator[None]:
+        """Report an error and go on: a session that ended by it could not stop anybody any more."""
+        try:
+            yield
+        except Exception as error:
+            fault = f"{type(error).__name__}: {error}"
+            now_s = perf_counter()
+            if fault == self._fault[0] and now_s - self._fault[1] < FAULT_AGAIN_S:
+                return
+            self._fault = fault, now_s
+            text = f"the picture may be out of date, STOP works: internal error: {fault}"[:500]
+            self._emit(ev.Noticed(level="alarm", subject="station", text=text), None)
+
+    def happened(self, told: ev.IncidentHappened | ev.Noticed) -> None:
+        """Emit an event of the fleet; an incident that strikes the model does so here."""
+        self._emit(told, None)
+        if isinstance(told, ev.IncidentHappened) and told.incident.kind == "worker":
+            self._services.engine.kill_worker()
+
+    def _wanted(self) -> bool:
+        """Return whether a follower waits for a step, and no mission is thought about."""
+        return (self._feed.wanted or self._emergency_stop.waiting) and not self._worker.thinking
+
+    def _look(self) -> None:
+        """Take in new telemetry: tell it, raise alarms, queue their missions."""
+        picture = self._fleet.picture()
+        for notice in self._noticer.look(picture):
+            self._emit(notice, None)
+        self._services.sightings.look(picture)
+        self._emit(ev.TelemetryReceived(picture=picture), None)
+        if (refusal := self._services.gate.refusal) != self._refusal:
+            self._refusal = refusal
+            self._emit(ev.AuthorityChanged(refusal=refusal), None)
+        stopped = self._services.gate.stopped
+        arrivals = self._intake.look(picture, self._worker.handled, stopped=stopped)
+        for payload, mission in arrivals.payloads:
+            self._emit(payload, mission)
+        for mission in arrivals.obsolete:
+            self._worker.drop(mission, "its cause is gone")
+        self._start_standing(picture, stopped=stopped)
+        self._worker.queue_changed()
+        self._worker.see(picture)
+
+    def _start_standing(self, picture: Picture, *, stopped: bool) -> None:
+        """Queue the missions that standing orders start now, and emit the withheld ones."""
+        standing = self._services.standing
+        busy = self._worker.handled | self._intake.subjects
+        for found in standing.look(picture, busy, stopped=stopped):
+            if isinstance(found, Withheld):
+                told = ev.StandingOrderWithheld(
+                    order_id=found.order.id, subject=found.subject, reason=found.reason
+                )
+                self._emit(told, None)
+                continue
+            mission, received = self._intake.start(found)
+            standing.started(mission.id, found)
+            self._emit(received, mission.id)
+            began = ev.StandingOrderStarted(order_id=found.order.id, subject=found.subject)
+            self._emit(began, mission.id)

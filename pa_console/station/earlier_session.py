@@ -1,0 +1,240 @@
+"""Takes up a session whose console ended without closing it: its world, its alarms, its queue.
+
+The log tells everything that the world depended on: seed, scenario, incidents and commands. So the
+fleet is simulated once more from the beginning up to the last record, and must then show the
+picture that the log tells of.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from pa_console.fleets.simulated import SimulatedFleet
+from pa_console.policy.checks.sightings import Sightings
+from pa_console.schema.alarm import QueueEntry
+from pa_console.schema.command import DeviceCommand
+from pa_console.schema.events import event as ev
+from pa_console.schema.mission import Mission
+from pa_console.schema.scenario import Scenario
+from pa_console.schema.world import World
+from pa_console.session.log.chain import TORN, LogError, read_log
+from pa_console.session.past_sessions import is_held, newest_logs, summarise
+from pa_console.session.state.fold import (
+    SessionState,
+    begun_missions,
+    waiting_entries,
+)
+from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.session.wording import order_in_words
+from pa_console.station.alarms import AlarmBook
+
+
+@dataclass(frozen=True)
+class LeftMissions:
+    """The remains of a relieved station's session.
+
+    `again` are the missions that moved no asset, the one that was being planned first; `under_way`
+    those that did; `standing` the ids of the standing orders in force there; `stopped` is whether
+    all assets were stopped.
+    """
+
+    again: tuple[Mission, ...] = ()
+    under_way: tuple[MissionTrace, ...] = ()
+    standing: tuple[str, ...] = ()
+    stopped: bool = False
+
+    @classmethod
+    def of(cls, state: SessionState) -> "LeftMissions":
+        """Return what the session `state` leaves as it stands; of one that has ended nothing."""
+        if state.ended:
+            return cls()
+        begun = begun_missions(state)
+        again = [trace.mission for trace in begun if not trace.commands]
+        again += [entry.mission for entry in waiting_entries(state)]
+        return cls(
+            again=tuple(one for one in again if one.source == "operator"),
+            under_way=tuple(trace for trace in begun if trace.commands),
+            standing=tuple(name for name, one in state.standing.items() if one.in_force),
+            stopped=state.stop is not None,
+        )
+
+    def notices(self, station: str) -> Iterator[str]:
+        """Yield what an operator has to know of it, as lines; `station` is who was relieved."""
+        for trace in self.under_way:
+            sent = "; ".join(
+                f"{one.command.agent} {order_in_words(one.command)}"
+                for one in trace.commands.values()
+            )
+            yield (
+                f"{station} had {trace.mission.id} “{trace.mission.said}” under way ({sent}): "
+                "vehicles end what they have begun, and nobody verifies it"
+            )
+        if self.standing:
+            yield (
+                f"no standing order of {station} is in force here ({', '.join(self.standing)}): "
+                "approve them anew"
+            )
+        if self.stopped:
+            yield f"{station} had stopped everybody: they stay stopped until you release them"
+
+
+OTHERWISE = "its world did not come out again as the log tells of it"
+LOOKED_AT = 30
+"""The number of logs, the newest first, that are searched for the last session of a world."""
+
+
+class NotResumableError(ValueError):
+    """The session cannot go on as it was; the text says why."""
+
+
+@dataclass(frozen=True)
+class UnclosedSession:
+    """The last session of a world, whose console ended without closing it, as its log has it."""
+
+    log: Path
+    state: SessionState
+
+    @property
+    def started(self) -> ev.SessionStarted:
+        """The first event of the session, with the rules that were in force last."""
+        assert self.state.started is not None
+        return self.state.started
+
+    @property
+    def waiting(self) -> tuple[QueueEntry, ...]:
+        """The missions that waited and had not begun."""
+        return tuple(entry for entry in waiting_entries(self.state) if not entry.mission.standing)
+
+    @property
+    def started_by_standing(self) -> tuple[str, ...]:
+        """The missions that wait which standing orders had started."""
+        return tuple(
+            entry.mission.id for entry in waiting_entries(self.state) if entry.mission.standing
+        )
+
+    @property
+    def interrupted(self) -> tuple[MissionTrace, ...]:
+        """The missions that had begun and had not ended."""
+        return begun_missions(self.state)
+
+    @property
+    def unfinished(self) -> bool:
+        """True if a mission, an alarm or a stop was open."""
+        state = self.state
+        return bool(self.interrupted or self.waiting or state.alarms or state.stop)
+
+
+@dataclass(frozen=True)
+class ResumedSession:
+    """A session as it was at its last record.
+
+    `missions` counts all so far and `stops` the stops; `interrupted` are the ids of the missions
+    that end with it, `unanswered` those of the alarms that one of them answered. No standing order
+    goes on: `standing` are those that were in force, of the `standing_ids` that were given, and
+    `started_by_standing` the missions that wait which they had started.
+    """
+
+    started: ev.SessionStarted
+    fleet: SimulatedFleet
+    alarms: AlarmBook
+    sightings: Sightings
+    waiting: tuple[QueueEntry, ...]
+    interrupted: tuple[str, ...]
+    unanswered: tuple[str, ...]
+    missions: int
+    stops: int
+    stopped: bool
+    standing: tuple[str, ...] = ()
+    standing_ids: tuple[str, ...] = ()
+    started_by_standing: tuple[str, ...] = ()
+    told: SessionState = field(default_factory=SessionState)
+    """The session as its log has it: what questions about it are answered from."""
+
+
+def find_unclosed(folder: Path, world_sha256: str) -> UnclosedSession | None:
+    """Return the last session of the world whose log is in `folder`, if it was never closed.
+
+    None where it was closed, goes on in another console, or its log cannot be relied on.
+    """
+    for log in newest_logs(folder)[:LOOKED_AT]:
+        try:
+            found = summarise(log)
+            if found.world_sha256 != world_sha256 or found.readonly:
+                continue
+            if found.ending == "closed" or is_held(log):
+                return None
+            state = SessionState()
+            for event in _events(log):
+                state.apply(event)
+        except (LogError, OSError):
+            continue
+        return UnclosedSession(log, state)
+    return None
+
+
+def _events(log: Path) -> Iterator[ev.Event]:
+    """Yield the events of a log without a last line that was cut short; raises LogError."""
+    try:
+        yield from read_log(log)
+    except LogError as error:
+        if error.problem != TORN:
+            raise
+
+
+def resume(found: UnclosedSession, world: World, scenario: Scenario | None) -> ResumedSession:
+    """Bring back the session `found` in `world`, which is its own, and its `scenario`.
+
+    Raises NotResumableError when the world does not come out as the log tells of it, LogError when
+    the log cannot be read.
+    """
+    state, started = found.state, found.started
+    fleet = SimulatedFleet.start(world, started.seed, scenario)
+    alarms, sightings = AlarmBook(world), Sightings(world)
+    sent: dict[str, DeviceCommand] = {}
+    stops, first, told = 0, False, SessionState()
+    for event in _events(found.log):
+        told.apply(event)
+        while fleet.tick < event.tick:
+            fleet.step()
+        match event.data:
+            case ev.SessionStarted() | ev.SessionResumed():
+                first = True
+            case ev.IncidentHappened(source="operator", incident=incident):
+                fleet.inject(incident)
+            case ev.CommandSent(command=command):
+                sent[command.command_id] = command
+                fleet.send(command)
+            case ev.CommandResent(command_id=name) if name in sent:
+                fleet.send(sent[name])
+            case ev.AllStopped():
+                stops += 1
+            case ev.TelemetryReceived(picture=picture):
+                if fleet.picture() != picture:
+                    raise NotResumableError(OTHERWISE)
+                sightings.look(picture)
+                if not first:
+                    alarms.look(picture)
+                first = False
+            case ev.AlarmAcknowledged(alarm_id=name) if name in {a.id for a in alarms.open}:
+                alarms.acknowledge(name, "operator")
+            case _:
+                pass
+    interrupted = found.interrupted
+    return ResumedSession(
+        started=started,
+        fleet=fleet,
+        alarms=alarms,
+        sightings=sightings,
+        waiting=found.waiting,
+        interrupted=tuple(trace.mission.id for trace in interrupted),
+        unanswered=tuple(trace.mission.alarm for trace in interrupted if trace.mission.alarm),
+        missions=len(state.missions),
+        stops=stops,
+        stopped=state.stop is not None,
+        standing=tuple(each.order.id for each in state.standing.values() if each.in_force),
+        standing_ids=tuple(
+            trace.standing.order.id for trace in state.missions.values() if trace.standing
+        ),
+        started_by_standing=found.started_by_standing,
+        told=told,
+    )

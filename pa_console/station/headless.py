@@ -1,0 +1,186 @@
+"""Runs missions without a screen: one station, one mission after another, a given approver."""
+
+import asyncio
+from collections.abc import Awaitable, Callable, Sequence
+from contextlib import aclosing
+
+from pa_console.schema.events import event as ev
+from pa_console.schema.incident import Incident
+from pa_console.schema.mission import Decision, MissionStatus
+from pa_console.session.state.fold import MissionTrace, SessionState
+from pa_console.station.station import Station
+
+Approver = Callable[[ev.ApprovalRequested], Decision | Awaitable[Decision]]
+"""Decides about one plan at a time, as an operator does (paper, Step 6).
+
+The session goes on while it takes its time over that.
+"""
+Sink = Callable[[ev.Event, SessionState], None]
+SETUP_SETTLE_S = 2.0
+
+
+async def run_missions(  # noqa: PLR0917
+    station: Station,
+    texts: Sequence[str],
+    approver: Approver,
+    sink: Sink,
+    setup: Sequence[Incident] = (),
+    duration_s: float = 0.0,
+    *,
+    read_ahead: bool = False,
+    decided: Callable[[], bool] = lambda: False,
+) -> list[MissionTrace]:
+    """Bring the set-up about, run `texts` in order and return the trace of every mission.
+
+    A text that asks about what is on record is answered, and no mission is made of it.
+    The session lasts until they are finished and, if longer, `duration_s` simulated seconds have
+    passed and the missions that alarms have started meanwhile are over too. It ends without that
+    time where `decided` says, after the missions, that nothing of it matters. `sink` is given
+    every event and the state after it, in order. After a stop no other of the `texts` is given,
+    even if whoever stopped everything releases it. With `read_ahead`, the model has read the
+    picture and all but the last word before a mission is given, as while an operator types. Raises
+    ValueError for a set-up or a mission that the station does not take.
+    """
+    state = SessionState()
+    waiting, all_given = list(texts), asyncio.Event()
+    mine: str | None = None
+    ending: asyncio.Task[None] | None = None
+    answers = _Answers(station, approver)
+    begun = False
+
+    async def submit() -> str | None:
+        """Give the next mission, if there is one more."""
+        while waiting and (question := station.question_in(waiting[0])) is not None:
+            waiting.pop(0)
+            await station.answer(question)
+        if waiting and read_ahead:
+            await station.read_ahead(waiting[0])
+        if station.stopped:
+            waiting.clear()
+        given = station.submit(waiting.pop(0)).id if waiting else None
+        if not waiting:
+            all_given.set()
+        return given
+
+    try:
+        async with aclosing(station.run()) as events:
+            async for event in events:
+                state.apply(event)
+                sink(event, state)
+                match event.data:
+                    case ev.TelemetryReceived() if not begun:
+                        begun = True
+                        if setup:
+                            for incident in setup:
+                                station.inject(incident)
+                            await station.advance(SETUP_SETTLE_S)
+                        mine = await submit()
+                        ending = asyncio.create_task(_end(station, duration_s, all_given, decided))
+                    case ev.ApprovalRequested():
+                        await answers.decide(event.data)
+                    case ev.DecisionMade(accepted=False, detail=problem):
+                        await answers.decide_again(problem)
+                    case ev.AllStopped():
+                        waiting.clear()
+                        all_given.set()
+                    case ev.MissionFinished() if event.mission == mine and waiting:
+                        mine = await submit()
+                    case _:
+                        pass
+    finally:
+        if ending is not None:
+            ending.cancel()
+            await asyncio.gather(ending, return_exceptions=True)
+    return list(state.missions.values())
+
+
+class _Answers:
+    """Gives the approver's decision on each plan that waits."""
+
+    def __init__(self, station: Station, approver: Approver) -> None:
+        self._station, self._approver = station, approver
+        self._asked: ev.ApprovalRequested | None = None
+        self._given: Decision | None = None
+
+    async def decide(self, asked: ev.ApprovalRequested) -> None:
+        """Decide about `asked` and no other plan, unless none waits any more."""
+        self._asked = asked
+        if self._station.awaits_decision:
+            self._give(await self._decision(asked))
+
+    async def decide_again(self, problem: str) -> None:
+        """Decide anew, for the last decision was not accepted.
+
+        The same once more would go on for ever: the plan is rejected instead.
+        """
+        if self._asked is None or not self._station.awaits_decision:
+            return
+        decision = await self._decision(self._asked)
+        if decision == self._given:
+            decision = Decision(
+                kind="reject", request_id=decision.request_id, by=decision.by, reason=problem
+            )
+        self._give(decision)
+
+    async def _decision(self, asked: ev.ApprovalRequested) -> Decision:
+        said = self._approver(asked)
+        decision = said if isinstance(said, Decision) else await said
+        return decision.model_copy(update={"request_id": asked.request_id})
+
+    def _give(self, decision: Decision) -> None:
+        """Give a decision, unless the plan stopped waiting while it was thought about."""
+        if self._station.awaits_decision:
+            self._given = decision
+            self._station.decide(decision)
+
+
+async def _end(
+    station: Station, duration_s: float, all_given: asyncio.Event, decided: Callable[[], bool]
+) -> None:
+    """Close the session after the last mission and its time, or when `decided` returns True."""
+    if duration_s > 0.0:
+        over = asyncio.create_task(_missions_over(station, all_given))
+        try:
+            await _watched(station, duration_s, over, decided)
+        finally:
+            over.cancel()
+    await _missions_over(station, all_given)  # alarms may have started others meanwhile
+    await station.close("every mission is finished")
+
+
+async def _missions_over(station: Station, all_given: asyncio.Event) -> None:
+    await all_given.wait()
+    await station.settled()
+
+
+async def _watched(
+    station: Station, duration_s: float, over: asyncio.Task[None], decided: Callable[[], bool]
+) -> None:
+    """Wait until `duration_s` have passed, or the missions are `over` and that `decided` it."""
+    watching = asyncio.create_task(station.advance(duration_s))
+    try:
+        await asyncio.wait((over, watching), return_when=asyncio.FIRST_COMPLETED)
+        if not (over.done() and decided()):
+            await watching
+    finally:
+        watching.cancel()
+
+
+EXIT_CODES: dict[MissionStatus, int] = {
+    "verified": 0,
+    "unverified": 4,
+    "refused": 3,
+    "rejected": 3,
+    "held": 3,
+    "cancelled": 3,
+    "failed": 1,
+}
+
+
+def exit_code(statuses: Sequence[MissionStatus | None]) -> int:
+    """Return the exit code for missions that ended so: the worst one's, 0 for none.
+
+    An internal failure is worse than a plan not verified, and that than one not executed.
+    """
+    codes = [EXIT_CODES[status] if status is not None else 1 for status in statuses]
+    return next((code for code in (1, 4, 3) if code in codes), 0)

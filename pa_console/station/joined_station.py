@@ -1,0 +1,448 @@
+"""A commander at a console that has joined takes command; this station's own session follows."""
+
+import asyncio
+import time
+from collections import deque
+from collections.abc import AsyncGenerator, Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from time import monotonic
+
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
+from pa_console.fleets.authorization import RefusedError, sign_approval
+from pa_console.fleets.bus.told import Told
+from pa_console.fleets.station_authority import StationAuthority, approval_of
+from pa_console.fleets.vda5050.session_messages import Countersignature, StopAsked
+from pa_console.fleets.vda5050.vehicle import EXPIRY_S
+from pa_console.language.questions.question import Question
+from pa_console.mission.approval import inadmissible
+from pa_console.mission.stop import CONFIRM_S
+from pa_console.policy.retrieval.retriever import Retriever
+from pa_console.schema.events import event as ev
+from pa_console.schema.events.event import CommandTaken, Event, SessionStarted
+from pa_console.schema.incident import Incident
+from pa_console.schema.mission import Decision, Mission
+from pa_console.schema.plan import Plan
+from pa_console.schema.rehearsal import RehearsedReading
+from pa_console.session.state.fold import SessionState
+from pa_console.station.alternatives import Alternative
+from pa_console.station.earlier_session import LeftMissions
+from pa_console.station.shared_log import LOOK_S, SharedLog
+from pa_console.station.site_copy import SiteCopy
+
+SILENT_S = 5.0
+STOP_AGAIN_S = 0.5
+"""A stop is asked for so often, until the station's log has it."""
+
+SUBJECT = "joined"
+
+
+@dataclass(frozen=True)
+class Signatory:
+    """The person at a console that has joined, with the key for signing."""
+
+    name: str
+    key: Ed25519PrivateKey
+
+
+class JoinedStation:
+    """A joined session as its console shows it; a second person may sign there."""
+
+    rate = 1.0
+
+    def __init__(
+        self,
+        log: SharedLog,
+        before: Sequence[ev.Event],
+        signatory: Signatory,
+        site: SiteCopy,
+    ) -> None:
+        """`before` is what has happened so far; `site` has the session's world and rules."""
+        self._log, self._before, self._site = log, before, site
+        self._signatory, self._state = signatory, SessionState()
+        self._news, self._pointer = _ConnectionNews(log), ""
+        self._answered = deque[ev.Event]()
+        """The answers given here: they are shown here, and are in no log."""
+        self._closing = False
+        self._stop_asked: _StopAsked | None = None
+        for event in before:
+            self._state.apply(event)
+
+    @property
+    def station(self) -> str:
+        """The name of the station whose session it is."""
+        return self._log.stream.station
+
+    @property
+    def retriever(self) -> Retriever:
+        """The retriever over the session's rules."""
+        return self._site.retriever
+
+    @property
+    def signer(self) -> str:
+        """The name of the person here if that person may sign; '' for an observer."""
+        try:
+            self._log.trust.approver(self._signatory.name)
+        except RefusedError:
+            return ""
+        return self._signatory.name
+
+    @property
+    def started(self) -> ev.SessionStarted | None:
+        """The first event of the session."""
+        return self._state.started
+
+    def take_before(self) -> list[ev.Event]:
+        """Return what had happened when this console joined; `run` then begins with what comes."""
+        before, self._before = self._before, ()
+        return _without_old_pictures(before)
+
+    async def run(self) -> AsyncGenerator[ev.Event]:
+        """Yield every event of the session, the connection's news, and the answers given here.
+
+        It ends with the session, or with `close`; the caller that opened the connection closes it.
+        """
+        for event in self.take_before():
+            yield event
+        while not self._closing:
+            events = _without_old_pictures(self._log.take())
+            for event in events:
+                self._state.apply(event)
+                yield event
+            for told in (*self._news.take(heard=bool(events)), *self._follow_stop()):
+                yield ev.Event(t=datetime.now(UTC), tick=self._state.tick, data=told)
+            while self._answered:
+                yield self._answered.popleft()
+            if self._state.ended:
+                return
+            await asyncio.sleep(LOOK_S)
+
+    def decide(self, decision: Decision) -> None:
+        """Sign the plan that waits for a second person, and send the signature to its station.
+
+        Raises ValueError for every other decision, and when nothing can be signed or sent.
+        """
+        log, name, started = self._log, self._signatory.name, self._state.started
+        request = self._to_sign(decision)
+        seal = started.rules_seal if started is not None else None
+        approval = approval_of(
+            request,
+            person=name,
+            station=log.trust.roster.stations[self.station],
+            session=log.stream.session,
+            rules=seal.content_sha256 if seal is not None else "",
+        )
+        message = Countersignature(
+            **log.header(Countersignature),
+            session=log.stream.session,
+            request_id=request.request_id,
+            person=name,
+            approval=sign_approval(self._signatory.key, approval, time.time()),
+        )
+        if not log.publish(message, round(EXPIRY_S)):
+            raise ValueError(f"nothing reaches the broker: {log.link.problem}")
+
+    def _to_sign(self, decision: Decision) -> ev.ApprovalRequested:
+        """Return the request that `decision` approves; raises ValueError unless it may here."""
+        trace = self._state.current
+        request = trace.approval if trace is not None else None
+        if decision.kind != "approve":
+            raise ValueError(f"{self.station} decides; here a plan is countersigned, or it is not")
+        if request is None:
+            raise ValueError("no plan waits for a signature")
+        if not request.approvals:
+            raise ValueError(f"this plan takes one person, who is at {self.station}")
+        if problem := inadmissible(request, decision):
+            raise ValueError(problem)
+        if self.station not in self._log.trust.roster.stations:
+            raise ValueError(f"{self.station} is no station of this site any more")
+        try:
+            self._log.trust.approver(self._signatory.name)
+        except RefusedError as refused:
+            raise ValueError(str(refused)) from refused
+        return request
+
+    def stop_all(self) -> None:
+        """Ask the station to stop all assets, and again until its log has the stop.
+
+        Raises ValueError when nothing can be sent.
+        """
+        self._ask_to_stop()
+        self._stop_asked = _StopAsked(monotonic())
+
+    def _ask_to_stop(self) -> None:
+        log = self._log
+        asked = StopAsked(
+            **log.header(StopAsked), session=log.stream.session, person=self._signatory.name
+        )
+        if not log.publish(asked, round(EXPIRY_S)):
+            raise ValueError(f"nothing reaches the broker: {log.link.problem}")
+
+    def _follow_stop(self) -> Iterator[ev.Noticed]:
+        """Ask again for a stop that the station has not logged; report when that takes long."""
+        asked, now_s = self._stop_asked, monotonic()
+        if asked is None:
+            return
+        if self._state.stop is not None:
+            self._stop_asked = None
+            if asked.late:
+                yield ev.Noticed(level="info", subject="stop", text=f"{self.station} has stopped")
+            return
+        if now_s - asked.sent_s >= STOP_AGAIN_S:
+            asked.sent_s = now_s
+            with suppress(ValueError):  # the connection is reported as broken anyway
+                self._ask_to_stop()
+        if not asked.late and now_s - asked.pressed_s > CONFIRM_S:
+            asked.late = True
+            text = f"STOP not confirmed by {self.station}: it is asked again and again"
+            yield ev.Noticed(level="alarm", subject="stop", text=text)
+
+    async def close(self, reason: str = "") -> None:  # noqa: ARG002 - the session goes on
+        """Leave; the session goes on without this console."""
+        self._closing = True
+
+    async def look_at(self, mission: Mission, asked: str) -> RehearsedReading | None:
+        """Rehearse here what another reading of a mission would lead to; None: not known here."""
+        return await self._site.look_at(self._state, mission, asked)
+
+    def other_ways(
+        self, mission: Mission, asked: str, but: Plan
+    ) -> AsyncGenerator[RehearsedReading]:
+        """Rehearse here what else would serve a reading of a mission than the plan `but`."""
+        return self._site.other_ways(self._state, mission, asked, but)
+
+    def question_in(self, text: str) -> Question | None:
+        """Return what `text` asks about the session, for `answer`; None for anything else."""
+        return self._site.question_in(text, self._state, self._pointer)
+
+    async def answer(
+        self,
+        question: Question,
+        found: Callable[[Alternative], object] = lambda _: None,
+    ) -> ev.QuestionAnswered:
+        """Answer a question from what has come of the session and from the copy of its site here.
+
+        The station whose session it is hears nothing of it. Where it alone can answer, that is the
+        answer.
+        """
+        given = await self._site.answer(question, self._state, self.station, found)
+        now, tick = datetime.now(UTC), self._state.tick
+        self._answered.append(
+            ev.Event(t=now, tick=tick, mission=given.mission or None, data=given.told)
+        )
+        return given.told
+
+    def typing(self, text: str) -> None:
+        """Take no notice."""
+
+    def point(self, name: str) -> None:
+        """Note the mark on the screen, "" for none: *this one* means it in a question."""
+        self._pointer = name
+
+    def command_question(self, epoch: int, own: str) -> str:
+        """Return what taking command for the station `own` would do, for a commander to confirm."""
+        station, left = self.station, LeftMissions.of(self._state)
+        moved = ", ".join(trace.mission.id for trace in left.under_way)
+        waits = ", ".join(mission.id for mission in left.again)
+        under_way = (
+            f"Under way at {station}: {moved}. Vehicles end what they have begun, and what it has "
+            "not sent yet is refused.\n"
+        ) * bool(moved)
+        under_way += (
+            f"Moved nobody yet: {waits}. Their words wait here again, for an approval here.\n"
+        ) * bool(waits)
+        return (
+            f"Put {own} in command in place of {station}? The epoch rises to {epoch}.\n"
+            f"From then on vehicles take nothing from {station}, and its screen says so.\n"
+            f"{under_way}"
+            f"This console closes and opens again as that of {own}: with a session and a log of "
+            f"its own,\nwhose beginning says how far the log of {station} had come. "
+            f"{station} commands until all is ready."
+        )
+
+    def left_missions(self, last: Sequence[ev.Event]) -> LeftMissions:
+        """Return what the session leaves, whose `last` events this console has not shown."""
+        for event in last:
+            self._state.apply(event)
+        return LeftMissions.of(self._state)
+
+    # What only the station whose session it is can do: each raises ValueError
+
+    def submit(self, text: str) -> Mission:  # noqa: ARG002, D102
+        raise self._refusal
+
+    def cancel(self) -> None:  # noqa: D102
+        raise self._refusal
+
+    def release(self) -> None:  # noqa: D102
+        raise self._refusal
+
+    def acknowledge(self, alarm_id: str) -> None:  # noqa: ARG002, D102
+        raise self._refusal
+
+    def move(self, mission_id: str, by: int) -> None:  # noqa: ARG002, D102
+        raise self._refusal
+
+    def defer(self, mission_id: str) -> None:  # noqa: ARG002, D102
+        raise self._refusal
+
+    def withdraw(self, mission_id: str) -> None:  # noqa: ARG002, D102
+        raise self._refusal
+
+    def revoke(self, order_id: str) -> None:  # noqa: ARG002, D102
+        raise self._refusal
+
+    def inject(self, incident: Incident) -> None:  # noqa: ARG002, D102
+        raise self._refusal
+
+    async def reload_rules(self) -> None:  # noqa: D102
+        raise self._refusal
+
+    async def accept_rules(self) -> None:  # noqa: D102
+        raise self._refusal
+
+    rules_offered = ""
+
+    @property
+    def _refusal(self) -> ValueError:
+        return ValueError(f"this is the session of {self.station}: it is commanded there")
+
+
+@dataclass
+class _StopAsked:
+    """A stop asked for here, in this machine's seconds, until the station has logged it."""
+
+    pressed_s: float
+    late: bool = False
+    sent_s: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.sent_s = self.pressed_s
+
+
+class _ConnectionNews:
+    """Reports each change of the connection, and of the station in command, once."""
+
+    def __init__(self, log: SharedLog) -> None:
+        self._log, self._told = log, Told()
+        self._problem, self._takeover = "", log.trust.takeover
+        self._heard = monotonic()
+        self._silent = self._lacks = False
+
+    def take(self, *, heard: bool) -> Sequence[ev.IncidentHappened | ev.Noticed]:
+        """Return the new notices; `heard` is whether records have come just now."""
+        log, station, now_s = self._log, self._log.stream.station, monotonic()
+        if (problem := log.link.problem) != self._problem:
+            self._problem = problem
+            if problem:
+                self._say("alarm", f"no connection to the broker: {problem}")
+            else:
+                self._say("info", "connected to the broker again")
+        self._heard = now_s if heard else self._heard
+        if (silent := now_s - self._heard > SILENT_S) != self._silent:
+            self._silent = silent
+            if silent:
+                self._say("alarm", f"nothing has come from {station} for {SILENT_S:.0f} s")
+            else:
+                self._say("info", f"{station} is heard again")
+        if (lacks := log.stream.missing > 0) != self._lacks:
+            self._lacks = lacks
+            if lacks:
+                self._say("warning", f"{log.stream.missing} records are missing and are asked for")
+            else:
+                self._say("info", "no record is missing any more")
+        if log.problem:
+            self._say("warning", f"not believed: {log.problem}")
+            log.problem = ""
+        if (takeover := log.trust.takeover) != self._takeover:
+            self._takeover = takeover
+            in_command = log.trust.roster.station_of(log.trust.takeover.station)
+            more = "" if in_command == station else f"; {station} moves nothing any more"
+            self._say("alarm", f"{log.trust.in_command}{more}")
+        return self._told.take()
+
+    def _say(self, level: ev.Level, text: str) -> None:
+        self._told.say(level, SUBJECT, text, monotonic())
+
+
+def _without_old_pictures(events: Sequence[ev.Event]) -> list[ev.Event]:
+    """Return `events` with the last picture alone: what came before it is shown no more."""
+    pictures = [n for n, event in enumerate(events) if event.data.kind == "telemetry"]
+    old = frozenset(pictures[:-1])
+    return [event for number, event in enumerate(events) if number not in old]
+
+
+OwnStation = Callable[[], StationAuthority]
+"""Return the keys of the station of this machine; raises ValueError where it cannot command."""
+
+
+class Succession:
+    """Takes command from the station whose session was joined, in the name of the person here.
+
+    Everything that can fail comes before `take`: from then on vehicles accept nothing from the
+    other station, and nothing from this one before its session begins.
+    """
+
+    def __init__(self, log: SharedLog, signatory: Signatory, own: OwnStation) -> None:
+        self._log, self._signatory, self._own = log, signatory, own
+        self.authority: StationAuthority | None = None
+        """The keys that this station commands with, once it was found that it may."""
+        self.taken: CommandTaken | None = None
+        """Command as it was taken, None before."""
+        self.last: tuple[Event, ...] = ()
+        """The events of the other session after its console had closed, until command was taken."""
+
+    @property
+    def possible(self) -> bool:
+        """True if the person here is a commander, and may take command at all."""
+        try:
+            return self._log.trust.person(self._signatory.name).role == "commander"
+        except RefusedError:
+            return False
+
+    def prepare(self, started: SessionStarted | None) -> StationAuthority:
+        """Return the keys of this station, which may command a session like the one joined.
+
+        Raises ValueError that says why command cannot be taken from here.
+        """
+        log, name = self._log, self._signatory.name
+        if not self.possible:
+            raise ValueError(f"only a commander takes command, and {name} is none")
+        if problem := log.link.problem:
+            raise ValueError(f"no connection to the broker: {problem}")
+        authority = self._own()
+        if not authority.refusal:
+            raise ValueError(
+                f"{authority.name} is in command already; leave, and use 'console --fleet'"
+            )
+        if not authority.name:
+            raise ValueError("this station is not in the roster: the owner of the site enrols it")
+        if started is not None and started.rules_seal is not None:
+            sha256 = started.rules_seal.content_sha256
+            if sha256 not in authority.trust.roster.rules:
+                raise ValueError(f"vehicles take nothing under the rules {started.rules!r}")
+        self.authority = authority
+        return authority
+
+    def take(self, publish: Callable[[], object]) -> CommandTaken:
+        """Take command now, let `publish` announce it, and return the log's first event.
+
+        Raises ValueError when command cannot be taken; nothing has changed then.
+        """
+        authority, stream = self.authority, self._log.stream
+        if authority is None:
+            raise ValueError("nothing was prepared")
+        authority.take_command(self._signatory.name, self._signatory.key)
+        publish()
+        self.last = tuple(self._log.take())
+        self.taken = CommandTaken(
+            station=stream.station,
+            session=stream.session,
+            records=stream.wanted - 1,
+            head=stream.head,
+            epoch=authority.trust.takeover.epoch,
+            by=self._signatory.name,
+        )
+        return self.taken

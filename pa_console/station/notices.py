@@ -1,0 +1,181 @@
+"""Turns successive pictures into lines for the operator's event list, and stays quiet in noise.
+
+A change is told once it has lasted; the same change of many assets at once is one line.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import groupby
+
+from pa_console.mission.picture_text import silence
+from pa_console.schema.events.event import Level, Noticed
+from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Track
+
+MOST_ALIKE = 4
+GONE_S = 3.0
+Value = str | bool
+Key = tuple[str, str]
+"""A subject and which of its properties it is about."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Fact:
+    """One property of one subject now; `text` is empty when a change to it is not worth a line.
+
+    It is told when it differs from what was told last for `settle_s` simulated seconds; `at_first`
+    is what counts as told about a subject that is new.
+    """
+
+    subject: str
+    topic: str
+    value: Value
+    at_first: Value | None
+    level: Level
+    text: str
+    settle_s: float = 0.0
+
+
+class Noticer:
+    """Remembers the notices given so far; equal pictures give equal notices."""
+
+    def __init__(self, picture: Picture) -> None:
+        """Treat everything in `picture` as reported."""
+        self._told: dict[Key, Value | None] = {
+            (fact.subject, fact.topic): fact.value for fact in _facts(picture)
+        }
+        self._since: dict[Key, tuple[Value, float]] = {}
+        self._tracks: dict[str, float] = dict.fromkeys(picture.tracks, picture.time_s)
+
+    def look(self, picture: Picture) -> list[Noticed]:
+        """Return the changes that an operator would want to know now."""
+        now_s = picture.time_s
+        news = [fact for fact in _facts(picture) if self._is_news(fact, now_s)]
+        told = [fact for fact in news if fact.text]
+        return [*_grouped(told), *self._gone(picture)]
+
+    def _is_news(self, fact: _Fact, now_s: float) -> bool:
+        key = (fact.subject, fact.topic)
+        if self._told.setdefault(key, fact.at_first) == fact.value:
+            self._since.pop(key, None)
+            return False
+        value, since_s = self._since.get(key, (fact.value, now_s))
+        if value != fact.value:
+            since_s = now_s
+        if now_s - since_s < fact.settle_s:
+            self._since[key] = (fact.value, since_s)
+            return False
+        self._since.pop(key, None)
+        self._told[key] = fact.value
+        return True
+
+    def _gone(self, picture: Picture) -> Iterator[Noticed]:
+        """Yield the tracks that have been out of the picture for a while, and forget them."""
+        self._tracks.update(dict.fromkeys(picture.tracks, picture.time_s))
+        for name, seen_s in list(self._tracks.items()):
+            if name not in picture.tracks and picture.time_s - seen_s >= GONE_S:
+                del self._tracks[name]
+                known = [key for key in self._told if key[0] == name]
+                if self._told.get((name, "presence")) is not None:
+                    yield Noticed(level="info", subject=name, text="track is gone")
+                for key in known:
+                    del self._told[key]
+                    self._since.pop(key, None)
+
+
+def _facts(picture: Picture) -> Iterator[_Fact]:
+    for gate, cover in picture.gates.items():
+        yield _gate(picture, gate, cover)
+    for asset in picture.assets.values():
+        yield from _asset(picture, asset)
+    for name, camera in picture.cameras.items():
+        works = "works again" if camera.works else "is out"
+        level = "info" if camera.works else "warning"
+        text = f"camera at {camera.gate} {works}"
+        yield _Fact(name, "camera", camera.works, True, level, text, 1.0)
+    for track in picture.tracks.values():
+        yield from _track(picture, track)
+    weather = picture.weather
+    yield _Fact("weather", "weather", weather, "clear", "info", f"{weather} from now on")
+
+
+def _gate(picture: Picture, gate: str, cover: GateCover) -> _Fact:
+    if cover.covered:
+        return _Fact(gate, "cover", "covered", None, "info", f"covered by {', '.join(cover.by)}")
+    if not cover.unknown:
+        return _Fact(gate, "cover", "none", None, "alarm", "no longer covered", 1.0)
+    unsure = [picture.assets[name] for name in cover.unsure if name in picture.assets]
+    why = [why for asset in unsure if (why := silence(picture, asset))]
+    text = ", ".join(["cover unknown", *why])
+    return _Fact(gate, "cover", "unknown", None, "warning", text, 1.0)
+
+
+def _asset(picture: Picture, asset: AssetTelemetry) -> Iterator[_Fact]:
+    """Yield an asset's condition: whether it works, its battery, its link, its soundness."""
+    name, status = asset.id, asset.status
+    if status == "degraded" and (asset.low_battery or asset.comms != "ok"):
+        status = "ok"  # why it is degraded is told by itself
+    level: Level = "alarm" if status == "failed" else "info"
+    settle_s = 0.0 if status == "failed" else 3.0
+    yield _Fact(name, "status", status, status, level, f"status {status}", settle_s)
+    low = f"battery low, {asset.battery_pct:.0f} %" if asset.low_battery else ""
+    settle_s = 1.0 if low else 20.0
+    yield _Fact(name, "battery", asset.low_battery, False, "warning", low, settle_s)
+    age_s = picture.time_s - asset.stamp_s
+    if asset.integrity == "suspect":
+        fact = "suspect", "warning", "telemetry is suspect: it cannot be right", 1.0
+    elif asset.comms == "lost":
+        fact = "lost", "warning", f"communications lost, silent for {age_s:.0f} s", 0.0
+    elif asset.stale:
+        fact = "stale", "warning", f"silent for {age_s:.0f} s", 2.0
+    elif asset.comms == "degraded":
+        fact = "degraded", "info", "communications degraded", 5.0
+    else:
+        fact = "ok", "info", "communications ok", 5.0
+    value, level, text, settle_s = fact
+    yield _Fact(name, "heard", value, "ok", level, text, settle_s)
+
+
+def _track(picture: Picture, track: Track) -> Iterator[_Fact]:
+    """Yield a track's presence, identity and behaviour."""
+    name = track.id
+    known = f"{track.identity} {track.kind} {track.status}, {track.gate}, {track.distance_m:.0f} m"
+    yield _Fact(name, "presence", True, None, "alarm", known)
+    seen = "observed by a UAV" if track.observed else ""
+    yield _Fact(name, "observed", track.observed, False, "info", seen)
+    text = f"identified as {track.identity}" if track.identity != "unknown" else "identity unknown"
+    yield _Fact(name, "identity", track.identity, track.identity, "warning", text)
+    said = f"{track.dispute}; have another robot identify it" if track.dispute else ""
+    yield _Fact(name, "dispute", track.dispute, "", "warning", said)
+    hostile = track.intent == "hostile"
+    by = f", {' and '.join(track.hostile_by)} say so" if hostile and track.hostile_by else ""
+    level: Level = "alarm" if hostile else "info"
+    yield _Fact(name, "intent", track.intent, "unknown", level, f"intent {track.intent}{by}")
+    yield _Fact(name, "warned", track.warned, False, "info", "warned" if track.warned else "")
+    defiant = "goes on in spite of the warning" if track.defiant else ""
+    yield _Fact(name, "defiant", track.defiant, False, "alarm", defiant)
+    persons = "noncombatants are suspected" if track.noncombatants else ""
+    yield _Fact(name, "persons", track.noncombatants, False, "warning", persons)
+    moves = f"{track.status} at {track.gate}"
+    yield _Fact(name, "status", track.status, track.status, "info", moves, 1.0)
+    age_s = picture.time_s - track.stamp_s
+    sight = f"not seen for {age_s:.0f} s" if track.stale else f"seen again at {track.gate}"
+    yield _Fact(name, "sight", track.stale, False, "info", sight, 1.0)
+
+
+def _grouped(facts: list[_Fact]) -> Iterator[Noticed]:
+    """Yield one line a fact, or one for all subjects to which the same happens at once."""
+
+    def kind(fact: _Fact) -> tuple[str, str]:
+        return fact.topic, str(fact.value)
+
+    order = {kind(fact): index for index, fact in reversed(list(enumerate(facts)))}
+    for _, group in groupby(sorted(facts, key=lambda f: order[kind(f)]), key=kind):
+        alike = list(group)
+        if len(alike) <= MOST_ALIKE:
+            for fact in alike:
+                yield Noticed(level=fact.level, subject=fact.subject, text=fact.text)
+            continue
+        first, *others = alike
+        named = ", ".join(fact.subject for fact in others[: MOST_ALIKE - 1])
+        text = f"{first.text}; likewise {len(others)} others, among them {named}"
+        yield Noticed(level=first.level, subject=first.subject, text=text)

@@ -1,0 +1,222 @@
+"""Watches the rule file in force, and puts a changed one in force; a broken one changes nothing.
+
+Nor does one that is less than what was used before, until the operator accepts it.
+"""
+
+import asyncio
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from pa_console.mission.context import Services
+from pa_console.policy.authoring.differences import compare_rules
+from pa_console.policy.expressions.deadlines import DEADLINE_S
+from pa_console.policy.rulebook import Rulebook, load_rules
+from pa_console.policy.trust.core_rules import with_core
+from pa_console.policy.trust.pinned_rules import RulesPins, downgrade, pin_of
+from pa_console.policy.trust.rule_seal import refuse_altered, signature_path
+from pa_console.schema.document import DocumentError
+from pa_console.schema.events import event as ev
+from pa_console.schema.rule import SHORT, RuleSet
+from pa_console.signing import SigningError
+from pa_console.station.read_ahead import ReadAhead
+from pa_console.station.worker import EmitFor, MissionWorker
+
+Stamp = tuple[tuple[int, int, int] | None, ...]
+
+
+class RulesWatch:
+    """Compares the file and its signature with the version loaded last."""
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        unsigned: bool = False,
+        pins: RulesPins | None = None,
+        deadline_s: float = DEADLINE_S,
+    ) -> None:
+        """The file at `path` has just been loaded; `unsigned` takes an altered signed set too.
+
+        Without `pins` a set is held against the one in force, and nothing is kept of it.
+        """
+        self.path = path
+        self._unsigned, self._pins, self._deadline_s = unsigned, pins, deadline_s
+        self._loaded = self._seen = self._stamp()
+
+    def look(self) -> bool:
+        """Return whether the file is another than was loaded, and as it was at the last look."""
+        now = self._stamp()
+        before, self._seen = self._seen, now
+        return now == before and now != self._loaded
+
+    async def load(self) -> Rulebook:
+        """Return the rules that the file holds now, read beside the event loop.
+
+        Raises ValueError with file, place and problem when they cannot be in force.
+        """
+        self._loaded = self._stamp()
+        return await asyncio.to_thread(self._load)
+
+    def refusal(self, old: Rulebook, new: Rulebook) -> str:
+        """Return why `new` is less than the earlier rules, "" when it is taken.
+
+        Raises RefusedRulesError when that cannot be determined.
+        """
+        if self._unsigned and new.seal.altered:
+            return ""
+        if self._pins is not None:
+            return self._pins.refusal(new.name, new.seal)
+        return downgrade(pin_of(old.name, old.seal), pin_of(new.name, new.seal))
+
+    def admit(self, new: Rulebook, why: str) -> Rulebook:
+        """Return `new` as it goes in force, pinned; `why` is why the operator had to accept it.
+
+        Raises RefusedRulesError, and OSError when nothing can be pinned.
+        """
+        seal = new.seal.model_copy(update={"accepted": why})
+        if self._pins is not None:
+            accept = bool(why) or (self._unsigned and new.seal.altered)
+            seal = self._pins.admit(new.name, new.seal, accept=accept)
+        return with_core(new.sealed(seal), self._deadline_s)
+
+    def _load(self) -> Rulebook:
+        try:
+            rulebook = load_rules(self.path, self._deadline_s)
+            if not self._unsigned:
+                refuse_altered(self.path, rulebook.seal)
+        except (DocumentError, SigningError, OSError) as error:
+            raise ValueError(str(error)) from error
+        return rulebook
+
+    def _stamp(self) -> Stamp:
+        return tuple(_stamp(path) for path in (self.path, signature_path(self.path)))
+
+
+def _stamp(path: Path) -> tuple[int, int, int] | None:
+    try:
+        found = os.stat(path)
+    except OSError:
+        return None
+    return found.st_ino, found.st_size, found.st_mtime_ns
+
+
+LOOK_S = 1.0
+"""The interval between two looks at the file, wall seconds."""
+
+MOST_NAMED = 4
+
+
+class RulesReload:
+    """Emits every change of the rules, and why one could not be made."""
+
+    def __init__(
+        self,
+        services: Services,
+        watch: RulesWatch | None,
+        emit: EmitFor,
+        worker: MissionWorker,
+        ahead: ReadAhead,
+    ) -> None:
+        """Leave the rules as they are if there is no `watch`."""
+        self._services, self._watch, self._emit = services, watch, emit
+        self._worker, self._ahead = worker, ahead
+        self._turn = asyncio.Lock()
+        self._offered: Rulebook | None = None
+        self.offered = ""
+        """The reason why the rules in the file wait for the operator to accept them, "" if they do
+        not."""
+
+    @property
+    def services(self) -> Services:
+        """The services of later missions."""
+        return self._services
+
+    async def serve(self) -> None:
+        """Take every change of the file, for ever."""
+        while self._watch is not None:
+            await asyncio.sleep(LOOK_S)
+            if self._watch.look():
+                await self.now()
+
+    async def now(self) -> None:
+        """Take the rules as the file has them now."""
+        if self._watch is None:
+            return
+        async with self._turn:
+            self._offered, self.offered = None, ""
+            try:
+                rulebook = await self._watch.load()
+                why = self._watch.refusal(self._services.rulebook, rulebook)
+            except ValueError as error:
+                self._not_taken(str(error))
+                return
+            if why:
+                self._offered, self.offered = rulebook, why
+                self._not_taken(f"{why}. In the policy browser you can accept them")
+            else:
+                await self._take(rulebook, "")
+
+    async def accept(self) -> None:
+        """Take the waiting rules on the operator's decision; raises ValueError without any."""
+        async with self._turn:
+            rulebook, why = self._offered, self.offered
+            if rulebook is None:
+                raise ValueError("no changed rules wait to be accepted")
+            self._offered, self.offered = None, ""
+            await self._take(rulebook, why)
+
+    def _not_taken(self, problem: str) -> None:
+        old = self._services.rulebook
+        kept = f"{old.name} {old.seal.content_sha256[:SHORT]} stays in force"
+        self._tell("alarm", f"the changed rules were not taken, {kept}: {problem}")
+
+    async def _take(self, rulebook: Rulebook, why: str) -> None:
+        """Put `rulebook` in force; the world goes on while its rules are indexed.
+
+        `why` is why the operator had to accept it, "" for a set that is taken by itself.
+        """
+        old = self._services.rulebook
+        before, after = old.rule_set, rulebook.rule_set
+        if self._watch is None or before is None or after is None:
+            return
+        try:
+            rulebook = self._watch.admit(rulebook, why)
+        except (ValueError, OSError) as error:
+            self._not_taken(str(error))
+            return
+        if rulebook.seal == old.seal:
+            return
+        self._services = await asyncio.to_thread(self._services.with_rules, rulebook)
+        self._worker.use(self._services)
+        self._ahead.use(self._services)
+        changes = tuple(_changes(before, after))
+        self._emit(
+            ev.RulesReplaced(
+                rules=rulebook.name,
+                rules_sha256=rulebook.sha256,
+                rules_seal=rulebook.seal,
+                changes=changes,
+                rule_set=after,
+            ),
+            None,
+        )
+        level: ev.Level = "alarm" if rulebook.seal.warnings else "warning"
+        self._tell(level, _in_words(rulebook, changes, self._worker.worked_on))
+
+    def _tell(self, level: ev.Level, text: str) -> None:
+        self._emit(ev.Noticed(level=level, subject="rules", text=text), None)
+
+
+def _changes(before: RuleSet, after: RuleSet) -> Iterator[str]:
+    """Yield the differences rule by rule, e.g. `ROE-02 changed`."""
+    for change in compare_rules(before, after):
+        yield f"{change.id or 'the set itself'} {change.kind}"
+
+
+def _in_words(rulebook: Rulebook, changes: tuple[str, ...], worked_on: str) -> str:
+    named = ", ".join(changes[:MOST_NAMED]) or "no rule is different"
+    more = f" and {len(changes) - MOST_NAMED} more" if len(changes) > MOST_NAMED else ""
+    standing = "; ".join((rulebook.seal.words, *rulebook.seal.warnings))
+    pinned = f"; {worked_on} goes on under the set it began with" if worked_on else ""
+    return f"now in force: {rulebook.name} {rulebook.seal.title}, {standing}: {named}{more}{pinned}"

@@ -1,0 +1,195 @@
+"""Follows the session that a station shares on a bus, and requests missing records."""
+
+import time
+from collections.abc import Callable
+from datetime import UTC, datetime
+from time import monotonic
+from typing import Any
+
+from pa_console.fleets.authorization import RefusedError, SignedMessages, Trust
+from pa_console.fleets.bus.client import Sent
+from pa_console.fleets.bus.station_link import Delivery, StationLink
+from pa_console.fleets.vda5050.additions import MANUFACTURER, SIGNED, TRUST, SignedMessage
+from pa_console.fleets.vda5050.numbers import Numbers
+from pa_console.fleets.vda5050.session_messages import RecordsAsked, SessionRecords
+from pa_console.fleets.vda5050.topics import Identity, Topic
+from pa_console.fleets.vda5050.wire import Header, UnreadableError
+from pa_console.schema.events.event import Event
+from pa_console.session.log.chain import LogRecord, link_problem, parse
+
+
+class NotBelievedError(ValueError):
+    """Records of another session, or without a valid signature; the text is the reason."""
+
+
+class RecordStream:
+    """Takes the records of one session in, in order and without a gap.
+
+    It follows the first session that the station in command vouches for. Each message is signed by
+    that station, and each record holds the hash of the one before.
+    """
+
+    def __init__(self, trust: Trust, now: Callable[[], float]) -> None:
+        """`trust` is the site's; `now` is in seconds since 1970."""
+        self._trust, self._now = trust, now
+        self.station, self.session = "", ""
+        """The name of the station in the roster, and the id of its session; "" before the first."""
+        self._last: LogRecord | None = None
+        self.seen = 0
+        """The number of the last record announced by the station."""
+
+    @property
+    def wanted(self) -> int:
+        """The number of the next record."""
+        return int(self._last.fields["seq"]) + 1 if self._last is not None else 1
+
+    @property
+    def head(self) -> str:
+        """The hash of the last record that is here, '' before the first."""
+        return self._last.hash if self._last is not None else ""
+
+    @property
+    def missing(self) -> int:
+        """The number of announced records that are missing here."""
+        return max(self.seen - self.wanted + 1, 0)
+
+    def take(self, station: str, message: SessionRecords) -> list[Event]:
+        """Return the events of the records that come next; none when one before them is missing.
+
+        Raises NotBelievedError, and takes nothing, for what is not the log of this session.
+        """
+        try:
+            vouched = self._trust.records(station, message.signature, self._now())
+        except RefusedError as refused:
+            raise NotBelievedError(str(refused)) from refused
+        said = message.session, message.first, message.last
+        if (vouched.session, vouched.first, vouched.last) != said:
+            raise NotBelievedError(f"{station} vouches for other records than these")
+        if not self.session:
+            self._follow(station, vouched.session)
+        if station != self.station:
+            raise NotBelievedError(f"{station} shares a session, too")
+        if vouched.session != self.session:
+            raise NotBelievedError(f"{station} shares another session now; join again to see it")
+        self.seen = max(self.seen, vouched.last)
+        if not vouched.first <= self.wanted <= vouched.last:
+            return []
+        return self._chained(message, vouched.head)
+
+    def _follow(self, station: str, session: str) -> None:
+        roster, takeover = self._trust.roster, self._trust.takeover
+        if takeover.epoch and roster.station_of(takeover.station) != station:
+            raise NotBelievedError(f"{station} shares a session, but {self._trust.in_command}")
+        self.station, self.session = station, session
+
+    def _chained(self, message: SessionRecords, head: str) -> list[Event]:
+        """Return the events of a message whose hashes lead from the last record to `head`."""
+        last, events = self._last, list[Event]()
+        try:
+            lines = message.lines()
+            if len(lines) != message.last - message.first + 1:
+                raise NotBelievedError("it has not as many records as it says")
+            for line in lines[self.wanted - message.first :]:
+                record = parse(line)
+                problem = link_problem(record, last)
+                if problem or record.fields["session"] != self.session:
+                    raise NotBelievedError(problem or "a record is of another session")
+                last = record
+                events.append(record.event)
+        except NotBelievedError:
+            raise
+        except UnreadableError as error:
+            raise NotBelievedError(str(error)) from error
+        except ValueError as error:
+            raise NotBelievedError(f"a record cannot be read: {error}") from error
+        if last is None or last.hash != head:
+            raise NotBelievedError("its last record is not the one that the station vouches for")
+        self._last = last
+        return events
+
+
+HEARD = (SessionRecords, *SIGNED)
+LOOK_S = 0.1
+ASK_AGAIN_S = 1.0
+FOUND_S = 10.0
+"""The longest wait for the first records of a session when joining, seconds."""
+
+
+class SharedLog:
+    """The log of a session as far as it has come; `problem` is what was not believed last."""
+
+    def __init__(self, link: StationLink, trust: Trust, keep: Callable[[str], object]) -> None:
+        """`keep` is given every newer roster, revocation and takeover that is taken."""
+        self.link, self.trust, self._keep = link, trust, keep
+        self.stream = RecordStream(trust, time.time)
+        self.problem = ""
+        self._signed, self._numbers = SignedMessages(trust.take), Numbers()
+        self._asked, self._asked_at = 0, 0.0
+
+    def take(self) -> list[Event]:
+        """Return what has happened in the session since the last call, in order."""
+        events: list[Event] = []
+        for delivery in self.link.take():
+            events += self._events_of(delivery)
+        self._ask()
+        return events
+
+    def publish(self, message: Header, expiry_s: int | None = None) -> bool:
+        """Send `message` to the station; return False without a connection."""
+        topic = Topic(self.link.address.site, self._identity, message.TOPIC)
+        return self.link.publish(Sent(str(topic), message.write(), qos=1, expiry_s=expiry_s))
+
+    def header(self, kind: type[Header]) -> dict[str, Any]:
+        """Return the header of the next message of a kind to the station."""
+        return self._numbers.header(self._identity, kind.TOPIC, datetime.now(UTC))
+
+    @property
+    def _identity(self) -> Identity:
+        return Identity(MANUFACTURER, self.stream.station)
+
+    def _events_of(self, delivery: Delivery) -> list[Event]:
+        identity = delivery.topic.identity
+        match delivery.message:
+            case UnreadableError() as error:
+                self.problem = f"{identity.serial_number}: {error}"
+            case SignedMessage() as signed if identity == TRUST:
+                if not self._signed.hear(signed.message):
+                    self._keep(signed.message)
+            case SessionRecords() as records if identity.manufacturer == MANUFACTURER:
+                try:
+                    return self.stream.take(identity.serial_number, records)
+                except NotBelievedError as error:
+                    self.problem = str(error)
+            case _:
+                pass
+        return []
+
+    def _ask(self) -> None:
+        """Request the missing records, again when they do not come."""
+        wanted, now = self.stream.wanted, monotonic()
+        if self.stream.missing and (wanted != self._asked or now - self._asked_at > ASK_AGAIN_S):
+            self._asked, self._asked_at = wanted, now
+            header = self.header(RecordsAsked)
+            self.publish(RecordsAsked(**header, session=self.stream.session, first=wanted))
+
+
+def read_so_far(log: SharedLog, progress: Callable[[int, int], object]) -> list[Event]:
+    """Wait for the session that is shared and return what has happened in it so far.
+
+    `progress` is told how many records have come, of how many. Raises ValueError when none comes.
+    """
+    events: list[Event] = []
+    until = monotonic() + FOUND_S
+    while not events or log.stream.missing:
+        log.link.wait_news(LOOK_S)
+        if taken := log.take():
+            events += taken
+            until = monotonic() + FOUND_S
+            progress(log.stream.wanted - 1, log.stream.seen)
+        if monotonic() > until:
+            why = log.problem or log.link.problem
+            raise ValueError(
+                f"no station shares a session at {log.link.address}{f': {why}' if why else ''}; "
+                "the one in command does with 'pa-console console --fleet'"
+            )
+    return events

@@ -1,0 +1,489 @@
+"""The control station: one fleet, one mission queue, one stream of everything that happens."""
+
+import asyncio
+from collections.abc import AsyncGenerator, Callable
+from datetime import UTC, datetime
+from functools import partial
+
+from pa_console import __version__
+from pa_console.fleets.fleet import Countersigned, Simulated
+from pa_console.language.questions.question import Question
+from pa_console.mission.context import Services
+from pa_console.mission.dispatch import StepFeed
+from pa_console.mission.journal import Log
+from pa_console.mission.judge import OutcomeVerdicts
+from pa_console.mission.stop import EmergencyStop
+from pa_console.policy.retrieval.retriever import Retriever
+from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.events import event as ev
+from pa_console.schema.incident import Incident
+from pa_console.schema.mission import Decision, Metrics, Mission
+from pa_console.schema.plan import Plan
+from pa_console.schema.rehearsal import RehearsedReading
+from pa_console.schema.world import World
+from pa_console.session.state.fold import SessionState
+from pa_console.station.alternatives import Alternative, rehearse_other_ways, rehearse_reading
+from pa_console.station.answering import IS_QUESTION, RecentRecord, answer, question_in
+from pa_console.station.background import Background, Outside, pass_on
+from pa_console.station.clock import Clock, Ticking
+from pa_console.station.earlier_session import LeftMissions, ResumedSession
+from pa_console.station.intake import Intake
+from pa_console.station.read_ahead import ReadAhead
+from pa_console.station.rules_in_force import RulesReload, RulesWatch
+from pa_console.station.worker import MissionWorker, StationParts
+
+READ_ONLY = "this console is read-only: commands are refused"
+NOT_SIMULATED = "incidents can only be made to happen in a simulated fleet"
+INTERRUPTED = "the console ended while it was under way; give it again if it is still wanted"
+NOT_KEPT = "a standing order ends with its console; give it again if it is still wanted"
+IS_STOPPED = "everything is stopped: no mission is taken until the stop is released"
+
+
+class Station:
+    """Owns the fleet, alarms and queue; both front ends use only this."""
+
+    def __init__(
+        self,
+        services: Services,
+        clock: Clock,
+        started: ev.SessionStarted,
+        *,
+        readonly: bool = False,
+        keep_engine: bool = False,
+        respond: bool = False,
+        watch: RulesWatch | None = None,
+        read_unasked: bool = True,
+        resumed: ResumedSession | None = None,
+    ) -> None:
+        """`started` is the session's first event; `clock` says when the world moves on.
+
+        The engine is closed with the session unless `keep_engine`. With `respond`, alarms become
+        missions by themselves. With `watch`, a changed rule file is taken as soon as it is there.
+        Without `read_unasked`, the model reads ahead only while somebody types. A `resumed` session
+        goes on where it ended; `services` have its fleet and what was seen in it.
+        """
+        self._services, self._clock, self._started = services, clock, started
+        self.readonly, self._keep_engine = readonly, keep_engine
+        self._taken: ev.CommandTaken | None = None
+        self._left = LeftMissions()
+        self._outside: Outside | None = None
+        self._fleet, self._journal = services.fleet, services.journal
+        self._feed = StepFeed()
+        self._events: asyncio.Queue[ev.Event | None] = asyncio.Queue()
+        self._intake = Intake(self.world, started.session, respond=respond and not readonly)
+        self._gate = services.gate
+        self._emergency_stop = EmergencyStop(self._fleet, self._gate)
+        self._background = Background(self._broken)
+        self._verdicts = OutcomeVerdicts(self._background.start, between_missions=clock.waits)
+        parts = StationParts(
+            services,
+            self._feed,
+            self._intake,
+            self._emergency_stop,
+            self._verdicts,
+            self._emit,
+        )
+        self._worker = MissionWorker(parts)
+        self._ahead = ReadAhead(services, unasked=read_unasked)
+        self._reload = RulesReload(services, watch, self._emit, self._worker, self._ahead)
+        self._ticking = Ticking(parts, clock, self._worker, self._stop_for)
+        self._closed, self._resumed = False, resumed
+        self._record = RecentRecord(resumed.told if resumed is not None else SessionState())
+        self._again: list[tuple[ev.EventPayload, str]] = []
+        """The missions that open alarms become once more."""
+        if resumed is not None:
+            self._gate.resume(resumed.stops, stopped=resumed.stopped)
+            services.standing.skip_ids(resumed.standing_ids)
+            self._again = self._intake.take_up(
+                resumed.alarms, resumed.waiting, resumed.missions, resumed.unanswered
+            )
+        self._ending: asyncio.Task[None] | None = None
+        self.failure = ""
+        """The internal error that ended the session, '' for none."""
+
+    @property
+    def session(self) -> str:
+        """The id of the session."""
+        return self._started.session
+
+    @property
+    def world(self) -> World:
+        """The world of the fleet."""
+        return self._fleet.world
+
+    @property
+    def retriever(self) -> Retriever:
+        """The retriever over the rules in force now."""
+        return self._reload.services.retriever
+
+    @property
+    def rulebook(self) -> Rulebook:
+        """The rules that are in force now."""
+        return self._reload.services.rulebook
+
+    @property
+    def rate(self) -> float:
+        """Simulated seconds per second."""
+        return self._clock.rate
+
+    @rate.setter
+    def rate(self, rate: float) -> None:
+        self._clock.rate = rate
+
+    @property
+    def stopped(self) -> bool:
+        """True while the stop is latched."""
+        return self._gate.stopped
+
+    @property
+    def worked_on(self) -> str:
+        """The id of the mission that is being worked on, empty when none is."""
+        return self._worker.worked_on
+
+    @property
+    def awaits_decision(self) -> bool:
+        """True while a plan waits for `decide`."""
+        return self._worker.awaits_decision
+
+    def write_to(self, log: Log) -> None:
+        """Write every event of the session to `log` before any other part receives it.
+
+        While that is not possible, nothing is dispatched but stops and ways to safety.
+        """
+        self._journal.open(log, self._emit)
+
+    def listen_to(self, outside: Outside | None) -> None:
+        """Emit the reports of `outside` in the session, None for none; before `run`."""
+        self._outside = outside
+
+    def succeed(self, taken: ev.CommandTaken, left: LeftMissions) -> None:
+        """Let the log begin with whose command this session has taken over; before `run`.
+
+        What that session `left` unsent waits here again; nothing is dispatched by that.
+        """
+        self._taken, self._left = taken, left
+
+    async def run(self) -> AsyncGenerator[ev.Event]:
+        """Yield every event of the session until `close`; stopping the iteration closes it too.
+
+        However it stops, the log ends with the end of the session.
+        """
+        if self._resumed is None:
+            self._emit(self._started)
+            if self._taken is not None:
+                self._emit(self._taken)
+            self._emit(ev.TelemetryReceived(picture=self._ticking.first))
+            if self._taken is not None:
+                self._take_over(self._taken.station, self._left)
+        else:
+            self._go_on(self._resumed)
+        if problem := self._gate.objection(self._services.rulebook):
+            self._emit(ev.Noticed(level="alarm", subject="keys", text=problem))
+        self._services.engine.on_state = self.worker_changed
+        for server, uses in self._services.servers.backends.items():
+            server.on_state = partial(self._server_changed, server.name, uses)
+            await server.start()
+        ahead, serving = self._ahead, self._worker.serve(self._background, self._between)
+        for work in (
+            self._ticking.run(),
+            serving,
+            ahead.load(),
+            ahead.serve(),
+            self._reload.serve(),
+        ):
+            self._background.start(work)
+        if self._outside is not None:
+            self._background.start(pass_on(self._outside, self._emit))
+        try:
+            while (event := await self._events.get()) is not None:
+                yield event
+        finally:
+            await self.close("broken off")
+            self._fleet.close()
+            for server in self._services.servers.backends:
+                await server.close()
+            if not self._keep_engine:
+                await self._services.engine.close()
+
+    def _go_on(self, resumed: ResumedSession) -> None:
+        """Emit that the session goes on, and take up waiting missions; nothing is dispatched."""
+        self._emit(ev.SessionResumed(version=__version__, interrupted=resumed.interrupted))
+        self._emit(ev.TelemetryReceived(picture=self._ticking.first))
+        for name in resumed.interrupted:
+            held = ev.MissionFinished(status="held", reason=INTERRUPTED, metrics=Metrics())
+            self._emit(held, name)
+        for name in resumed.standing:
+            ended = ev.StandingOrderRevoked(order_id=name, by="the console", reason=NOT_KEPT)
+            self._emit(ended)
+        for name in resumed.started_by_standing:
+            held = ev.MissionFinished(status="held", reason=NOT_KEPT, metrics=Metrics())
+            self._emit(held, name)
+        for payload, mission in self._again:
+            self._emit(payload, mission)
+        self._worker.queue_changed()
+
+    def _take_over(self, station: str, left: LeftMissions) -> None:
+        """Emit the relieved `station`'s open missions and queue the undispatched ones."""
+        for text in left.notices(station):
+            self._emit(ev.Noticed(level="warning", subject="command", text=text))
+        if left.stopped:
+            self.stop_all(station)
+            return
+        for mission in left.again:
+            again, received = self._intake.wait_again(mission)
+            self._emit(received, again.id)
+        self._worker.queue_changed()
+
+    async def reload_rules(self) -> None:
+        """Take the rules as their file has them now; why they cannot be taken is told."""
+        await self._reload.now()
+
+    @property
+    def rules_offered(self) -> str:
+        """The reason why the rules in their file wait for acceptance, "" if they do not."""
+        return self._reload.offered
+
+    async def accept_rules(self) -> None:
+        """Take refused rules on the operator's decision; raises ValueError without any."""
+        self._writable()
+        await self._reload.accept()
+
+    def typing(self, text: str) -> None:
+        """Note that the operator types a mission, `text` so far; the model reads meanwhile."""
+        self._ahead.typing(text)
+
+    def point(self, name: str) -> None:
+        """Note what the operator has marked on the screen, "" for nothing: *this one* means it."""
+        self._services.past.pointer = name
+
+    async def read_ahead(self, text: str) -> None:
+        """Wait until the model has read the present picture and all but the last word of `text`.
+
+        So it has for an operator who types.
+        """
+        await self._ahead.read_now(text)
+
+    def question_in(self, text: str) -> Question | None:
+        """Return the question about the record in `text`, for `answer`; None for an order."""
+        services = self._reload.services
+        return question_in(text, services.scene, services.rulebook)
+
+    async def answer(
+        self,
+        question: Question,
+        found: Callable[[Alternative], object] = lambda _: None,
+    ) -> ev.QuestionAnswered:
+        """Answer a question from the record of this session.
+
+        Other plans are checked and rehearsed for it; each is given to `found` as soon as it is
+        ready. No decision follows, and no asset moves by it.
+        """
+        given = await answer(self._reload.services, question, self._record.state, found)
+        if not self._closed:
+            self._emit(given.told, given.mission or None)
+        return given.told
+
+    def submit(self, text: str) -> Mission:
+        """Step 1: queue a mission; raises ValueError when it cannot be taken.
+
+        A question about what is on record is no mission.
+        """
+        self._writable()
+        if self.stopped:
+            raise ValueError(IS_STOPPED)
+        if self.question_in(text) is not None:
+            raise ValueError(IS_QUESTION)
+        mission, received = self._intake.submit(text, self._worker.busy, self._reload.services.read)
+        self._emit(received, mission.id)
+        self._worker.queue_changed()
+        return mission
+
+    def decide(self, decision: Decision) -> None:
+        """Answer the open approval request; raises ValueError when there is none.
+
+        Raises ValueError too for an approval that the log could not tell of.
+        """
+        self._writable()
+        if decision.kind == "approve" and (problem := self._journal.commit()):
+            raise ValueError(f"nothing is approved while the log cannot be written: {problem}")
+        self._worker.decide(decision)
+
+    def countersign(self, signed: Countersigned) -> None:
+        """Take in what a second person has signed elsewhere for the plan that waits.
+
+        Raises ValueError for what the log could not tell of.
+        """
+        self._writable()
+        if problem := self._journal.commit():
+            raise ValueError(f"nothing is approved while the log cannot be written: {problem}")
+        self._worker.countersign(signed)
+
+    async def look_at(self, mission: Mission, asked: str) -> RehearsedReading | None:
+        """Rehearse what another reading of a mission would lead to; nothing is decided by that.
+
+        None where the console cannot tell what would serve it.
+        """
+        return await rehearse_reading(self._reload.services, mission, asked)
+
+    def other_ways(
+        self, mission: Mission, asked: str, but: Plan
+    ) -> AsyncGenerator[RehearsedReading]:
+        """Rehearse what else would serve a reading of a mission than the plan `but`.
+
+        No model is asked, and nothing is decided by that.
+        """
+        return rehearse_other_ways(self._reload.services, mission, asked, but)
+
+    def cancel(self) -> None:
+        """Cancel the mission being worked on; assets under way for it go to a safe state.
+
+        Raises ValueError when no mission is active.
+        """
+        self._writable()
+        self._worker.cancel()
+
+    def acknowledge(self, alarm_id: str, by: str = "operator") -> None:
+        """Note that `by` has seen an alarm; raises ValueError for an unknown one."""
+        self._writable()
+        self._emit(self._intake.acknowledge(alarm_id, by))
+
+    def move(self, mission_id: str, by: int) -> None:
+        """Move a waiting mission by `by` places in the queue; ValueError when it does not wait."""
+        self._reorder(lambda: self._intake.move(mission_id, by))
+
+    def defer(self, mission_id: str) -> None:
+        """Let everything else go before a waiting mission; ValueError when it does not wait."""
+        self._reorder(lambda: self._intake.defer(mission_id))
+
+    def withdraw(self, mission_id: str) -> None:
+        """Cancel a waiting mission; raises ValueError when it does not wait."""
+        reason = "withdrawn by the operator"
+        self._reorder(lambda: self._worker.drop(self._intake.withdraw(mission_id), reason))
+
+    def _stop_for(self, by: str) -> None:
+        """Stop all assets for a request from another station, unless they are stopped."""
+        if not self.readonly and not self._gate.stopped:
+            self.stop_all(by)
+
+    def stop_all(self, by: str = "operator") -> None:
+        """Send every asset a hold, cancel the active mission, empty the queue.
+
+        The stop is latched: until `release` no other command leaves the station, no mission is
+        taken, and no alarm becomes one. The holds go out before anything else is done.
+        """
+        self._writable()
+        holds = self._emergency_stop.hold_all()
+        self._emit(ev.AllStopped(by=by))
+        for payload in holds:
+            self._emit(payload)
+        for mission in self._intake.clear():
+            self._worker.drop(mission, "stopped by the operator")
+        if self._worker.busy:
+            self._worker.cancel()
+        self._worker.queue_changed()
+
+    def release(self, by: str = "operator") -> None:
+        """Release the stop: missions are taken again, and open alarms become missions.
+
+        No asset moves by that alone. Raises ValueError when nothing is stopped.
+        """
+        self._writable()
+        self._gate.release()
+        self._emergency_stop.release()
+        self._emit(ev.StopReleased(by=by))
+        for payload, mission in self._intake.resume(self._worker.handled):
+            self._emit(payload, mission)
+        self._worker.queue_changed()
+
+    def revoke(self, order_id: str, by: str = "operator") -> None:
+        """Take a standing order out of force, and its waiting missions out of the queue.
+
+        A mission of it that has begun goes on. Raises ValueError when it is not in force.
+        """
+        self._writable()
+        self._services.standing.revoke(order_id)
+        self._emit(ev.StandingOrderRevoked(order_id=order_id, by=by))
+        for mission in self._intake.of_standing(order_id):
+            self._worker.drop(mission, f"standing order {order_id} was revoked")
+        self._worker.queue_changed()
+
+    def inject(self, incident: Incident) -> None:
+        """Let something happen in a simulated fleet; raises ValueError for an unknown name.
+
+        Raises ValueError too when the fleet is not a simulated one.
+        """
+        self._writable()
+        if not isinstance(self._fleet, Simulated):
+            raise ValueError(NOT_SIMULATED)
+        self._fleet.inject(incident)
+        self._ticking.happened(ev.IncidentHappened(incident=incident, source="operator"))
+
+    async def advance(self, seconds: float) -> None:
+        """Wait until `seconds` of simulated time have passed."""
+        end = self._fleet.tick + round(seconds / self.world.dt_s)
+        with self._feed.follow() as steps:
+            async for tick, _ in steps:
+                if tick >= end:
+                    return
+
+    async def settled(self) -> None:
+        """Wait until no mission is worked on, none waits, and every outcome is judged."""
+        while not (self._worker.idle.is_set() and self._verdicts.all_told.is_set()):
+            await self._worker.idle.wait()
+            await self._verdicts.all_told.wait()
+
+    def worker_changed(self, state: ev.WorkerState, detail: str) -> None:
+        """Pass a change of the LLM worker on to the event stream."""
+        self._emit(ev.WorkerChanged(state=state, detail=detail))
+
+    def _server_changed(
+        self, server: str, serves: tuple[ev.ServerUse, ...], state: ev.ServerState, detail: str
+    ) -> None:
+        """Pass a change of a model's server on to the event stream."""
+        self._emit(ev.ServerChanged(server=server, serves=serves, state=state, detail=detail))
+
+    async def close(
+        self, reason: str = "closed by the operator", *, judge_outcomes: bool = False
+    ) -> None:
+        """Bring assets under way to safety and end the stream after a last event.
+
+        With `judge_outcomes`, wait for the verdicts on outcomes that are still to come; else it is
+        told that there are none. Safe to call twice, and to cancel: what is to be told is told all
+        the same.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            await self._background.stop()
+            if judge_outcomes:
+                await self._verdicts.work()
+        finally:
+            self._verdicts.give_up(f"the session ended before the verdict came: {reason}")
+            self._emit(ev.SessionEnded(reason=reason))
+            self._events.put_nowait(None)
+
+    async def _between(self) -> None:
+        """Use the model between two missions: for what is outstanding, then for reading ahead."""
+        if await self._verdicts.work():
+            await self._ahead.load()
+
+    def _writable(self) -> None:
+        if self.readonly:
+            raise ValueError(READ_ONLY)
+
+    def _reorder(self, change: Callable[[], None]) -> None:
+        self._writable()
+        change()
+        self._worker.queue_changed()
+
+    def _emit(self, payload: ev.EventPayload, mission: str | None = None) -> None:
+        event = ev.Event(t=datetime.now(UTC), tick=self._fleet.tick, mission=mission, data=payload)
+        self._journal.append(event)
+        self._record.take(event)
+        self._events.put_nowait(event)
+
+    def _broken(self, error: BaseException) -> None:
+        """End the session in order when one of its own tasks broke."""
+        self.failure = f"internal error: {type(error).__name__}: {error}"
+        self._ending = asyncio.create_task(self.close(self.failure))

@@ -1,0 +1,364 @@
+"""The reasons for a plan, or for its absence: the record of a mission, step by step."""
+
+import math
+from collections.abc import Iterator, Sequence
+
+from pa_console.language.picture_facts import is_free, sole_covers
+from pa_console.language.plain_words import plain_reading
+from pa_console.language.reading import asked_words, read_asked
+from pa_console.language.world_names import named
+from pa_console.policy.checks.check_context import goes_to
+from pa_console.schema.command import BUSY_TASKS, COMMANDS
+from pa_console.schema.events.questions import AnswerLine
+from pa_console.schema.plan import Action
+from pa_console.schema.rehearsal import Rehearsal
+from pa_console.schema.telemetry import AssetTelemetry, Picture
+from pa_console.schema.text.quantities import count, few
+from pa_console.schema.world import KINDS, PLAIN_KINDS, AssetKind, World
+from pa_console.session.state.mission_trace import Attempt, MissionTrace, chosen_attempt, rounds
+from pa_console.session.wording import deviations_in_words, order_in_words
+from pa_console.views.event_words import asked_in_words, references_in_words, standing_in_words
+from pa_console.views.status_words import status_of
+from pa_console.views.trace.layout import progress
+
+
+def attempt_of(trace: MissionTrace) -> Attempt | None:
+    """Return the attempt that waits, was decided on, or else came last; None before any plan."""
+    chosen = chosen_attempt(trace, rounds(trace)[-1])
+    if chosen is not None and chosen.plan is not None:
+        return chosen
+    return next((each for each in reversed(trace.attempts) if each.plan is not None), None)
+
+
+def asked_of(trace: MissionTrace, attempt: Attempt) -> str:
+    """Return the reading that an attempt serves, in canonical words; '' if there is none."""
+    request = trace.approval
+    if request is not None and request.attempt == attempt.number and request.asked:
+        return request.asked
+    return asked_words(attempt.plan.reason).rstrip("; ") if attempt.plan is not None else ""
+
+
+def actions_of(attempt: Attempt | None) -> Sequence[Action]:
+    """Return the actions of an attempt's plan; none without one."""
+    return attempt.plan.actions if attempt is not None and attempt.plan is not None else ()
+
+
+def kind_asked_for(asked: str, action: Action, world: World) -> AssetKind | None:
+    """Return the kind of assets that was asked for where `action` leads; None for any."""
+    reading = read_asked(asked) if asked else None
+    kind = world.assets[action.agent].kind
+    for ask in reading.asks if reading is not None else ():
+        if ask.who.kind == kind and ask.place in ("", action.target or ""):
+            return kind
+    return None
+
+
+def distance_m(name: str, action: Action, world: World, picture: Picture) -> float | None:
+    """Return how far an asset is from where `action` leads, in metres; None where nowhere."""
+    place, asset = goal_of(action, world), picture.assets.get(name)
+    if not place or asset is None:
+        return None
+    return math.dist(asset.position, world.frames[place].at)
+
+
+def goal_of(action: Action, world: World) -> str:
+    """Return the frame that `action` leads to; '' where it leads nowhere."""
+    place = action.target or goes_to(action, world) or ""
+    return place if place in world.frames else ""
+
+
+def is_able(name: str, action: Action, world: World) -> bool:
+    """Return whether an asset's kind has the command of `action`."""
+    return world.assets[name].kind in COMMANDS[action.verb].kinds
+
+
+def who_is_able(action: Action) -> str:
+    """Return in words which kinds have the command of `action`."""
+    kinds = [PLAIN_KINDS[kind] for kind in PLAIN_KINDS if kind in COMMANDS[action.verb].kinds]
+    return f"only a {' or '.join(kinds)} can {action.verb}"
+
+
+def may_leave(name: str, picture: Picture) -> bool:
+    """Return whether an asset may leave without uncovering a gate or giving up its task."""
+    asset = picture.assets.get(name)
+    return asset is not None and is_free(asset, sole_covers(picture).values())
+
+
+def against(name: str, picture: Picture) -> list[str]:
+    """Return the facts in the picture against sending an asset away; none if it is free."""
+    asset = picture.assets.get(name)
+    if asset is None:
+        return ["nothing is known of it"]
+    alone = [gate for gate, guard in sole_covers(picture).items() if guard == name]
+    return [*_state(asset, picture), *(f"it alone covers {gate}" for gate in alone)]
+
+
+def _state(asset: AssetTelemetry, picture: Picture) -> Iterator[str]:
+    age_s = picture.time_s - asset.stamp_s
+    if asset.status == "failed":
+        yield "it has failed"
+    elif asset.comms == "lost" or asset.stale:
+        yield f"it has been silent for {age_s:.0f} s"
+    elif asset.integrity == "suspect":
+        yield "its telemetry cannot be right"
+    elif not asset.available:
+        yield "it is not available"
+    if asset.low_battery:
+        yield f"its battery is low, {asset.battery_pct:.0f} %"
+    if asset.task in BUSY_TASKS:
+        yield f"it is busy: {asset.task}"
+
+
+MOST_ASSETS = 6
+"""The number of assets of a plan that are described one by one; the rest are counted."""
+_MOST_NEARER = 3
+_CLOSE_M = 1.0
+"""Two that are so little apart are equally near, in metres."""
+
+
+def asset_lines(
+    trace: MissionTrace, attempt: Attempt, world: World, only: Sequence[str] = ()
+) -> Iterator[AnswerLine]:
+    """Yield a line for each asset of the plan, of those in `only` where that names any."""
+    actions = [a for a in actions_of(attempt) if a.agent in world.assets]
+    chosen = [each for each in actions if not only or each.agent in only]
+    for action in chosen[:MOST_ASSETS]:
+        said = "; ".join((order_in_words(action), *_reasons(trace, attempt, action, world)))
+        yield AnswerLine(about=action.agent, said=said)
+    if len(chosen) > MOST_ASSETS:
+        yield AnswerLine(about="and", said=f"{len(chosen) - MOST_ASSETS} more in the plan")
+
+
+def not_in_plan(attempt: Attempt, names: Sequence[str]) -> bool:
+    """Return whether none of `names` has a part in the plan."""
+    return not {action.agent for action in actions_of(attempt)} & set(names)
+
+
+def _reasons(trace: MissionTrace, attempt: Attempt, action: Action, world: World) -> Iterator[str]:
+    """Yield what bears on who has this action, the strongest first."""
+    name = action.agent
+    if attempt.author == "operator":
+        yield "the operator has put it into the plan"
+    meant = [one.said for one in trace.references if name in one.means.split(", ")]
+    if meant:
+        yield f"“{meant[0]}” means it"
+    elif named([name], trace.mission.text):
+        yield "the order names it"
+    if len(COMMANDS[action.verb].kinds) < len(KINDS):
+        yield who_is_able(action)
+    before = attempt.rehearsal.before if attempt.rehearsal is not None else None
+    if before is not None and goal_of(action, world):
+        yield from _nearness(trace, attempt, action, world, before)
+    if attempt.rehearsal is not None:
+        arrived_s = attempt.rehearsal.motion.arrived_s.get(name)
+        if arrived_s:
+            yield f"there after {arrived_s:.0f} s in the rehearsal"
+
+
+def _nearness(
+    trace: MissionTrace, attempt: Attempt, action: Action, world: World, before: Picture
+) -> Iterator[str]:
+    """Yield the asset's rank by distance among the able ones, and what kept the nearer ones."""
+    name, place = action.agent, goal_of(action, world)
+    own_m = distance_m(name, action, world, before)
+    if own_m is None:
+        return
+    kind = kind_asked_for(asked_of(trace, attempt), action, world)
+    planned = {each.agent for each in actions_of(attempt)}
+    others = [
+        each
+        for each, spec in world.assets.items()
+        if each not in planned and is_able(each, action, world) and kind in (None, spec.kind)
+        if each in before.assets and not _stands_at(each, place, before)
+    ]
+    nearer = sorted(
+        (other_m, each)
+        for each in others
+        if (other_m := distance_m(each, action, world, before)) is not None
+        and other_m < own_m - _CLOSE_M
+    )
+    what = PLAIN_KINDS[kind] if kind is not None else "asset"
+    free = [each for _, each in nearer if may_leave(each, before)]
+    if may_leave(name, before) and not free:
+        yield f"the nearest free {what}, {own_m:.0f} m away"
+    else:
+        yield f"{own_m:.0f} m away"
+    for other_m, other in nearer[:_MOST_NEARER]:
+        why = against(other, before)
+        free_too = "and was free: nothing on record says why it was not taken"
+        told = f"but {', '.join(why)}" if why else free_too
+        yield f"{other} is nearer, {other_m:.0f} m, {told}"
+    if len(nearer) > _MOST_NEARER:
+        yield f"{len(nearer) - _MOST_NEARER} more are nearer"
+
+
+def _stands_at(name: str, place: str, picture: Picture) -> bool:
+    """Return whether an asset is at the place that the action leads to."""
+    asset = picture.assets[name]
+    return place in (asset.post, asset.at)
+
+
+_MOST_RULES = 8
+_MOST_BROKEN = 4
+
+
+def _line(about: str, said: str) -> AnswerLine:
+    return AnswerLine(about=about, said=said)
+
+
+def plan_lines(trace: MissionTrace, world: World) -> Iterator[AnswerLine]:
+    """Yield all that bears on the plan of a mission, or on there being none."""
+    yield from order_lines(trace)
+    attempt = attempt_of(trace)
+    if attempt is not None:
+        yield from _reading(trace, attempt)
+    yield from rule_lines(trace)
+    if attempt is not None:
+        yield from asset_lines(trace, attempt, world)
+        yield from _not_used(trace, attempt)
+        yield from checked_lines(attempt)
+    else:
+        yield from _without_plan(trace)
+    yield from end_lines(trace)
+
+
+def order_lines(trace: MissionTrace) -> Iterator[AnswerLine]:
+    """Yield the words of the mission, who gave it, and how they were put in full."""
+    mission = trace.mission
+    origin = "an alarm gave it: " if mission.source == "alarm" else ""
+    if mission.standing:
+        origin = f"standing order {mission.standing} gave it: "
+    yield _line("order", f"{mission.id}, {origin}{mission.said}")
+    if mission.typed and mission.typed != mission.text:
+        meant = references_in_words(trace.references)
+        yield _line("put in full", f"{mission.text}{f' ({meant})' if meant else ''}")
+    for asked in trace.questions:
+        choices = f" {' or '.join(asked.choices)}" if asked.choices else ""
+        yield _line("asked back", f"{asked.question}{choices}")
+
+
+def _reading(trace: MissionTrace, attempt: Attempt) -> Iterator[AnswerLine]:
+    """Yield what the order was read as, how sure that is, and what of it no plan can do."""
+    if asked := asked_of(trace, attempt):
+        yield _line("read as", plain_reading(asked))
+    if attempt.sure is not None:
+        yield _line("how sure", f"{attempt.sure:.0%}")
+    again = attempt.read_again
+    if again is not None and again.asked:
+        yield _line("second reader", plain_reading(again.asked))
+    for gap in attempt.gaps:
+        yield _line("doubt", gap)
+    for unmet in attempt.unmet:
+        yield _line("left out", unmet)
+
+
+def rule_lines(trace: MissionTrace) -> Iterator[AnswerLine]:
+    """Yield the rules in the planner's prompt, each as retrieved or pinned."""
+    pinned = [hit.rule_id for hit in trace.hits if hit.pinned]
+    found = [hit.rule_id for hit in trace.hits if not hit.pinned]
+    if found:
+        yield _line("rules", f"retrieved for these words: {few(found, _MOST_RULES)}")
+    if pinned:
+        yield _line("rules", f"always told: {few(pinned, _MOST_RULES)}")
+
+
+def _not_used(trace: MissionTrace, chosen: Attempt) -> Iterator[AnswerLine]:
+    """Yield the plans that were proposed for it and not used, with the rule that held each."""
+    for attempt in trace.attempts:
+        if attempt is chosen or attempt.round != chosen.round or attempt.plan is None:
+            continue
+        broken = [f"{f.rule_id}: {f.message}" for f in attempt.findings if f.broken]
+        objected = attempt.verdict is not None and attempt.verdict.verdict == "Failure"
+        why = broken[:_MOST_BROKEN] or (["the judge objected"] if objected else [])
+        if why:
+            orders = ", ".join(f"{a.agent} {order_in_words(a)}" for a in attempt.plan.actions)
+            yield _line("not used", f"plan {attempt.number} ({orders}): {'; '.join(why)}")
+
+
+def checked_lines(attempt: Attempt) -> Iterator[AnswerLine]:
+    """Yield the results of checks, rehearsal and judge for a plan."""
+    if attempt.findings:
+        broken = [f for f in attempt.findings if f.broken]
+        checked = [f for f in attempt.findings if f.status == "complies"]
+        if not broken:
+            yield _line("checks", f"no rule is broken; {count(len(checked), 'rule')} applied")
+        for finding in broken[:_MOST_BROKEN]:
+            worst = "nobody may approve it" if finding.blocking else "a warning"
+            yield _line("checks", f"{finding.rule_id} ({worst}): {finding.message}")
+        if len(broken) > _MOST_BROKEN:
+            yield _line("checks", f"{len(broken) - _MOST_BROKEN} more rules are broken")
+    if attempt.rehearsal is not None:
+        yield _line("rehearsal", rehearsed_in_words(attempt.rehearsal))
+    if attempt.verdict is not None:
+        passes = attempt.verdict.verdict == "Success"
+        said = "passes it" if passes else f"objects: {attempt.verdict.feedback}"
+        yield _line("judge", said)
+    elif attempt.judged:
+        yield _line("judge", f"gave no verdict: {attempt.judge_error}".rstrip(": "))
+
+
+def rehearsed_in_words(rehearsal: Rehearsal) -> str:
+    """Return what a rehearsal has shown: how long it takes, the guards of gates, who comes late."""
+    timeline = rehearsal.timeline
+    told = [f"over after {timeline.duration_s:.0f} s"]
+    gates = timeline.gates.items()
+    lost = [name for name, gate in gates if gate.covered_before and not gate.covered_after]
+    bare = [
+        f"{name} without a guard for {gate.longest_gap_s:.0f} s on the way"
+        for name, gate in gates
+        if name not in lost and gate.covered_before and gate.longest_gap_s >= 1.0
+    ]
+    gained = [name for name, gate in gates if gate.covered_after and not gate.covered_before]
+    told += [f"{', '.join(lost)} lost its guard"] if lost else []
+    told += bare
+    told += [f"{', '.join(gained)} got a guard"] if gained else []
+    if not lost and not bare:
+        told.append("every gate kept its guard")
+    told += [
+        f"{name} did not finish: {asset.detail}"
+        for name, asset in timeline.assets.items()
+        if not asset.finished
+    ]
+    return "; ".join(told)
+
+
+def _without_plan(trace: MissionTrace) -> Iterator[AnswerLine]:
+    """Yield why there is no plan, as far as that is on record."""
+    if trace.standing is not None:
+        yield _line("standing order", standing_in_words(trace.standing.order))
+        yield _line("approval", asked_in_words(trace.standing.order, trace.standing.allowed))
+        return
+    attempt = trace.attempts[-1] if trace.attempts else None
+    if attempt is not None:
+        yield from checked_lines(attempt)
+        if attempt.error:
+            yield _line("planner", attempt.error)
+    if trace.status is None and trace.approval is None:
+        how = "".join(span.text for span in progress(trace))
+        yield _line("no plan yet", how)
+
+
+def end_lines(trace: MissionTrace) -> Iterator[AnswerLine]:
+    """Yield what the operator decided, and what came of it."""
+    request = trace.approval
+    for made in trace.decisions:
+        decision = made.decision
+        done = status_of("decision", decision.kind).word
+        if decision.kind == "answer":
+            done = f"answered “{decision.asked}”"
+        told = decision.standing or bool(deviations_in_words(decision))
+        why = f": {decision.reason}" if decision.reason and not told else ""
+        also = f"; {deviations_in_words(decision)}" if deviations_in_words(decision) else ""
+        taken = "" if made.accepted else f", not accepted: {made.detail}"
+        yield _line("decision", f"{done} by {decision.by}{why}{also}{taken}")
+    if trace.voided:
+        yield _line("void", trace.voided)
+    if request is not None:
+        state = status_of("approval", request.state or "none").word
+        yield _line("decision", f"it waits for the operator: {state}")
+        for why in request.blocked_by:
+            yield _line("blocked", why)
+    for halt in trace.halts:
+        yield _line("halted", "; ".join(halt.reasons))
+    if trace.status is not None:
+        yield _line("outcome", f"{status_of('mission', trace.status).word}: {trace.reason}")

@@ -1,0 +1,203 @@
+"""Works on missions, one at a time, in the queue's order."""
+
+import asyncio
+from collections import deque
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+
+from pa_console.fleets.fleet import Countersigned
+from pa_console.mission.context import Services
+from pa_console.mission.decide import countersignature
+from pa_console.mission.dispatch import StepFeed
+from pa_console.mission.judge import OutcomeVerdicts
+from pa_console.mission.outcome import Outcome
+from pa_console.mission.run import MissionRun, StationSide
+from pa_console.mission.stop import EmergencyStop
+from pa_console.schema.events import event as ev
+from pa_console.schema.mission import Decision, Mission
+from pa_console.schema.telemetry import Picture
+from pa_console.station.background import Background
+from pa_console.station.intake import Intake
+
+MOST_COUNTERSIGNED = 16
+EmitFor = Callable[[ev.EventPayload, str | None], None]
+"""Takes an event, and the id of its mission."""
+
+
+@dataclass(frozen=True)
+class StationParts:
+    """The parts that one station shares."""
+
+    services: Services
+    feed: StepFeed
+    intake: Intake
+    emergency_stop: EmergencyStop
+    verdicts: OutcomeVerdicts
+    emit: EmitFor
+
+
+class MissionWorker:
+    """Takes missions out of the intake and works on them; tells everything through `emit`."""
+
+    def __init__(self, parts: StationParts) -> None:
+        self._services, self._intake = parts.services, parts.intake
+        self._emergency_stop, self._emit = parts.emergency_stop, parts.emit
+        self._verdicts = parts.verdicts
+        self._side = StationSide(
+            parts.feed, self._decided, parts.verdicts, lambda: self._intake.open_alarms
+        )
+        self.idle = asyncio.Event()
+        """Set while no mission is worked on and none waits."""
+        self.idle.set()
+        self._arrived = asyncio.Event()
+        self._runs: dict[str, MissionRun] = {}
+        self._run: MissionRun | None = None
+        self._work: asyncio.Task[None] | None = None
+        self._gives_way = False
+        self._answer: asyncio.Future[Decision] | None = None
+        self._countersigned: deque[Decision] = deque(maxlen=MOST_COUNTERSIGNED)
+
+    @property
+    def busy(self) -> bool:
+        """True while a mission is being worked on."""
+        return self._run is not None
+
+    @property
+    def worked_on(self) -> str:
+        """The id of the mission that is being worked on, empty when none is."""
+        return self._run.mission.id if self._run is not None else ""
+
+    @property
+    def thinking(self) -> bool:
+        """True while the active mission, or the outcome of the last one, is being thought about.
+
+        No asset moves for it meanwhile.
+        """
+        if self._run is None:
+            return not self._verdicts.all_told.is_set()
+        return not self._run.moving
+
+    @property
+    def handled(self) -> frozenset[str]:
+        """The tracks, assets and gates that the active mission deals with."""
+        return self._run.subjects if self._run is not None else frozenset()
+
+    async def serve(self, background: Background, between: Callable[[], Awaitable[None]]) -> None:
+        """Work on the missions for ever; `between` is begun whenever one is over."""
+        while True:
+            mission = self._intake.next()
+            if mission is None:
+                self._arrived.clear()
+                self.idle.set()
+                await self._arrived.wait()
+                continue
+            self._run = self._runs.setdefault(mission.id, self._new_run(mission))
+            self.queue_changed()
+            self._work = background.start(self._work_on(self._run))
+            await asyncio.wait([self._work])
+            self._leave(self._run, interrupted=self._work.cancelled())
+            self._run, self._work, self._gives_way = None, None, False
+            background.start(_run(between))
+
+    def use(self, services: Services) -> None:
+        """Work on missions with these from now on; those that were begun keep what they have."""
+        self._services = services
+
+    @property
+    def awaits_decision(self) -> bool:
+        """True while a plan waits for a decision."""
+        return self._answer is not None and not self._answer.done()
+
+    def queue_changed(self) -> None:
+        """Emit the queue if it has changed, and wake the worker."""
+        for payload in self._intake.changes():
+            self._emit(payload, None)
+        if len(self._intake):
+            self.idle.clear()
+            self._arrived.set()
+
+    def decide(self, decision: Decision) -> None:
+        """Answer the open approval request; raises ValueError when there is none."""
+        if self._answer is None or not self.awaits_decision:
+            raise ValueError("no plan waits for a decision")
+        self._answer.set_result(decision)
+
+    def countersign(self, signed: Countersigned) -> None:
+        """Take in what a second person has signed elsewhere, for the plan that waits or will."""
+        self._countersigned.append(countersignature(signed))
+        if self._answer is not None and not self._answer.done():
+            self._answer.set_result(self._countersigned.popleft())
+
+    def cancel(self) -> None:
+        """Cancel the active mission, even one that was about to give way to an emergency.
+
+        Raises ValueError when none is active.
+        """
+        if self._work is None:
+            raise ValueError("no mission is active; one that waits is withdrawn from the queue")
+        self._gives_way = False
+        self._work.cancel()
+
+    def see(self, picture: Picture) -> None:
+        """Let the active mission take in new telemetry, or give way to an emergency (WF-04)."""
+        if self._run is None or self._work is None or self._work.done():
+            return
+        mission = self._run.mission
+        self._run.see(picture)
+        entry = None if self._gives_way else self._intake.emergency(mission)
+        if entry is not None:
+            self._gives_way = True
+            payload = ev.MissionPreempted(by=entry.mission.id, reason=entry.reason)
+            self._emit(payload, mission.id)
+            self._work.cancel()
+
+    def drop(self, mission: Mission, reason: str) -> None:
+        """End a mission that waits and will not get its turn."""
+        run = self._runs.pop(mission.id, None) or self._new_run(mission)
+        run.close(Outcome("cancelled", reason))
+
+    async def _work_on(self, run: MissionRun) -> None:
+        """Work on a mission; an interrupted or broken one is brought to safety."""
+        try:
+            await run.work()
+        except asyncio.CancelledError:
+            self._to_safety(run)
+            raise
+        except Exception as error:  # a defect must neither end the session nor move an asset
+            self._to_safety(run)
+            reason = f"internal error: {type(error).__name__}: {error}"
+            run.close(Outcome("failed", reason))
+
+    def _leave(self, run: MissionRun, *, interrupted: bool) -> None:
+        """Let go of a mission: it is over, gave way and waits again, or was cancelled."""
+        if interrupted and self._gives_way and self._intake.put_back(run.mission):
+            return
+        self._runs.pop(run.mission.id, None)
+        if interrupted:
+            why = "its cause is gone" if self._gives_way else "cancelled by the operator"
+            run.close(Outcome("cancelled", why))
+
+    def _to_safety(self, run: MissionRun) -> None:
+        for payload in self._emergency_stop.follow(run.halt()):
+            self._emit(payload, run.mission.id)
+
+    def _new_run(self, mission: Mission) -> MissionRun:
+        def emit(payload: ev.EventPayload) -> None:
+            self._emit(payload, mission.id)
+
+        return MissionRun(self._services, mission, emit, self._side)
+
+    async def _decided(self) -> Decision:
+        """Wait for `decide`; meanwhile nobody needs the model."""
+        self._verdicts.go_on()
+        if self._countersigned:
+            return self._countersigned.popleft()
+        self._answer = asyncio.get_running_loop().create_future()
+        try:
+            return await self._answer
+        finally:
+            self._answer = None
+
+
+async def _run(work: Callable[[], Awaitable[None]]) -> None:
+    await work()

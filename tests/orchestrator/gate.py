@@ -1,9 +1,0 @@
-"""One command at the gate, for tests that look at each by itself."""
-
-from pa_console.orchestrator.execution.command_gate import CommandGate, Passage
-from pa_console.schema.command import DeviceCommand
-
-
-def send(gate: CommandGate, command: DeviceCommand) -> Passage:
-    """Put one command to the gate; return what became of it."""
-    return gate.send((command,), lambda _: None)[-1]
