@@ -27,7 +27,7 @@ from pa_console.http.views import (
     shown_sha256,
     to_sign_view,
 )
-from pa_console.language.questions.question import Question
+from pa_console.language.questions import Question
 from pa_console.mission.approval import inadmissible
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev

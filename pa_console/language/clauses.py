@@ -1,8 +1,8 @@
 """The clauses of the language of orders: one table of forms, each for a task.
 
-Everything else follows from it: the canonical words are written in these forms
-(`canonical_words.py`), they are read with them (`reading.py`), a model is held to them
-(`clause_grammar.py`), and people are told in other words what they mean (`plain_words.py`).
+Everything else follows from it: canonical words are written in these forms and read with them
+(`reading.py`), a model is held to them (`clause_grammar.py`), and people are told in other words
+what they mean (`plain_words.py`).
 """
 
 from collections.abc import Callable, Iterator, Mapping

@@ -1,5 +1,7 @@
-"""Demands and prohibitions of an order, clause by clause, as far as its words are beyond doubt.
+"""Demands and prohibitions of an order, clause by clause, and contradictions between them.
 
+No plan can serve an order that demands and forbids the same thing, or sends one asset to two places
+at once. Corrections, sequences, conditions and exclusions of other assets are no contradictions.
 A clause with a word that this module does not know is marked: its prohibition may be of something
 else (*do not send it too close*). Names are found as entity linking finds them.
 """
@@ -7,13 +9,12 @@ else (*do not send it too close*). Names are found as entity linking finds them.
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import dropwhile, pairwise
+from itertools import combinations, dropwhile, pairwise
 from typing import NamedTuple
 
 from pa_console.language.mentions import KINDS
 from pa_console.language.name_linking import LinkedText
-from pa_console.language.references.reader import Token, read_tokens
-from pa_console.language.references.words import CONTACTS
+from pa_console.language.references.reader import CONTACTS, Token, read_tokens
 from pa_console.schema.world import AssetKind, World
 
 GOING, STAYING = "go", "stay"
@@ -392,3 +393,85 @@ class _Reading:
         """Return the operator's own words for some tokens."""
         typed = self._linked._replace(original=self._typed)
         return typed.said(tokens[0].start, tokens[-1].end).strip()
+
+
+_ONLY_GOING = frozenset((GOING,))
+
+
+class Contradiction(NamedTuple):
+    """Two parts of an order that exclude each other, in its own words, and the question back."""
+
+    first: str
+    second: str
+    question: str
+
+
+def contradiction(world: World, text: str) -> Contradiction | None:
+    """Return the first two parts of an order that exclude each other, None if none do."""
+    order = demands_of(world, text)
+    clauses = [one for one in order.clauses if not (one.conditional or one.later)]
+    for first, second in combinations(clauses, 2):
+        excluded = (
+            _forbidden(world, first, second)
+            if first.negated != second.negated
+            else not order.in_turn and _apart(first, second)
+        )
+        if excluded:
+            asked = f"“{first.words}” and “{second.words}” exclude each other. What is to be done?"
+            return Contradiction(first.words, second.words, asked)
+    for one in clauses:
+        if not order.in_turn and _is_split(one):
+            here, there = one.goals
+            asked = f"“{one.words}” sends {one.assets[0]} to {here} and {there} at once. Where to?"
+            return Contradiction(here, there, asked)
+    return None
+
+
+def _forbidden(world: World, first: Demand, second: Demand) -> bool:
+    """Return whether one of two demands forbids what the other demands."""
+    ban, demand = (first, second) if first.negated else (second, first)
+    if not ban.known or not _are_meant(world, ban, demand):
+        return False
+    acts = ban.acts - {GOING} or ban.acts
+    if acts == _ONLY_GOING:
+        moves = bool(demand.goals) and STAYING not in demand.acts
+        if not ban.goals:
+            return moves and GOING in demand.acts and bool(ban.assets or ban.kinds)
+        return moves and not {*ban.goals}.isdisjoint(demand.goals)
+    if STAYING in acts and not (ban.assets and (ban.put or ban.goals)):
+        return False
+    if not acts <= demand.acts:
+        return False
+    return not ban.goals or not {*ban.goals}.isdisjoint(demand.goals)
+
+
+def _are_meant(world: World, ban: Demand, demand: Demand) -> bool:
+    """Return whether a ban is about assets of a demand: named ones, their kind, or any at all."""
+    if ban.assets:
+        return not {*ban.assets}.isdisjoint(demand.assets)
+    if ban.kinds:
+        kinds = demand.kinds | {world.assets[name].kind for name in demand.assets}
+        return bool(kinds) and kinds <= ban.kinds
+    return True
+
+
+def _apart(first: Demand, second: Demand) -> bool:
+    """Return whether two demands want one asset at two places, or moved and left where it is.
+
+    *Move it there and hold* is one after the other: only to stay where it is excludes moving.
+    """
+    if first.negated or {*first.assets}.isdisjoint(second.assets):
+        return False
+    if first.stays != second.stays:
+        stay, move = (first, second) if first.stays else (second, first)
+        return (
+            GOING in move.acts and bool(move.goals) and stay.known and (stay.put or stay is first)
+        )
+    placed = first.known and second.known and len(first.goals) == len(second.goals) == 1
+    return placed and first.goals != second.goals and "report" not in first.acts | second.acts
+
+
+def _is_split(demand: Demand) -> bool:
+    """Return whether a single asset is sent to two places."""
+    alone = len(demand.assets) == 1 and len(demand.goals) == 2
+    return alone and demand.split and not demand.negated and demand.acts == _ONLY_GOING

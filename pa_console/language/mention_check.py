@@ -12,13 +12,11 @@ from typing import NamedTuple
 
 from pa_console.language.clauses import ASKED, NOTHING, NOWHERE, OTHERS_STAY
 from pa_console.language.exclusions import excluded_names
-from pa_console.language.feasibility import KIND_FOR
+from pa_console.language.facts import is_free, sole_covers
 from pa_console.language.mentions import Mention, Sort, find_mentions
-from pa_console.language.name_linking import link_names
-from pa_console.language.order import TASK_OF, Ask, Reading, Task, Who
-from pa_console.language.picture_facts import is_free, sole_covers
+from pa_console.language.name_linking import WORD, link_names
+from pa_console.language.order import KIND_FOR, TASK_OF, Ask, Reading, Task, Who
 from pa_console.language.reading import read_asked
-from pa_console.language.world_names import WORD
 from pa_console.schema.command import Verb
 from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture

@@ -10,10 +10,9 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Literal, NamedTuple
 
-from pa_console.language.name_linking import link_names
+from pa_console.language.name_linking import GATE, NUMBERS, WORD, WorldNames, link_names
 from pa_console.language.order import Task
 from pa_console.language.verb_lexicon import find_verbs
-from pa_console.language.world_names import GATE, NUMBERS, WORD, WorldNames
 from pa_console.schema.world import AssetKind, World
 
 Sort = Literal["place", "asset", "track", "kind", "number", "numeral", "verb"]

@@ -2,16 +2,173 @@
 
 The generator draws an `Order`, the teacher plans from it and never from words, and the canonical
 words express it. A `Reading` is made of the same asks: a model's understanding of an order's words.
-Names may be wrong: an order can mention things that do not exist.
+Names may be wrong: an order can mention things that do not exist. A `Condition` has canonical and
+plain words; its truth is decided on facts that a picture gives as well as its digest (`facts.py`).
+
+Obstacles say why an ask cannot be carried out: the console uses them for readings, the teacher for
+drawn orders. Whether a gate can spare its guard is not decided here.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Protocol
 
-from pa_console.language.condition import Condition
-from pa_console.schema.command import Verb
-from pa_console.schema.world import AssetKind
+from pydantic import Field
+
+from pa_console.language.word_form import WordForm
+from pa_console.schema.base import StrictModel
+from pa_console.schema.command import COMMANDS, Verb
+from pa_console.schema.telemetry import Picture
+from pa_console.schema.world import KINDS, PLAIN_KINDS, AssetKind, World
+
+Fact = Literal[
+    "track_at",
+    "no_track_at",
+    "authorized",
+    "unauthorized",
+    "hostile",
+    "uncovered",
+    "covered",
+    "low",
+    "not_low",
+    "down",
+    "up",
+    "free",
+    "none_free",
+]
+"""A fact that an order may depend on, as far as the picture shows it."""
+TrackKind = Literal["vehicle", "person", ""]
+
+
+class Condition(StrictModel):
+    """The condition under which the order applies."""
+
+    fact: Fact
+    subject: str = Field(default="", description="a gate for tracks and cover, else an asset")
+    track: TrackKind = ""
+    kind: AssetKind | None = Field(default=None, description="of which one is free, or none")
+
+
+class ConditionForm(NamedTuple):
+    """The form of a condition after an `if`, in canonical words and in plain words for people."""
+
+    words: WordForm
+    plain: WordForm
+
+
+def _form(words: str, plain: str) -> ConditionForm:
+    return ConditionForm(WordForm(words), WordForm(plain))
+
+
+def _known(fact: Fact) -> ConditionForm:
+    """Return the words for the known identity of a contact."""
+    return _form(
+        f"({{track}}|track) at {{subject}} {fact}",
+        f"(the {{track}} at {{subject}}|what is at {{subject}}) is {fact}",
+    )
+
+
+CONDITIONS: Mapping[Fact, ConditionForm] = {
+    "track_at": _form("({track}|track) at {subject}", "(a {track}|something) is at {subject}"),
+    "no_track_at": _form("no ({track}|track) at {subject}", "(no {track}|nothing) is at {subject}"),
+    "authorized": _known("authorized"),
+    "unauthorized": _known("unauthorized"),
+    "hostile": _known("hostile"),
+    "uncovered": _form("{subject} uncovered", "{subject} has no guard"),
+    "covered": _form("{subject} covered", "{subject} has a guard"),
+    "low": _form("{subject} low", "{subject} is low on battery"),
+    "not_low": _form("{subject} not low", "{subject} is not low on battery"),
+    "down": _form("{subject} down", "{subject} is out of order"),
+    "up": _form("{subject} up", "{subject} is in order"),
+    "free": _form("({kind}|asset) free", "(a {kind}|an asset) is free"),
+    "none_free": _form("no ({kind}|asset) free", "no ({kind}|asset) is free"),
+}
+
+
+def in_words(condition: Condition) -> str:
+    """Return the condition as a reason puts it after its `if`."""
+    said = {"subject": condition.subject}
+    if condition.track:
+        said["track"] = condition.track
+    if condition.kind is not None:
+        said["kind"] = PLAIN_KINDS[condition.kind]
+    return CONDITIONS[condition.fact].words.write(said)
+
+
+class TrackFacts(Protocol):
+    """The known facts of a track."""
+
+    @property
+    def kind(self) -> str:
+        """Return vehicle or person."""
+        ...
+
+    @property
+    def identity(self) -> str:
+        """Return authorized or unauthorized, another word while it is unknown."""
+        ...
+
+    @property
+    def intent(self) -> str:
+        """Return unknown, benign or hostile."""
+        ...
+
+
+class Facts(Protocol):
+    """The facts that a condition can depend on, None if they are unknown."""
+
+    def tracks(self, gate: str) -> Iterable[TrackFacts]:
+        """Return the tracks at a gate that do not leave."""
+        ...
+
+    def is_covered(self, gate: str) -> bool | None:
+        """Return whether a gate has a guard."""
+        ...
+
+    def is_low(self, asset: str) -> bool | None:
+        """Return whether the battery of an asset is low."""
+        ...
+
+    def is_up(self, asset: str) -> bool | None:
+        """Return whether an asset works."""
+        ...
+
+    def has_free(self, kind: AssetKind | None) -> bool:
+        """Return whether an asset of a kind, or any, may be sent somewhere."""
+        ...
+
+
+def holds(condition: Condition, facts: Facts) -> bool | None:
+    """Return whether the condition is true, None if the facts do not decide it."""
+    subject = condition.subject
+    match condition.fact:
+        case "track_at":
+            return bool(there(condition, facts))
+        case "no_track_at":
+            return not there(condition, facts)
+        case "authorized" | "unauthorized" | "hostile":
+            return any(decides(condition, track) for track in there(condition, facts))
+        case "covered" | "uncovered":
+            so, told = condition.fact == "covered", facts.is_covered(subject)
+        case "low" | "not_low":
+            so, told = condition.fact == "low", facts.is_low(subject)
+        case "up" | "down":
+            so, told = condition.fact == "up", facts.is_up(subject)
+        case "free" | "none_free":
+            so, told = condition.fact == "free", facts.has_free(condition.kind)
+    return None if told is None else told is so
+
+
+def there(condition: Condition, facts: Facts) -> list[TrackFacts]:
+    """Return the tracks that a condition is about."""
+    here = facts.tracks(condition.subject)
+    return [track for track in here if condition.track in ("", track.kind)]
+
+
+def decides(condition: Condition, track: TrackFacts) -> bool:
+    """Return whether a track makes a condition about a contact true."""
+    return condition.fact in (track.identity, track.intent)
+
 
 Task = Literal[
     "go",  # who moves to place
@@ -129,3 +286,72 @@ def are_twins(first: Ask, second: Ask) -> bool:
     open_to_all = first.who == ANYBODY and first.wrong is None and not first.track_id
     apart = bool(first.place) and bool(second.place) and first.place != second.place
     return open_to_all and apart and first == replace(second, place=first.place)
+
+
+VERB_FOR: Mapping[Task, Verb] = {
+    TASK_OF[verb]: verb for verb, spec in COMMANDS.items() if len(spec.kinds) < len(KINDS)
+}
+"""The command that a task is carried out with, where only some kinds of assets have it."""
+KIND_FOR: Mapping[Task, AssetKind] = {
+    task: kind for task, verb in VERB_FOR.items() for kind in COMMANDS[verb].kinds
+}
+"""The kind of assets that alone can do a task."""
+PLACED: frozenset[Task] = frozenset(("go", "look", "identify", "warn", "block", "mass"))
+"""The tasks that need a place."""
+
+
+class Obstacle(NamedTuple):
+    """The reason why an ask cannot be carried out, with its place, asset or kind."""
+
+    problem: Literal["closed", "no place", "no asset", "down", "low", "poor link", "wrong kind"]
+    subject: str = ""
+    kind: AssetKind | None = None
+    """The kind that has not the command; only of the wrong kind."""
+
+
+Find = Callable[[str], Obstacle | None]
+"""Returns the fault of an asset by name."""
+
+
+def obstacle(ask: Ask, world: World, find: Find) -> Obstacle | None:
+    """Return why nothing of `ask` can be done, None when at least a part can.
+
+    Of those named, `find` returns what keeps one from its part.
+    """
+    if ask.place in world.zones:
+        return Obstacle("closed", ask.place)
+    if ask.place not in world.frames and (ask.place or ask.task in PLACED):
+        return Obstacle("no place", ask.place)
+    if ask.leaving and ask.leaving not in world.assets:
+        return Obstacle("no asset", ask.leaving)
+    names, kind = ask.who.names, ask.who.kind
+    problems = [found for name in names if (found := find(name)) is not None]
+    all_or_none = ask.strict_who or ask.task == "swap"
+    if problems and (all_or_none or len(problems) == len(names)):
+        return problems[0]
+    if not names and kind is not None and not can_do(kind, ask.task):
+        return Obstacle("wrong kind", kind=kind)
+    return None
+
+
+def asset_obstacles(name: str, ask: Ask, world: World, picture: Picture) -> Iterator[Obstacle]:
+    """Yield everything that keeps the asset of that name from its part of `ask`."""
+    asset = picture.assets.get(name)
+    if name not in world.assets:
+        yield Obstacle("no asset", name)
+    elif asset is None or not asset.available:
+        yield Obstacle("down", name)
+    else:
+        stays = ask.task in ("home", "report", "hold") or ask.place == world.base
+        if asset.low_battery and not stays:
+            yield Obstacle("low", name)
+        if ask.task in VERB_FOR and asset.comms != "ok":
+            yield Obstacle("poor link", name)
+        if not can_do(asset.kind, ask.task):
+            yield Obstacle("wrong kind", name, asset.kind)
+
+
+def can_do(kind: AssetKind, task: Task) -> bool:
+    """Return whether assets of a kind have the command for a task."""
+    verb = VERB_FOR.get(task)
+    return verb is None or kind in COMMANDS[verb].kinds

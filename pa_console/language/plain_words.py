@@ -18,7 +18,7 @@ from pa_console.language.clauses import (
     TEAM,
     UNLAWFUL,
 )
-from pa_console.language.condition import CONDITIONS
+from pa_console.language.order import CONDITIONS
 from pa_console.language.reading import NAME, clause_of
 from pa_console.schema.world import PLAIN_KINDS, AssetKind
 

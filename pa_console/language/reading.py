@@ -1,18 +1,21 @@
-"""A trained model's reading of an order, parsed from the canonical words of its reason.
+"""Readings of orders in canonical words: parsed, compared, and written.
 
-A reason begins with the reading, clause by clause, in a fixed word order and with the world's own
-names (`clauses.py`; `canonical_words.py` writes the same words). A clause that is not one of these
-is kept as it is and means nothing to the console.
+A trained model's reason begins with its reading, clause by clause, in a fixed word order and with
+the world's own names (`clauses.py`), so that a small model first says what it has understood. A
+clause that is not one of these is kept as it is and means nothing to the console. The same words
+are written for orders that are drawn; text that is no order of the operator leaves no trace there.
 """
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Literal
 
 from pa_console.language.clauses import (
     ASIDE,
     ASKED,
+    CLAUSES,
     EXCEPT,
     KIND_FORMS,
     NOTHING,
@@ -25,8 +28,14 @@ from pa_console.language.clauses import (
     Clause,
     NamePatterns,
     clause_patterns,
+    counted,
+    written,
 )
-from pa_console.language.order import ANYBODY, Ask, Reading, Who, Wrong
+from pa_console.language.facts import evidence, is_so
+from pa_console.language.order import ANYBODY, TASK_OF, Ask, Order, Reading, Who, Wrong, in_words
+from pa_console.schema.plan import Action
+from pa_console.schema.telemetry import Digest, Picture
+from pa_console.schema.world import KINDS, PLAIN_KINDS, World
 
 NAME = r"[A-Za-z0-9_]+"
 _ANY = NamePatterns(
@@ -181,3 +190,185 @@ def _who(clause: Clause, said: Mapping[str, str]) -> Who:
         return Who(count="all" if said["every"] == "all" else 1, origin=origin)
     who = said.get("who", SOMEBODY)
     return ANYBODY if who == SOMEBODY else Who(names=tuple(who.split(", ")))
+
+
+def distinct(own: str, others: Iterable[str], base: str = "") -> tuple[str, ...]:
+    """Return those of `others` that can be read and ask now for something else than `own`.
+
+    Of those that ask for the same, the first. To send somebody to the `base` is to send them home.
+    """
+    known, kept = [_asks(own, base)], list[str]()
+    for said in others:
+        asks = _asks(said, base)
+        if asks is not None and asks not in known:
+            known.append(asks)
+            kept.append(said)
+    return tuple(kept)
+
+
+def agree(one: str, other: str, base: str = "") -> bool:
+    """Return whether both readings ask for the same; not if one is unreadable."""
+    first = _comparable(read_asked(one), base)
+    return first is not None and first == _comparable(read_asked(other), base)
+
+
+def _asks(said: str, base: str) -> Reading | None:
+    """Return the asks for now, in any wording; None if asking back gains nothing.
+
+    That is so if they cannot be read, or may not be had at all, or send an asset to its own origin.
+    """
+    reading = read_asked(said)
+    if reading is None or not reading.readable:
+        return None
+    if reading.asks and all(ask.task == "refused" for ask in reading.asks):
+        return None
+    if any(ask.who.origin and ask.who.origin == ask.place for ask in reading.asks):
+        return None
+    return _comparable(reading, base)
+
+
+def _comparable(reading: Reading | None, base: str) -> Reading | None:
+    """Return `reading` however it was put: asks, and the names in each, in one order."""
+    if reading is None or not reading.readable:
+        return None
+    asks = [each for ask in reading.asks for each in _one_by_one(_plainly(ask, base))]
+    named = dict.fromkeys(ask for ask in asks if ask.who.names)
+    others = (ask for ask in asks if not ask.who.names)
+    return reading._replace(asks=tuple(sorted((*named, *others), key=repr)))
+
+
+def _plainly(ask: Ask, base: str) -> Ask:
+    """Return `ask` however it was put: whoever a gate has lost, it is the gate that is covered.
+
+    A track is known by its place, and what no order may have is refused whatever it is.
+    """
+    leaving = "" if ask.task == "cover" else ask.leaving
+    ask = replace(ask, words="", leaving=leaving, track="", track_id="", wrong=None)
+    if base and ask.task == "go" and ask.place == base:
+        return replace(ask, task="home", place="")
+    return ask
+
+
+def _one_by_one(ask: Ask) -> Iterator[Ask]:
+    """Yield the asks of each named asset; those that swap act together."""
+    if ask.task == "swap":
+        yield replace(ask, who=replace(ask.who, names=tuple(sorted(ask.who.names))))
+    elif len(ask.who.names) > 1:
+        yield from (replace(ask, who=Who(names=(name,))) for name in ask.who.names)
+    else:
+        yield ask
+
+
+MOST_NAMED = 4
+"""More assets than these with one task are only counted."""
+
+
+def planned(actions: Sequence[Action], world: World, *, by_name: bool) -> str:
+    """Return what the actions do, e.g. "1 drone to EastGate; Robot_T01 home" with names if asked.
+
+    A plan in which one asset holds and nothing else happens is "hold".
+    """
+    if [action.verb for action in actions] == ["hold"] and not by_name:
+        return "hold"
+    tasks: dict[str, list[Action]] = {}
+    for action in actions:
+        tasks.setdefault(action.command, []).append(action)
+    return "; ".join(_task(group, world, by_name) for group in tasks.values()) or NOTHING
+
+
+def _task(actions: Sequence[Action], world: World, by_name: bool) -> str:
+    names = [action.agent for action in actions]
+    who = ", ".join(names) if by_name and len(names) <= MOST_NAMED else _counted(names, world)
+    target = actions[0].target
+    where = {"place": target, "gate": target} if target else {}
+    return written(TASK_OF[actions[0].verb], {"who": who, **where})
+
+
+def _counted(names: Iterable[str], world: World) -> str:
+    kinds = [world.assets[name].kind for name in names]
+    return ", ".join(
+        TEAM.write(counted(kind, kinds.count(kind))) for kind in KINDS if kind in kinds
+    )
+
+
+_REFUSED = frozenset(clause.wrong for clause in CLAUSES if clause.wrong is not None)
+"""The faults that leave no other part of the ask to write."""
+_OF_TRACKS = frozenset(clause.task for clause in CLAUSES if "{track}" in clause.words.text)
+"""The tasks that can be put with the name of a track."""
+
+
+def canonical_order(order: Order, world: World, picture: Picture, digest: Digest) -> str:
+    """Return what `order` asks, with its condition and how that stands, e.g. "hold; report"."""
+    words = _depending(order, world)
+    if order.condition is not None:
+        so = "so" if is_so(order.condition, picture) else "not so"
+        words = f"{words}; now: {evidence(order.condition, digest)}, {so}"
+    return _of_others(order, words)
+
+
+def canonical_meaning(order: Order, world: World) -> str:
+    """Return what `order` asks, whatever the picture is, e.g. "if A: hold, else: nothing"."""
+    return _of_others(order, _depending(order, world))
+
+
+def canonical_clause(ask: Ask, world: World) -> str:
+    """Return one ask in words; what is wrong with it is said where the names alone do not."""
+    if ask.wrong in _REFUSED:
+        return written("refused", dict(_said(ask, world)), ask.wrong)
+    words = written(ask.task, dict(_said(ask, world)))
+    if ask.wrong == ASIDE.wrong:
+        return ASIDE.words + words
+    return words + next((each.words for each in UNLAWFUL if each.wrong == ask.wrong), "")
+
+
+def _depending(order: Order, world: World) -> str:
+    """Return everything that is asked, under its condition if there is one."""
+    words = _all(order.asks, world)
+    if order.condition is None:
+        return words
+    otherwise = _all(order.otherwise, world) if order.otherwise else NOTHING
+    return f"if {in_words(order.condition)}: {words}, else: {otherwise}"
+
+
+def _of_others(order: Order, words: str) -> str:
+    if order.excluded:
+        words = f"{words}; {EXCEPT}{', '.join(order.excluded)}"
+    return f"{words}; {OTHERS_STAY}" if order.others_stay else words
+
+
+def _all(asks: tuple[Ask, ...], world: World) -> str:
+    return "; ".join(canonical_clause(ask, world) for ask in asks)
+
+
+def _said(ask: Ask, world: World) -> Iterator[tuple[str, str]]:
+    """Yield the content of an ask for the slots of clauses, by the slot."""
+    place = ask.place if ask.place in world.frames or ask.place in world.zones else NOWHERE
+    if ask.place:
+        yield "place", place
+    if ask.task == "swap":
+        yield from zip(("first", "second"), ask.who.names, strict=True)
+    elif who := _assets_of(ask.who):
+        yield "who", who
+    if ask.task == "mass" and ask.who.kind is not None:
+        yield "massed", f"{PLAIN_KINDS[ask.who.kind]}s"
+    if ask.leaving:
+        yield "guard", f"{ask.leaving} at {place}" if ask.place else ask.leaving
+    if ask.track_id and ask.task in _OF_TRACKS:
+        yield "track", f"{ask.track_id} at {place}"
+    elif ask.place:
+        yield "gate", place
+    if ask.track:
+        yield "thing", ask.track
+        yield "stranger", f" {ask.track}"
+
+
+def _assets_of(who: Who) -> str:
+    """Return the assets of an ask, '' when they are left open."""
+    if who.names:
+        return ", ".join(who.names)
+    if who == ANYBODY:
+        return ""
+    said = {"origin": who.origin} if who.origin else {}
+    if who.kind is None:
+        return TEAM.write({**said, "every": "all" if who.count == "all" else "any"})
+    return TEAM.write({**said, **counted(who.kind, who.count)})

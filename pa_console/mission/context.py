@@ -7,10 +7,10 @@ from time import perf_counter
 from typing import Self
 
 from pa_console.fleets.fleet import Fleet
-from pa_console.language.references.outcome import Unclear
+from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.resolution import Answers, Resolved, resolve
 from pa_console.language.references.scene import Move, PastMission, Scene, after
-from pa_console.language.standing.order_words import ReadStanding, read_standing
+from pa_console.language.standing_orders import ReadStanding, read_standing
 from pa_console.llm.engine import Engine
 from pa_console.llm.roles.clause_reader import ClauseReader
 from pa_console.llm.roles.dialect import DIALECTS, Dialect, dialect_in

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 from itertools import islice
 
 from pa_console.fleets.fleet import Countersigned
-from pa_console.language.distinct_readings import distinct
 from pa_console.language.mention_check import check_mentions
 from pa_console.language.order import Task
-from pa_console.language.reading import asked_words, read_asked
+from pa_console.language.reading import asked_words, distinct, read_asked
 from pa_console.llm.roles.grammar import PLANNED
 from pa_console.mission.approval import (
     CheckedPlan,

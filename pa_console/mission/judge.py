@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import NamedTuple
 
-from pa_console.language.canonical_words import planned
 from pa_console.language.clause_grammar import MOST_PLANNED, WORD, exactly
-from pa_console.language.reading import read_asked
+from pa_console.language.reading import planned, read_asked
 from pa_console.llm.backend import CANCELLED
 from pa_console.llm.roles.answer_schema import verdict_schema
 from pa_console.llm.roles.dialect import Dialect

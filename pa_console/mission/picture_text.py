@@ -8,8 +8,8 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 
-from pa_console.language.picture_facts import is_free, sole_covers
-from pa_console.language.world_names import named, names_meant
+from pa_console.language.facts import is_free, sole_covers
+from pa_console.language.name_linking import named, names_meant
 from pa_console.schema.base import Point
 from pa_console.schema.mission import Mission
 from pa_console.schema.rule import Rule

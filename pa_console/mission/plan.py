@@ -4,10 +4,9 @@ import asyncio
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from pa_console.language.distinct_readings import agree
 from pa_console.language.mention_check import NOTHING_SAID, MentionCheck, check_mentions
 from pa_console.language.order import Reading
-from pa_console.language.reading import asked_words, read_asked, read_reason
+from pa_console.language.reading import agree, asked_words, read_asked, read_reason
 from pa_console.llm.roles.clause_reader import ClauseReader, ask_what_is_asked
 from pa_console.llm.roles.judge import Judge, OrderRead
 from pa_console.mission.candidate import Candidate, ReadAgain, better, fulfilment_of

@@ -8,8 +8,8 @@ from time import perf_counter
 from typing import Literal
 
 from pa_console.language.clause_grammar import asked_now, grounded_reason
-from pa_console.language.digest_facts import asset_state
 from pa_console.language.exclusions import excluded_names
+from pa_console.language.facts import asset_state
 from pa_console.language.reading import asked_words, read_asked
 from pa_console.llm.backend import OnText
 from pa_console.llm.roles.answer_schema import Schema, plan_schema, slot_schema

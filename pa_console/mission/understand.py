@@ -4,8 +4,8 @@ import asyncio
 from dataclasses import dataclass, replace
 from time import perf_counter
 
-from pa_console.language.contradiction import contradiction
-from pa_console.language.references.outcome import Unclear
+from pa_console.language.demands import contradiction
+from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.resolution import Answers
 from pa_console.mission.context import MissionContext
 from pa_console.mission.standing import example_subject, starts_now

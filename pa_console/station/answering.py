@@ -7,8 +7,7 @@ goes through. No model is asked, nothing is decided, and no command is given.
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
-from pa_console.language.questions.question import Question
-from pa_console.language.questions.question_grammar import read_question
+from pa_console.language.questions import Question, read_question
 from pa_console.language.references.scene import Scene
 from pa_console.mission.examine import CheckBasis
 from pa_console.mission.spelling import read_words

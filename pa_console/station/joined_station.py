@@ -16,7 +16,7 @@ from pa_console.fleets.bus.told import Told
 from pa_console.fleets.station_authority import StationAuthority, approval_of
 from pa_console.fleets.vda5050.session_messages import Countersignature, StopAsked
 from pa_console.fleets.vda5050.vehicle import EXPIRY_S
-from pa_console.language.questions.question import Question
+from pa_console.language.questions import Question
 from pa_console.mission.approval import inadmissible
 from pa_console.mission.stop import CONFIRM_S
 from pa_console.policy.retrieval.retriever import Retriever

@@ -7,7 +7,7 @@ over the last picture that has come; where this copy does not fit the session, t
 from collections.abc import AsyncGenerator, Callable
 
 from pa_console.fleets.shown_picture import ShownPicture
-from pa_console.language.questions.question import Question
+from pa_console.language.questions import Question
 from pa_console.language.references.scene import Scene
 from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook

@@ -7,7 +7,7 @@ from functools import partial
 
 from pa_console import __version__
 from pa_console.fleets.fleet import Countersigned, Simulated
-from pa_console.language.questions.question import Question
+from pa_console.language.questions import Question
 from pa_console.mission.context import Services
 from pa_console.mission.dispatch import StepFeed
 from pa_console.mission.journal import Log

@@ -3,10 +3,10 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from pa_console.language.picture_facts import is_free, sole_covers
+from pa_console.language.facts import is_free, sole_covers
+from pa_console.language.name_linking import named
 from pa_console.language.plain_words import plain_reading
 from pa_console.language.reading import asked_words, read_asked
-from pa_console.language.world_names import named
 from pa_console.policy.checks.check_context import goes_to
 from pa_console.schema.command import BUSY_TASKS, COMMANDS
 from pa_console.schema.events.questions import AnswerLine

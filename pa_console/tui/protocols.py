@@ -4,7 +4,7 @@ from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from pa_console.language.questions.question import Question
+from pa_console.language.questions import Question
 from pa_console.schema.events.event import Event, QuestionAnswered
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Mission

@@ -11,10 +11,9 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from pa_console.language.canonical_words import canonical_order
 from pa_console.language.mention_check import check_mentions
 from pa_console.language.order import Order
-from pa_console.language.reading import read_asked
+from pa_console.language.reading import canonical_order, read_asked
 from pa_console.mission.spelling import respell
 from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture

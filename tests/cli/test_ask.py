@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pa_console.cli.mission.terminal_approval import ask_decision, show_request
-from pa_console.language.questions.question import Question
+from pa_console.language.questions import Question
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.session.state.fold import SessionState

@@ -8,7 +8,7 @@ from typing import cast
 import pytest
 
 from pa_console.cli.plain.joined_console import JoinedConsole
-from pa_console.language.questions.question import Question
+from pa_console.language.questions import Question
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.station.joined_station import JoinedStation

@@ -15,9 +15,8 @@ from typing import NamedTuple
 
 from pa_console.evaluation.runs.jobs import load_with_worlds
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.language.canonical_words import canonical_meaning, canonical_order
 from pa_console.language.clause_grammar import asked_pattern
-from pa_console.language.reading import asked_words, read_asked
+from pa_console.language.reading import asked_words, canonical_meaning, canonical_order, read_asked
 from pa_console.llm.backend import Completed, Request
 from pa_console.llm.roles.dialect import DIALECTS, Dialect, DialectName
 from pa_console.llm.roles.grammar import (

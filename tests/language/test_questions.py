@@ -5,7 +5,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.language.questions.question_grammar import read_question
+from pa_console.language.questions import read_question
 from pa_console.resources import data_folder
 from pa_console.schema.events.questions import QuestionTopic
 from pa_console.schema.incident import FailAsset

@@ -8,8 +8,7 @@ from functools import cache
 
 import pytest
 
-from pa_console.language.canonical_words import canonical_order
-from pa_console.language.reading import read_asked
+from pa_console.language.reading import canonical_order, read_asked
 from pa_console.llm.roles.dialect import DIALECTS
 from pa_console.mission.judge import (
     OutcomeCase,

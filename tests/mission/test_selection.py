@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.language.world_names import named, names_meant
+from pa_console.language.name_linking import named, names_meant
 from pa_console.llm.roles.grammar import plan_grammar
 from pa_console.llm.roles.prompts import fixed_part, planner_prompt
 from pa_console.mission.picture_text import (

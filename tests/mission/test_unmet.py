@@ -2,8 +2,7 @@
 
 import pytest
 
-from pa_console.language.canonical_words import canonical_order
-from pa_console.language.reading import read_asked
+from pa_console.language.reading import canonical_order, read_asked
 from pa_console.mission.tasking.moves import PlanMoves
 from pa_console.mission.tasking.obstacles import unmet_asks
 from pa_console.policy.rulebook import load_rules

@@ -2,8 +2,7 @@
 
 import pytest
 
-from pa_console.language.canonical_words import canonical_order
-from pa_console.language.reading import read_asked
+from pa_console.language.reading import canonical_order, read_asked
 from pa_console.llm.roles.grammar import CommandSlot, slot_grammar
 from pa_console.mission.tasking.choices import commands_serving
 from pa_console.policy.rulebook import Rulebook, load_rules

@@ -5,7 +5,7 @@ from random import Random
 
 import pytest
 
-from pa_console.language.canonical_words import canonical_meaning
+from pa_console.language.reading import canonical_meaning
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data
 from pa_training.phrasing.rewording import SPOKEN, Rewording, Words, spoken_words

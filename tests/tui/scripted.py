@@ -9,7 +9,7 @@ from typing import Any
 from textual import events
 from textual.pilot import Pilot
 
-from pa_console.language.questions.question import Question
+from pa_console.language.questions import Question
 from pa_console.schema.events.event import (
     AlarmAcknowledged,
     AllStopped,

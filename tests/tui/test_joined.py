@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from textual.widgets import Button, Static
 
-from pa_console.language.questions.question import Question
+from pa_console.language.questions import Question
 from pa_console.schema.events import event as ev
 from pa_console.schema.events.event import AnswerLine
 from pa_console.schema.mission import Decision

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from textual.widgets import Static
 
-from pa_console.language.questions.question import Question
+from pa_console.language.questions import Question
 from pa_console.schema.events.event import AnswerLine
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import RehearsedReading

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from textual.pilot import Pilot
 
-from pa_console.language.questions.question import Question
+from pa_console.language.questions import Question
 from pa_console.schema.events.event import AnswerLine, EventPayload
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import RehearsedReading

@@ -14,7 +14,7 @@ from rich.prompt import Confirm, Prompt
 from pa_console.cli.mission.trace import print_proposal
 from pa_console.cli.output import errors
 from pa_console.language.plain_words import plain_reading
-from pa_console.language.questions.question import Question
+from pa_console.language.questions import Question
 from pa_console.mission.approval import people_words
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision

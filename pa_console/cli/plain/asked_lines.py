@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Callable
 from typing import Protocol
 
-from pa_console.language.questions.question import Question
+from pa_console.language.questions import Question
 from pa_console.schema.events.questions import QuestionAnswered
 
 

@@ -6,10 +6,16 @@ Such an order depends on the picture. It is written as one condition and what is
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pa_console.language.condition import CONDITIONS, Condition, Fact
-from pa_console.language.references.reader import Reader, Token, read_tokens
+from pa_console.language.order import CONDITIONS, Condition, Fact
+from pa_console.language.references.reader import (
+    CONTACTS,
+    Reader,
+    Token,
+    asset_at,
+    place_at,
+    read_tokens,
+)
 from pa_console.language.references.scene import Scene
-from pa_console.language.references.words import CONTACTS, asset_at, place_at
 from pa_console.schema.world import AssetKind
 
 _SOMEBODY = ("anybody", "anyone", "somebody", "someone", "a guard", "any guard", "cover")

@@ -1,9 +1,19 @@
-"""A definite description, and which gates or assets of the picture fit it."""
+"""A definite description with its traits, and which gates or assets of the picture fit it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
+from pa_console.language.references.reader import (
+    CHARGE,
+    FAR,
+    LEAST,
+    MOST,
+    NEAR,
+    Reader,
+    asset_at,
+    place_at,
+)
 from pa_console.language.references.scene import Scene
 
 Sort = Literal["gate", "asset"]
@@ -76,3 +86,131 @@ def fitting(scene: Scene, description: Description) -> tuple[str, ...]:
         return tuple(fit)
     best = min(ranking.measure(scene, name) for name in fit)
     return tuple(n for n in fit if ranking.measure(scene, n) <= best + _TIE[ranking.by])
+
+
+@dataclass
+class Told:
+    """The traits of a description so far, while it is read."""
+
+    scene: Scene
+    reader: Reader
+    sort: Sort = "asset"
+    traits: list[Trait] = field(default_factory=list[Trait])
+    ranking: Ranking | None = None
+    place: str = ""
+    """A frame that is named inside of it."""
+    describes: bool = False
+    """True if the words are more than a bare noun."""
+    past: bool = False
+    """True if it refers to an earlier order."""
+    of_assets: bool = False
+    """True if a trait is one of assets alone."""
+    bare_location: bool = False
+    """True if a place is named without a word that an asset is there: *everybody at the hub*."""
+
+    def say(self, trait: Trait, *, no: bool = False) -> bool:
+        """Add a trait, or with `no` its opposite; returns True."""
+        self.traits.append((lambda scene, name: not trait(scene, name)) if no else trait)
+        self.describes = True
+        return True
+
+    def rank(self, ranking: Ranking) -> bool:
+        """Add a superlative; returns True."""
+        self.ranking, self.describes = ranking, True
+        return True
+
+    def by_distance(self) -> bool:
+        """Read *nearest to the base*, *furthest away*; False where neither is here."""
+        reader = self.reader
+        near = bool(reader.take_in(NEAR))
+        if not near and not reader.take_in(FAR):
+            return False
+        self.rank(Ranking("near" if near else "far"))
+        self.from_where()
+        return True
+
+    def from_where(self) -> None:
+        """Read the origin of a distance: *to the base*, *away from Drone_T01*, or nothing."""
+        reader, scene, ranking = self.reader, self.scene, self.ranking
+        if ranking is None or not ranking.distance or ranking.place:
+            return
+        start = reader.at
+        reader.take("away")
+        reader.take("to", "from")
+        name = place_at(scene, reader) or asset_at(scene, reader)
+        if not name:
+            reader.at = start
+            return
+        self.place = name if name in scene.world.frames else ""
+        self.ranking = Ranking(ranking.by, name)
+
+    def ranked(self) -> bool:
+        """Read *nearest to the base*, *with the fullest battery*, *that has less battery left*."""
+        reader = self.reader
+        start = reader.at
+        reader.take("that", "which", "who")
+        reader.skip(("is", "are", "'s", "'re"))
+        if self.by_distance():
+            return True
+        if reader.take("with", "has", "have", "having"):
+            reader.take("the")
+            by = "full" if reader.take_in(MOST) else "flat" if reader.take_in(LEAST) else None
+            if by is not None and self.sort == "asset" and reader.take_in(CHARGE):
+                reader.take("level")
+                reader.take("left", "remaining")
+                if reader.take("among the", "of the", "of all"):
+                    self._among()
+                return self.rank(Ranking(by))
+        reader.at = start
+        return False
+
+    def _among(self) -> None:
+        """Read the group of one asset: *among the drones*."""
+        if team := self.scene.members(self.reader.word()):
+            self.reader.at += 1
+            self.traits.append(lambda _, name: name in team)
+
+
+Way = Callable[[], bool]
+"""Reads one trait, and returns whether it was there."""
+
+
+def works(scene: Scene, name: str) -> bool:
+    """Return whether an asset is in order."""
+    return scene.asset(name).available
+
+
+def is_idle(scene: Scene, name: str) -> bool:
+    """Return whether an asset is idle: free and without a gate."""
+    return scene.is_free(name) and not scene.guarded_by(name)
+
+
+def may_leave(scene: Scene, name: str) -> bool:
+    """Return whether an asset may leave without uncovering a gate or giving up its task."""
+    return scene.is_free(name)
+
+
+def is_low(scene: Scene, name: str) -> bool:
+    """Return whether the battery of an asset is low."""
+    return scene.asset(name).low_battery
+
+
+def has_failed(scene: Scene, name: str) -> bool:
+    """Return whether an asset has failed."""
+    return scene.asset(name).status == "failed"
+
+
+def is_silent(scene: Scene, name: str) -> bool:
+    """Return whether an asset that is not known to have failed is silent."""
+    asset = scene.asset(name)
+    return asset.status != "failed" and (asset.comms == "lost" or asset.stale)
+
+
+def is_guard(scene: Scene, name: str) -> bool:
+    """Return whether an asset belongs to a gate."""
+    return bool(scene.guarded_by(name))
+
+
+def is_bare(scene: Scene, gate: str) -> bool:
+    """Return whether a gate has no guard."""
+    return not scene.guards(gate)

@@ -9,13 +9,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from pa_console.language.mentions import ASSETS
-from pa_console.language.references.asset_clauses import AssetClauses, sent
-from pa_console.language.references.description import Description, Ranking, Trait
-from pa_console.language.references.gate_clauses import GateClauses
-from pa_console.language.references.reader import Reader, Token
-from pa_console.language.references.scene import Scene
-from pa_console.language.references.traits import (
+from pa_console.language.references.description import (
+    Description,
+    Ranking,
     Told,
+    Trait,
     has_failed,
     is_bare,
     is_guard,
@@ -24,7 +22,7 @@ from pa_console.language.references.traits import (
     is_silent,
     works,
 )
-from pa_console.language.references.words import (
+from pa_console.language.references.reader import (
     AFTER_ONE,
     ANYBODY,
     BARE,
@@ -39,9 +37,13 @@ from pa_console.language.references.words import (
     INDEFINITE,
     NEAR,
     SILENT,
+    Reader,
+    Token,
     asset_at,
     number_of,
 )
+from pa_console.language.references.scene import Scene
+from pa_console.language.references.trait_clauses import AssetClauses, GateClauses, sent
 
 _OF = frozenset(("of", "among"))
 _DEALT_WITH = frozenset(("warn", "identify", "stop", "block", "unknown", "check", "approaching"))

@@ -9,9 +9,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
+from pa_console.language.facts import is_free, sole_covers
 from pa_console.language.mentions import KINDS
-from pa_console.language.picture_facts import is_free, sole_covers
-from pa_console.language.world_names import WORD, WorldNames
+from pa_console.language.name_linking import WORD, WorldNames
 from pa_console.schema.command import Verb
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
 from pa_console.schema.world import AssetKind, World

@@ -8,7 +8,7 @@ import json
 from collections.abc import Iterator, Sequence
 
 from pa_console.language.clauses import ASKED
-from pa_console.language.digest_facts import told_assets, told_frames, tracks_of_digest
+from pa_console.language.facts import told_assets, told_frames, tracks_of_digest
 from pa_console.language.name_linking import link_names
 from pa_console.llm.roles.answer_schema import TEXT, Schema
 from pa_console.llm.roles.prompts import Prompt, mission_line

@@ -8,8 +8,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from pa_console.language.feasibility import VERB_FOR, Obstacle, asset_obstacles, can_do, obstacle
-from pa_console.language.order import Ask, Reading, Task
+from pa_console.language.order import (
+    VERB_FOR,
+    Ask,
+    Obstacle,
+    Reading,
+    Task,
+    asset_obstacles,
+    can_do,
+    obstacle,
+)
 from pa_console.mission.tasking.moves import PlanMoves
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.telemetry import Picture

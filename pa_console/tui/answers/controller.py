@@ -1,6 +1,6 @@
 """Separates questions from missions at the prompt, and has them answered."""
 
-from pa_console.language.questions.question import Question
+from pa_console.language.questions import Question
 from pa_console.tui.answers.screen import AnswerScreen
 from pa_console.tui.controllers.approval import ApprovalController
 from pa_console.tui.controllers.commands import CommandController

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from pa_console.language.world_names import WORD
+from pa_console.language.name_linking import WORD
 from pa_console.schema.world import PLAIN_KINDS, World
 
 LEAST_TYPED = 2

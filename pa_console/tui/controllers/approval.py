@@ -3,7 +3,7 @@
 from textual.screen import Screen
 
 from pa_console.language.plain_words import plain_reading
-from pa_console.language.questions.question import Question
+from pa_console.language.questions import Question
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan

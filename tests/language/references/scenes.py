@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from pa_console.language.references.outcome import Unclear
+from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.resolution import Resolved, resolve
 from pa_console.language.references.scene import Move, PastMission, Scene
 from pa_console.resources import data_folder

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.language.references.outcome import Unclear
+from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.resolution import Resolved, chosen, resolve
 from pa_console.schema.incident import FailAsset, Incident, PlaceAsset, SetBattery, SpawnTrack
 from tests.language.references.scenes import HOME, asked, read, scene

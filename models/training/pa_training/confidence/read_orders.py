@@ -14,13 +14,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.language.canonical_words import canonical_meaning
 from pa_console.language.clause_grammar import grounded_reason
 from pa_console.language.clauses import ASKED
-from pa_console.language.distinct_readings import agree
 from pa_console.language.mention_check import check_mentions
 from pa_console.language.order import Order
-from pa_console.language.reading import asked_words, read_asked, read_reason
+from pa_console.language.reading import (
+    agree,
+    asked_words,
+    canonical_meaning,
+    read_asked,
+    read_reason,
+)
 from pa_console.llm.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.llm.roles.grammar import slot_grammar

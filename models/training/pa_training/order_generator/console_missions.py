@@ -3,8 +3,7 @@
 from collections.abc import Iterator
 from functools import cache
 
-from pa_console.language.feasibility import KIND_FOR
-from pa_console.language.order import Ask, Order, Task, Who
+from pa_console.language.order import KIND_FOR, Ask, Order, Task, Who
 from pa_console.policy.ordering.moments import moment
 from pa_console.policy.ordering.workflow import WorkflowRun
 from pa_console.policy.rulebook import Rulebook, load_rules

@@ -5,9 +5,8 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar
 
-from pa_console.language.condition import Condition, Fact
-from pa_console.language.order import Ask, Who
-from pa_console.language.picture_facts import is_so, sole_covers
+from pa_console.language.facts import is_so, sole_covers
+from pa_console.language.order import Ask, Condition, Fact, Who
 from pa_console.schema.telemetry import Digest, Picture, Track
 from pa_console.schema.world import KINDS, AssetKind, World
 

@@ -3,8 +3,8 @@
 import random
 from dataclasses import replace
 
+from pa_console.language.facts import is_so
 from pa_console.language.order import Ask, Order, Task, Wrong, are_twins
-from pa_console.language.picture_facts import is_so
 from pa_console.schema.telemetry import Digest, Picture
 from pa_console.schema.world import World
 from pa_training.order_generator.asks import FORBIDDEN, IMPOSSIBLE, draw_ask, draw_wrong

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Iterator
 from functools import lru_cache
 from typing import NamedTuple
 
-from pa_console.language.world_names import DIGITS, KIND_WORDS, NUMBERS, WORD
+from pa_console.language.name_linking import DIGITS, KIND_WORDS, NUMBERS, WORD
 from pa_console.schema.world import AssetKind, World
 
 _SPELT = """

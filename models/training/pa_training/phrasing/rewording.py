@@ -14,7 +14,7 @@ from functools import cache
 
 from pydantic import Field
 
-from pa_console.language.canonical_words import canonical_meaning
+from pa_console.language.reading import canonical_meaning
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.base import StrictModel
 from pa_console.schema.document import Document

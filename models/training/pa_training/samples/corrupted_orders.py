@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+from pa_console.language.facts import due_asks, is_so
 from pa_console.language.order import Ask, Order, Task, Who
-from pa_console.language.picture_facts import due_asks, is_so
 from pa_console.schema.mission import MAX_MISSION_TEXT
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import KINDS, World

@@ -8,8 +8,8 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Literal, NamedTuple
 
+from pa_console.language.facts import due_asks
 from pa_console.language.order import Order
-from pa_console.language.picture_facts import due_asks
 from pa_console.schema.command import COMMANDS, Verb
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.world import KINDS, World

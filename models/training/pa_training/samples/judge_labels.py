@@ -9,9 +9,9 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from pa_console.language.canonical_words import canonical_order, planned
+from pa_console.language.facts import due_asks
 from pa_console.language.order import Ask
-from pa_console.language.picture_facts import due_asks
+from pa_console.language.reading import canonical_order, planned
 from pa_console.llm.roles.grammar import FEEDBACK_CHARS, TEXT
 from pa_console.schema.command import Verb
 from pa_console.schema.finding import Finding

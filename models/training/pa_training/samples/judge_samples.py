@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
-from pa_console.language.canonical_words import canonical_order
+from pa_console.language.reading import canonical_order
 from pa_console.llm.roles.compact_prompt import compact_judge_prompt, picture_prefix
 from pa_console.llm.roles.grammar import MOST_VIOLATED, PLANNED
 from pa_console.llm.roles.prompts import Prompt

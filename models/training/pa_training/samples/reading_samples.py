@@ -14,8 +14,8 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from pa_console.language.canonical_words import canonical_meaning
 from pa_console.language.order import Order
+from pa_console.language.reading import canonical_meaning
 from pa_console.llm.roles.compact_prompt import compact_planner_prompt, picture_prefix
 from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules

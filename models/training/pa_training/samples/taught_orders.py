@@ -7,8 +7,8 @@ import random
 from collections.abc import Iterator
 from pathlib import Path
 
-from pa_console.language.canonical_words import canonical_meaning
 from pa_console.language.name_linking import link_names
+from pa_console.language.reading import canonical_meaning
 from pa_training.order_generator.sampler import sample_order
 from pa_training.phrasing.phrasing import phrase
 from pa_training.samples.near_duplicates import NearDuplicates

@@ -15,9 +15,8 @@ from pydantic import Field
 
 from pa_console.language.clause_grammar import asked_now
 from pa_console.language.clauses import ASKED, NOTHING
-from pa_console.language.condition import Condition, in_words
-from pa_console.language.digest_facts import conditions
-from pa_console.language.order import Ask, Order
+from pa_console.language.facts import conditions
+from pa_console.language.order import Ask, Condition, Order, in_words
 from pa_console.language.reading import asked_words, parted, read_asked
 from pa_console.llm.roles.compact_prompt import compact_planner_prompt, picture_prefix
 from pa_console.schema.base import StrictModel

@@ -5,10 +5,16 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from typing import NamedTuple
 
-from pa_console.language.digest_facts import asset_state
-from pa_console.language.feasibility import VERB_FOR, Obstacle, asset_obstacles, obstacle
-from pa_console.language.order import Ask, Task, Wrong
-from pa_console.language.picture_facts import sole_covers, tracks_at
+from pa_console.language.facts import asset_state, sole_covers, tracks_at
+from pa_console.language.order import (
+    VERB_FOR,
+    Ask,
+    Obstacle,
+    Task,
+    Wrong,
+    asset_obstacles,
+    obstacle,
+)
 from pa_console.schema.telemetry import Digest, Picture, Track
 from pa_console.schema.world import KINDS, PLAIN_KINDS, AssetKind, World
 

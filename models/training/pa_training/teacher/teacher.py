@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 from pydantic import Field
 
-from pa_console.language.canonical_words import canonical_order
+from pa_console.language.facts import due_asks
 from pa_console.language.order import Ask, Order, Task
-from pa_console.language.picture_facts import due_asks
+from pa_console.language.reading import canonical_order
 from pa_console.llm.roles.grammar import REASON_CHARS
 from pa_console.schema.base import Positive, StrictModel
 from pa_console.schema.command import ENCOUNTERS, Verb

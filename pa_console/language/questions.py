@@ -7,18 +7,29 @@ right; what it does not know is no question.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple
 
+from pa_console.language import question_words as words
 from pa_console.language.name_linking import link_names
-from pa_console.language.questions import question_words as words
-from pa_console.language.questions.question import Question
-from pa_console.language.references.description import fitting
+from pa_console.language.references.description import fitting, is_bare
 from pa_console.language.references.description_grammar import find_descriptions
-from pa_console.language.references.reader import Reader, read_tokens
+from pa_console.language.references.reader import BARE, Reader, asset_at, place_at, read_tokens
 from pa_console.language.references.scene import Scene
-from pa_console.language.references.traits import is_bare
-from pa_console.language.references.words import BARE, asset_at, place_at
 from pa_console.schema.events.questions import QuestionTopic
+
+
+@dataclass(frozen=True)
+class Question:
+    """A question in the operator's words.
+
+    `subjects` are the assets that it may mean, or the gate; none where it is about the whole plan.
+    """
+
+    text: str
+    topic: QuestionTopic
+    subjects: tuple[str, ...] = ()
+
 
 MOST_WORDS = 24
 """A longer text is no question of these."""

@@ -1,1 +1,0 @@
-"""Questions of the operator about what the console has proposed or done: which they are."""
