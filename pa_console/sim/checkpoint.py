@@ -9,17 +9,23 @@ from pa_console.schema.incident import Incident
 from pa_console.schema.scenario import Scenario
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
-from pa_console.sim import forecast, incidents, scenario_script
-from pa_console.sim.assets import battery, devices, motion, physics
-from pa_console.sim.assets.surroundings import Traffic
-from pa_console.sim.contacts import true_contacts
-from pa_console.sim.picture import integrity, telemetry
-from pa_console.sim.picture import picture as station_side
-from pa_console.sim.radio import link, radio
-from pa_console.sim.sensing import sensing
-from pa_console.sim.state.link_state import RadioState, Report
-from pa_console.sim.state.scene import AssetState, Scene
-from pa_console.sim.state.sensing_state import Detection
+from pa_console.sim import (
+    contacts,
+    devices,
+    forecast,
+    incidents,
+    integrity,
+    motion,
+    physics,
+    radio,
+    telemetry,
+    truth,
+)
+from pa_console.sim import picture as station_side
+from pa_console.sim.physics import Traffic
+from pa_console.sim.scene import AssetState, RadioState, Report, Scene, settle_battery
+from pa_console.sim.sensing_state import Detection
+from pa_console.sim.truth import TrueContact
 from pa_console.sim.worlds.terrain import Terrain
 
 LEAD_TICKS = 2
@@ -62,7 +68,7 @@ class Checkpoint:
             )
             incidents.place(self._terrain, self._scene, asset, spec.post)
             self._scene.assets[name] = asset
-        self._scene.script = scenario_script.begin(self.scenario, seed)
+        self._scene.script = incidents.begin(self.scenario, seed)
         self._happened: list[Incident] = []
         self._skipped: list[str] = []
         self.arrived = Arrived()
@@ -84,35 +90,35 @@ class Checkpoint:
         terrain, scene, dt_s = self._terrain, self._scene, self.world.dt_s
         scene.tick += 1
         self._play()
-        for command in link.take_commands(scene):
+        for command in radio.take_commands(scene):
             if command.agent in scene.assets:
                 devices.note_heard(terrain, scene, scene.assets[command.agent])
             for reply in devices.accept(terrain, scene, command, self.admit):
-                link.send_reply(scene, reply, dt_s)
+                radio.send_reply(scene, reply, dt_s)
         busy = scene.busy()
         if busy:
             ground = self._traffic = self._traffic or motion.traffic(terrain, scene)
             velocities = motion.drive(terrain, scene, busy, ground, dt_s)
             physics.move(terrain, scene, ground, velocities, dt_s)
-        sensing.advance(terrain, scene, dt_s)
+        contacts.advance(terrain, scene, dt_s)
         for asset in busy:
             asset.said = None
-            battery.settle(self.world, scene, asset)
+            settle_battery(self.world, scene, asset)
             for reply in devices.work(terrain, scene, asset):
-                link.send_reply(scene, reply, dt_s)
+                radio.send_reply(scene, reply, dt_s)
             if scene.ideal:
                 scene.touched.add(asset.id)
             if asset.command is None and not asset.route:
                 scene.active.discard(asset.id)
         self._report()
-        return link.take_replies(scene)
+        return radio.take_replies(scene)
 
     def send(self, command: DeviceCommand) -> None:
         """Put `command` on the link; its device gets it at the next step and answers.
 
         An agent that does not exist is answered with `refused`; one whose link is lost not at all.
         """
-        link.send_command(self._scene, command, self.world.dt_s)
+        radio.send_command(self._scene, command, self.world.dt_s)
 
     def _report(self) -> None:
         """Let heartbeats and reports go out and arrive; make a new picture when one is due.
@@ -130,7 +136,7 @@ class Checkpoint:
             radio.end_jams(scene)
             devices.listen(terrain, scene)
             wired = telemetry.send(terrain, scene)
-        reports = link.take_reports(scene)
+        reports = radio.take_reports(scene)
         self.arrived = Arrived(tuple(reports), wired)
         station_side.receive(terrain, scene, reports)
         if phase == 0:
@@ -166,11 +172,11 @@ class Checkpoint:
 
         A contact stands under its track's id if the station has one for it, else under its own.
         """
-        return telemetry.truth(self._terrain, self._scene)
+        return truth.truth(self._terrain, self._scene)
 
-    def true_contacts(self) -> tuple[true_contacts.TrueContact, ...]:
+    def true_contacts(self) -> tuple[TrueContact, ...]:
         """Return every vehicle and person exactly, under an id that never changes, for scorers."""
-        return true_contacts.true_contacts(self._terrain, self._scene)
+        return truth.true_contacts(self._terrain, self._scene)
 
     def forecast(self) -> "Checkpoint":
         """Return a simulation of what the picture shows, built from it and the world alone."""
@@ -201,7 +207,7 @@ class Checkpoint:
     def _play(self) -> None:
         """Apply the scenario's events of this tick."""
         if self.scenario is not None:
-            done, skipped = scenario_script.play(self._terrain, self._scene, self.scenario)
+            done, skipped = incidents.play(self._terrain, self._scene, self.scenario)
             self._happened += done
             self._skipped += skipped
             if done:

@@ -2,21 +2,31 @@
 
 In it messages take the world's latency and are never lost. Assets that cannot be counted on
 (failed, silent, stale, suspect) stand where last reported, cover nothing and answer nothing. An
-asset under way goes on to where its reported route ends.
+asset under way goes on to where its reported route ends. Contacts are what the tracks suggest.
 """
 
 import math
 import random
 
+import shapely
+
 from pa_console.schema.command import ADDRESSING, COMMANDS, DeviceCommand, Verb
-from pa_console.schema.telemetry import AssetTelemetry, Picture, Task
+from pa_console.schema.telemetry import AssetTelemetry, Picture, Task, Track
 from pa_console.schema.world import World
-from pa_console.sim.assets import battery
-from pa_console.sim.picture import picture as station_side
-from pa_console.sim.picture import telemetry
-from pa_console.sim.sensing import sensing
-from pa_console.sim.state.link_state import Heard, RadioState, Said, StationState
-from pa_console.sim.state.scene import AssetState, Scene
+from pa_console.sim import picture as station_side
+from pa_console.sim import sensors, telemetry, tracker
+from pa_console.sim.contacts import way_in
+from pa_console.sim.evidence import weight_of
+from pa_console.sim.scene import (
+    AssetState,
+    Heard,
+    RadioState,
+    Said,
+    Scene,
+    StationState,
+    settle_battery,
+)
+from pa_console.sim.sensing_state import ContactState, Sighting, Statement, TrackFile
 from pa_console.sim.worlds.terrain import Terrain
 
 IDLE_REPORT_PERIODS = 20
@@ -48,7 +58,7 @@ def scene_of(terrain: Terrain, picture: Picture) -> Scene:
         station.covers[gate] = cover
         since = picture.tick - round(cover.uncovered_s / dt_s)
         scene.covered_tick[gate] = station.covered_tick[gate] = since
-    sensing.restore(terrain, scene, picture)
+    _restore(terrain, scene, picture)
     return scene
 
 
@@ -64,12 +74,12 @@ def report(terrain: Terrain, scene: Scene) -> station_side.Draft:
             scene.touched.add(asset.id)
     heard = [asset for asset in scene.in_order(scene.touched) if asset.radio.up]
     for asset in heard:
-        battery.settle(world, scene, asset)
+        settle_battery(world, scene, asset)
         said = telemetry.report_of(terrain, scene.tick, asset)
         station.heard[asset.id] = Heard(said, scene.tick, station.heard[asset.id].marks)
     scene.touched.clear()
-    for sensor, detections in sensing.scan(terrain, scene).items():
-        sensing.receive(terrain, scene, sensor, scene.tick, detections)
+    for sensor, detections in sensors.scan(terrain, scene).items():
+        tracker.receive(terrain, scene, sensor, scene.tick, detections)
     return station_side.build(terrain, scene, [*(asset.id for asset in heard), *silent])
 
 
@@ -108,3 +118,90 @@ def _asset(world: World, tick: int, index: int, report: AssetTelemetry) -> Asset
                 command_id=report.command_id, agent=report.id, verb=verb, target=target
             )
     return asset
+
+
+USUAL_MPS = 5.0
+"""The assumed speed of a contact of unknown speed once it moves."""
+
+
+def _restore(terrain: Terrain, scene: Scene, picture: Picture) -> None:
+    """Set tracks, cameras and weather of a forecast's `scene` from `picture`.
+
+    A contact stands or moves as last seen; unknown identity will be found unauthorized; one that is
+    warned stops, one that has been seen to go on after its warning goes on.
+    """
+    state = scene.sensing
+    state.weather = picture.weather
+    state.broken = tuple(n for n, camera in picture.cameras.items() if not camera.works)
+    for track in picture.tracks.values():
+        state.contacts[track.id] = _contact_of(terrain, track)
+        state.files[track.id] = _file_of(terrain, track)
+    numbers = [int(n) for name in picture.tracks if (n := name.rpartition("_")[2]).isdigit()]
+    state.numbered = state.spawned = max(numbers, default=0)
+
+
+def _contact_of(terrain: Terrain, track: Track) -> ContactState:
+    """Return the contact that a track suggests, on its gate's nearest lane unless it is inside."""
+    inside = track.status == "inside"
+    lanes = terrain.lanes_to(track.gate)
+    lines = {name: shapely.LineString(terrain.world.lanes[name].points) for name in lanes}
+    here = shapely.Point(track.position)
+    lane = min(lanes, key=lambda name: lines[name].distance(here), default="")
+    contact = ContactState(
+        id=track.id,
+        kind=track.kind,
+        gate=track.gate,
+        lane=lane,
+        travelled=lines[lane].project(here) if lane else 0.0,
+        x=track.position[0],
+        y=track.position[1],
+        heading=math.radians(track.heading_deg),
+        cruise_mps=track.speed_mps or USUAL_MPS,
+        identity="unauthorized" if track.identity == "unknown" else track.identity,
+        intent=track.intent,
+        when_warned="go_on" if track.defiant else "stop",
+        noncombatants=track.noncombatants,
+        speed=track.speed_mps,
+        status=track.status,
+        warned_tick=0 if track.warned and track.status != "leaving" else None,
+        on_lane=not inside and bool(lane),
+    )
+    if inside and track.speed_mps > 0.0:
+        contact.route = way_in(terrain, track.gate)[1:]
+    return contact
+
+
+def _file_of(terrain: Terrain, track: Track) -> TrackFile:
+    """Return the station's file on a track as far as the picture shows it."""
+    dt_s = terrain.world.dt_s
+    heading = math.radians(track.heading_deg)
+    stamp = round(track.stamp_s / dt_s)
+    return TrackFile(
+        id=track.id,
+        contact=track.id,
+        kind=track.kind,
+        gate=track.gate,
+        x=track.position[0],
+        y=track.position[1],
+        vx=track.speed_mps * math.cos(heading),
+        vy=track.speed_mps * math.sin(heading),
+        heading=heading,
+        variance=max(track.uncertainty_m, 0.05) ** 2,
+        speed_variance=1.0,
+        tick=stamp,
+        first_tick=round(track.first_seen_s / dt_s),
+        status=track.status,
+        leaning=track.status,
+        leaning_tick=stamp,
+        identified=track.identity,
+        confirmed=track.intent,
+        suspected=track.noncombatants,
+        statements=tuple(
+            Statement(name, weight_of(terrain, name), opinion="hostile", opinion_tick=stamp)
+            for name in sorted(track.hostile_by)
+        ),
+        seen=tuple(Sighting(sensor, stamp, track.position) for sensor in track.seen_by),
+        observed=track.observed,
+        warned_tick=0 if track.warned else None,
+        defiant=track.defiant,
+    )

@@ -1,29 +1,43 @@
-"""Applies incidents to a scene: set-up of missions, scenarios and what-if."""
+"""Incidents in a scene, by set-up, what-if or the script of a scenario: when, and what changes."""
 
 import math
+import random
 from dataclasses import replace
 
 from pa_console.schema.incident import (
+    ClearTracks,
     DegradeAsset,
     FailAsset,
+    FalseContact,
     GpsDrift,
     Incident,
     JamArea,
+    ObstructWay,
     PlaceAsset,
     RestoreAsset,
+    RevealTrack,
+    SensorFault,
     SetBattery,
     SetComms,
     SetRadio,
+    SetWeather,
+    SpawnTrack,
     SpoofTelemetry,
+    WorkerFault,
     unknown_name,
 )
+from pa_console.schema.scenario import After, AssetIs, Scenario, TrackIs
 from pa_console.schema.telemetry import Task
-from pa_console.sim.assets import battery, obstructions
-from pa_console.sim.radio import radio
-from pa_console.sim.sensing import sensing
-from pa_console.sim.state.link_state import Drift
-from pa_console.sim.state.scene import AssetState, Scene
+from pa_console.schema.world import Wall
+from pa_console.sim import contacts, radio
+from pa_console.sim.evidence import identity_of
+from pa_console.sim.physics import gap
+from pa_console.sim.scene import AssetState, Drift, Scene, ScriptState, rouse
+from pa_console.sim.sensing_state import Phantom
 from pa_console.sim.worlds.terrain import Terrain
+
+OBSTRUCTION_M = 0.8
+"""The thickness of an obstruction, metres."""
 
 
 def apply(terrain: Terrain, scene: Scene, incident: Incident) -> None:
@@ -57,8 +71,7 @@ def apply(terrain: Terrain, scene: Scene, incident: Incident) -> None:
             place(terrain, scene, _asset(terrain, scene, name), frame)
             _carried(scene, name)
         case _:
-            if not sensing.apply(terrain, scene, incident):
-                obstructions.apply(terrain, scene, incident)
+            _apply_to_surroundings(terrain, scene, incident)
 
 
 def place(terrain: Terrain, scene: Scene, asset: AssetState, frame: str) -> None:
@@ -108,5 +121,216 @@ def _carried(scene: Scene, name: str) -> None:
 def _asset(terrain: Terrain, scene: Scene, name: str) -> AssetState:
     """Return the asset that something happens to; the next step looks after it."""
     asset = scene.assets[name]
-    battery.rouse(terrain.world, scene, asset)
+    rouse(terrain.world, scene, asset)
     return asset
+
+
+def _apply_to_surroundings(terrain: Terrain, scene: Scene, incident: Incident) -> None:
+    """Make an incident about contacts, sensors, weather or the way true.
+
+    Raises ValueError that names the known contacts for an unknown one.
+    """
+    state = scene.sensing
+    match incident:
+        case SpawnTrack():
+            contacts.spawn(terrain, scene, incident)
+        case ClearTracks(gate=gate):
+            _clear(terrain, scene, gate)
+        case RevealTrack():
+            contacts.turn(scene, incident)
+        case FalseContact(gate=gate, seconds=seconds):
+            _imagine(terrain, scene, gate, seconds)
+        case SensorFault(sensor=sensor, works=works):
+            broken = {*state.broken} - {sensor} if works else {*state.broken, sensor}
+            state.broken = tuple(sorted(broken))
+        case SetWeather(weather=now):
+            state.weather = now
+        case ObstructWay():
+            _obstruct(terrain, scene, incident)
+        case _:
+            pass
+
+
+def _clear(terrain: Terrain, scene: Scene, gate: str) -> None:
+    """Take every contact, phantom and track of `gate` away, detections under way included."""
+    state = scene.sensing
+    there = {c.id for c in state.contacts.values() if c.gate == gate}
+    tracked = {file.contact for file in state.files.values() if file.gate == gate}
+    for contact in there:
+        contacts.remove(scene, contact)
+    lanes = terrain.lanes_to(gate)
+    there |= {phantom.id for phantom in state.phantoms if phantom.lane in lanes}
+    state.phantoms = tuple(p for p in state.phantoms if p.lane not in lanes)
+    for contact in there | tracked:
+        state.files.pop(contact, None)
+    state.cleared = tuple(sorted({*state.cleared} | there))
+
+
+def _imagine(terrain: Terrain, scene: Scene, gate: str, seconds: float) -> None:
+    """Let one sensor at `gate` report a phantom: a working camera, else an asset."""
+    state = scene.sensing
+    lane = contacts.pick_lane(terrain, scene, gate)
+    watching = [name for name, camera in terrain.world.cameras.items() if camera.gate == gate]
+    watching += [a.id for a in scene.assets.values() if a.post == gate and not a.down]
+    able = [name for name in watching if name not in state.broken]
+    if able:
+        state.spawned += 1
+        until = scene.tick + round(seconds / terrain.world.dt_s)
+        phantom = Phantom(f"Phantom_{state.spawned:02d}", lane, able[0], scene.tick, until)
+        state.phantoms = (*state.phantoms, phantom)
+
+
+def _obstruct(terrain: Terrain, scene: Scene, incident: ObstructWay) -> None:
+    """Put an obstruction on the ground; no asset knows of it until it runs into it.
+
+    Raises ValueError when it has no length or would lie on a ground asset.
+    """
+    if incident.start == incident.end:
+        raise ValueError("the obstruction's start and end are the same point")
+    wall = Wall(start=incident.start, end=incident.end, thickness_m=OBSTRUCTION_M)
+    for asset in scene.assets.values():
+        radius = terrain.world.platforms[asset.kind].radius_m
+        if asset.kind != "uav" and gap(wall, asset.x, asset.y) < radius:
+            raise ValueError(f"{asset.id} stands where the obstruction would lie")
+    scene.obstructions = (*scene.obstructions, wall)
+
+
+_TIME_NOISE_S = 1e-9
+
+
+def begin(scenario: Scenario | None, seed: int) -> ScriptState:
+    """Return the initial state of a scenario."""
+    processes = scenario.random if scenario is not None else ()
+    first = (p.from_s + _gap(seed, index, 0, p.mean_s) for index, p in enumerate(processes))
+    return ScriptState(seed=seed, drawn=(0,) * len(processes), next_s=tuple(first))
+
+
+def play(terrain: Terrain, scene: Scene, scenario: Scenario) -> tuple[list[Incident], list[str]]:
+    """Apply the events due at this tick; return them, and a sentence for each impossible one.
+
+    Scripted events go first, in file order, so one may follow an earlier one within the tick.
+    """
+    done: list[Incident] = []
+    skipped: list[str] = []
+    state, now = scene.script, terrain.seconds(scene.tick) + _TIME_NOISE_S
+    for index, event in enumerate(scenario.events):
+        if index in state.happened or index in state.skipped:
+            continue
+        if index not in state.due_s:
+            if event.at_s is not None:
+                state.due_s[index] = event.at_s + event.delay_s
+            elif _holds(terrain, scene, scenario, event.when):
+                state.due_s[index] = terrain.seconds(scene.tick) + event.delay_s
+            else:
+                continue
+        if state.due_s[index] > now:
+            continue
+        problem = _happen(terrain, scene, event.do)
+        if problem:
+            state.skipped = (*state.skipped, index)
+            skipped.append(f"{event.name or f'events.{index}'} did not happen: {problem}")
+        else:
+            state.happened = (*state.happened, index)
+            done.append(event.do)
+    for index, process in enumerate(scenario.random):
+        if state.next_s[index] > now:
+            continue
+        incident = _pick(state.seed, index, state.drawn[index], process.do)
+        _draw_next(state, index, process.mean_s)
+        problem = _happen(terrain, scene, incident)
+        if problem:
+            skipped.append(f"random.{index} ({incident.kind}) did not happen: {problem}")
+        else:
+            done.append(incident)
+    return done, skipped
+
+
+def _happen(terrain: Terrain, scene: Scene, incident: Incident) -> str:
+    """Make `incident` true; return why that is impossible at this moment, '' when it was done."""
+    if isinstance(incident, WorkerFault):
+        return ""
+    try:
+        apply(terrain, scene, incident)
+    except ValueError as error:
+        return str(error)
+    return ""
+
+
+def _draw_next(state: ScriptState, process: int, mean_s: float) -> None:
+    """Set when the next event of a Poisson process is due; at most one a tick happens."""
+    drawn = state.drawn[process] + 1
+    due = state.next_s[process] + _gap(state.seed, process, drawn, mean_s)
+    state.drawn = (*state.drawn[:process], drawn, *state.drawn[process + 1 :])
+    state.next_s = (*state.next_s[:process], due, *state.next_s[process + 1 :])
+
+
+def _gap(seed: int, process: int, number: int, mean_s: float) -> float:
+    """Return the seconds between two events of a process; depends on nothing else that is drawn."""
+    return random.Random(f"{seed}/{process}/{number}/gap").expovariate(1.0 / mean_s)
+
+
+def _pick(seed: int, process: int, number: int, choices: tuple[Incident, ...]) -> Incident:
+    return random.Random(f"{seed}/{process}/{number}/pick").choice(choices)
+
+
+def _holds(
+    terrain: Terrain, scene: Scene, scenario: Scenario, when: TrackIs | AssetIs | After | None
+) -> bool:
+    """Return whether a condition holds now."""
+    match when:
+        case TrackIs():
+            return _track_is(scene, when)
+        case AssetIs():
+            return _asset_is(terrain, scene, when)
+        case After(event=name):
+            return any(scenario.events[index].name == name for index in scene.script.happened)
+        case None:
+            return False
+
+
+def _track_is(scene: Scene, when: TrackIs) -> bool:
+    """Compare with the truth of a contact, and with what the station has made of it."""
+    sensing = scene.sensing
+    if when.track not in sensing.named:
+        return False
+    contact = sensing.contacts.get(sensing.named[when.track])
+    if contact is None:
+        return when.state == "gone"
+    track = next((file for file in sensing.files.values() if file.contact == contact.id), None)
+    match when.state:
+        case "present":
+            return True
+        case "detected" | "observed" | "identified":
+            return track is not None and (
+                when.state == "detected"
+                or (when.state == "observed" and track.observed)
+                or (when.state == "identified" and identity_of(track) != "unknown")
+            )
+        case "warned":
+            return contact.warned_tick is not None
+        case _:
+            return contact.status == when.state
+
+
+def _asset_is(terrain: Terrain, scene: Scene, when: AssetIs) -> bool:
+    """Compare with the truth of an asset; `silent` is what the station makes of its reports."""
+    asset = scene.assets.get(when.asset)
+    if asset is None:
+        return False
+    at = terrain.frame_at(asset.x, asset.y)
+    if when.at is not None and at != when.at:
+        return False
+    match when.state:
+        case "moving":
+            return asset.speed > 0.0
+        case "arrived":
+            return not asset.route and at is not None and at == (when.at or asset.post)
+        case "low_battery":
+            return asset.battery < terrain.world.low_battery_pct
+        case "failed":
+            return asset.down
+        case "charging":
+            return asset.task == "charging"
+        case "silent":
+            report = scene.station.shown.get(asset.id)
+            return report is not None and report.like.comms == "lost"

@@ -22,7 +22,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset, Incident, SetRadio, SpawnTrack
 from pa_console.schema.scenario import Scenario, ScriptedEvent
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.sim.picture.picture import period_ticks
+from pa_console.sim.picture import period_ticks
 from pa_console.sim.worlds.scenario_file import LoadedScenario
 from pa_console.sim.worlds.terrain import Terrain
 from pa_console.station.assembly import Site, load_site, open_station

@@ -7,12 +7,10 @@ from typing import Any
 from pa_console.schema.base import Point
 from pa_console.schema.incident import SpawnTrack
 from pa_console.schema.world import AssetKind, World
-from pa_console.sim.contacts import contacts
-from pa_console.sim.picture import telemetry
-from pa_console.sim.picture.picture import marks_of
-from pa_console.sim.state.link_state import Heard
-from pa_console.sim.state.scene import AssetState, Scene
-from pa_console.sim.state.sensing_state import ContactState
+from pa_console.sim import contacts, telemetry
+from pa_console.sim.picture import marks_of
+from pa_console.sim.scene import AssetState, Heard, Scene
+from pa_console.sim.sensing_state import ContactState
 from pa_console.sim.worlds.terrain import Terrain
 
 RANGE_M = 50.0

@@ -26,9 +26,9 @@ from pa_console.schema.incident import (
     SpoofTelemetry,
 )
 from pa_console.schema.world import World
-from pa_console.sim.assets import motion
+from pa_console.sim import motion
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.sim.state.scene import AssetState
+from pa_console.sim.scene import AssetState
 from pa_console.sim.worlds.terrain import Terrain
 from tests.sim.running import order, run
 

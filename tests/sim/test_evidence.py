@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from pa_console.schema.base import Point
 from pa_console.schema.telemetry import Identity, Intent, Track
 from pa_console.schema.world import World
-from pa_console.sim.sensing import sensing
-from pa_console.sim.sensing.evidence import FORGOTTEN_S, WITHDRAWN_S
-from pa_console.sim.state.scene import Scene
-from pa_console.sim.state.sensing_state import Detection
+from pa_console.sim import tracker
+from pa_console.sim.evidence import FORGOTTEN_S, WITHDRAWN_S
+from pa_console.sim.scene import Scene
+from pa_console.sim.sensing_state import Detection
 from pa_console.sim.worlds.terrain import Terrain
 from tests.sim.lookout import RANGE_M, lookout, reports_from, scene_at
 
@@ -54,8 +54,8 @@ def tell(
     """Let a sensor that stands at `stands` report a contact now; return the only track."""
     reports_from(terrain, scene, sensor, stands)
     seen = Detection("X", "person", at, 0.5, identity, opinion, noncombatants)
-    sensing.receive(terrain, scene, sensor, scene.tick, (seen,))
-    [track] = sensing.tracks_known(terrain, scene).values()
+    tracker.receive(terrain, scene, sensor, scene.tick, (seen,))
+    [track] = tracker.tracks_known(terrain, scene).values()
     return track
 
 
@@ -96,8 +96,8 @@ def test_an_asset_that_has_not_said_where_it_is_identifies_nobody(
     tell(terrain, scene, "Fox")
     later(terrain, scene, terrain.world.stale_s + 1.0)
     seen = Detection("X", "person", WAITS, 0.5, "authorized")
-    sensing.receive(terrain, scene, "Fox", scene.tick, (seen,))
-    [track] = sensing.tracks_known(terrain, scene).values()
+    tracker.receive(terrain, scene, "Fox", scene.tick, (seen,))
+    [track] = tracker.tracks_known(terrain, scene).values()
     assert track.identity == "unknown"
     assert tell(terrain, scene, "Fox", identity="authorized").identity == "authorized"
 
@@ -151,8 +151,8 @@ def test_a_late_report_does_not_replace_what_its_sensor_has_said_since(
     later(terrain, scene, 1.0)
     tell(terrain, scene, "Fox", identity="unauthorized")
     late = Detection("X", "person", WAITS, 0.5, "authorized")
-    sensing.receive(terrain, scene, "Fox", scene.tick - 5, (late,))
-    [track] = sensing.tracks_known(terrain, scene).values()
+    tracker.receive(terrain, scene, "Fox", scene.tick - 5, (late,))
+    [track] = tracker.tracks_known(terrain, scene).values()
     assert track.identity == "unauthorized"
 
 

@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 from pa_console.schema.base import Point
 from pa_console.schema.incident import FalseContact, SensorFault, SetWeather
 from pa_console.schema.world import AssetKind, Sensing
-from pa_console.sim import incidents
-from pa_console.sim.sensing import sensing
-from pa_console.sim.sensing.sensors import AT_FULL_RANGE, detection_chance, scan
-from pa_console.sim.state.scene import Scene
+from pa_console.sim import incidents, telemetry
+from pa_console.sim.scene import Scene
+from pa_console.sim.sensors import AT_FULL_RANGE, detection_chance, scan
 from pa_console.sim.worlds.terrain import Terrain
 from tests.sim.lookout import RANGE_M, lookout, scene_at, stand
 
@@ -105,11 +104,11 @@ def test_a_broken_sensor_sees_nothing_until_it_works_again(sensor: str) -> None:
     terrain = Terrain(lookout(cameras={"Cam": {}}))
     scene = scene_at(("Fox", "robot", HERE))
     stand(terrain, scene, (0.0, 10.0))
-    sensing.apply(terrain, scene, SensorFault(sensor=sensor))
+    incidents.apply(terrain, scene, SensorFault(sensor=sensor))
     assert set(scan(terrain, scene)) == {"Fox", "Cam"} - {sensor}
-    report = sensing.cameras_known(terrain, scene)["Cam"]
+    report = telemetry.cameras_known(terrain, scene)["Cam"]
     assert (report.gate, report.works) == ("Gate", sensor != "Cam")
-    sensing.apply(terrain, scene, SensorFault(sensor=sensor, works=True))
+    incidents.apply(terrain, scene, SensorFault(sensor=sensor, works=True))
     assert set(scan(terrain, scene)) == {"Fox", "Cam"}
 
 
@@ -127,8 +126,8 @@ def test_weather_shortens_the_range_and_hides_more() -> None:
     stand(terrain, scene, (0.0, HERE[1] + 0.6 * RANGE_M))
     rates: dict[str, int] = {}
     for weather in ("clear", "rain", "fog"):
-        sensing.apply(terrain, scene, SetWeather(weather=weather))
-        assert sensing.weather(scene) == weather
+        incidents.apply(terrain, scene, SetWeather(weather=weather))
+        assert scene.sensing.weather == weather
         rates[weather] = sum(bool(scan(terrain, scene)) for _ in range(300))
     assert rates["clear"] > rates["rain"] > rates["fog"] == 0
 
@@ -136,7 +135,7 @@ def test_weather_shortens_the_range_and_hides_more() -> None:
 def test_a_phantom_is_seen_by_one_sensor_for_a_while() -> None:
     terrain = Terrain(lookout(cameras={"Cam": {}, "Other": {}}))
     scene = scene_at(("Fox", "robot", HERE))
-    sensing.apply(terrain, scene, FalseContact(gate="Gate", seconds=5.0))
+    incidents.apply(terrain, scene, FalseContact(gate="Gate", seconds=5.0))
     assert scene.contacts == {}
     places: list[Point | None] = []
     for scene.tick in range(50):
@@ -151,8 +150,8 @@ def test_a_phantom_is_seen_by_one_sensor_for_a_while() -> None:
 def test_a_phantom_goes_with_the_sensor_that_imagines_it() -> None:
     terrain = Terrain(lookout(cameras={"Cam": {}}))
     scene = scene_at()
-    sensing.apply(terrain, scene, FalseContact(gate="Gate"))
-    sensing.apply(terrain, scene, SensorFault(sensor="Cam"))
+    incidents.apply(terrain, scene, FalseContact(gate="Gate"))
+    incidents.apply(terrain, scene, SensorFault(sensor="Cam"))
     assert scan(terrain, scene) == {}
 
 
@@ -167,7 +166,7 @@ def test_faults_and_phantoms_on_unknown_names_say_what_exists() -> None:
 def test_a_robot_that_identifies_sees_what_is_at_its_gate_for_certain() -> None:
     terrain = Terrain(lookout(walls=(((-20.0, 3.0), (20.0, 3.0)),)))
     scene = scene_at(("Fox", "robot", HERE))
-    sensing.apply(terrain, scene, SetWeather(weather="fog"))
+    incidents.apply(terrain, scene, SetWeather(weather="fog"))
     stand(terrain, scene, (0.0, HERE[1] + 0.9 * RANGE_M))
     assert scan(terrain, scene) == {}
     scene.assets["Fox"].task, scene.assets["Fox"].post = "identifying", "Gate"

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from shapely import LineString, Point
 
 from pa_console.schema.world import World
-from pa_console.sim.assets.surroundings import Traffic
-from pa_console.sim.state.scene import AssetState
+from pa_console.sim.physics import Traffic
+from pa_console.sim.scene import AssetState
 from pa_console.sim.worlds.terrain import Terrain
 from pa_console.sim.worlds.world_generator import generate_world
 

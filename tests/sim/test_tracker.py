@@ -10,13 +10,12 @@ from hypothesis import strategies as st
 from pa_console.schema.base import Point
 from pa_console.schema.incident import ClearTracks, FalseContact, RevealTrack
 from pa_console.schema.telemetry import Intent, Track
-from pa_console.sim.contacts import contacts
-from pa_console.sim.contacts.encounters import IDENTIFY_S, WARN_S, attend
-from pa_console.sim.sensing import sensing
-from pa_console.sim.sensing.sensors import WATCH_S
-from pa_console.sim.sensing.tracker import DROP_S
-from pa_console.sim.state.scene import Scene
-from pa_console.sim.state.sensing_state import ContactState, Detection
+from pa_console.sim import contacts, incidents, sensors, tracker, truth
+from pa_console.sim.devices import IDENTIFY_S, WARN_S, attend
+from pa_console.sim.scene import Scene
+from pa_console.sim.sensing_state import ContactState, Detection
+from pa_console.sim.sensors import WATCH_S
+from pa_console.sim.tracker import DROP_S
 from pa_console.sim.worlds.terrain import Terrain
 from tests.sim.lookout import lookout, reports_from, scene_at, stand
 
@@ -40,12 +39,12 @@ def tell(
     """Let a sensor that stands at the gate report a contact now; return the only track."""
     reports_from(terrain, scene, sensor, GATE)
     told = {"contact": "X", "kind": "vehicle", "position": at, "sigma_m": 0.5} | what
-    sensing.receive(terrain, scene, sensor, scene.tick, (Detection(**told),))  # pyright: ignore[reportArgumentType]
+    tracker.receive(terrain, scene, sensor, scene.tick, (Detection(**told),))  # pyright: ignore[reportArgumentType]
     return only(terrain, scene)
 
 
 def only(terrain: Terrain, scene: Scene) -> Track:
-    [track] = sensing.tracks_known(terrain, scene).values()
+    [track] = tracker.tracks_known(terrain, scene).values()
     return track
 
 
@@ -54,13 +53,13 @@ def watch(terrain: Terrain, scene: Scene, seconds: float) -> None:
     period = round(terrain.world.telemetry_period_s / terrain.world.dt_s)
     for _ in range(round(seconds / terrain.world.dt_s)):
         scene.tick += 1
-        sensing.advance(terrain, scene, terrain.world.dt_s)
+        contacts.advance(terrain, scene, terrain.world.dt_s)
         if scene.tick % period == 0:
             for name, asset in scene.assets.items():
                 reports_from(terrain, scene, name, asset.position)
-            for sensor, detections in sensing.scan(terrain, scene).items():
-                sensing.receive(terrain, scene, sensor, scene.tick, detections)
-            sensing.tracks_known(terrain, scene)
+            for sensor, detections in sensors.scan(terrain, scene).items():
+                tracker.receive(terrain, scene, sensor, scene.tick, detections)
+            tracker.tracks_known(terrain, scene)
 
 
 def deal(terrain: Terrain, scene: Scene, verb: str) -> str:
@@ -79,16 +78,16 @@ def deal(terrain: Terrain, scene: Scene, verb: str) -> str:
 def test_tracks_are_numbered_in_the_order_of_detection(terrain: Terrain, scene: Scene) -> None:
     for contact in ("C", "A", "B"):
         heard = Detection(contact=contact, kind="person", position=WAITS, sigma_m=1.0)
-        sensing.receive(terrain, scene, "Cam", 0, (heard,))
-    assert list(sensing.tracks_known(terrain, scene)) == ["Track_01", "Track_02", "Track_03"]
+        tracker.receive(terrain, scene, "Cam", 0, (heard,))
+    assert list(tracker.tracks_known(terrain, scene)) == ["Track_01", "Track_02", "Track_03"]
     assert [file.contact for file in scene.sensing.files.values()] == ["C", "A", "B"]
 
 
 def test_nothing_detected_is_no_track(terrain: Terrain, scene: Scene) -> None:
     stand(terrain, scene, (0.0, 250.0))
     watch(terrain, scene, 5.0)
-    assert sensing.tracks_known(terrain, scene) == {}
-    assert len(sensing.true_tracks(terrain, scene)) == 1
+    assert tracker.tracks_known(terrain, scene) == {}
+    assert len(truth.true_tracks(terrain, scene)) == 1
 
 
 def test_an_undetected_track_gets_stale_unsure_and_is_dropped(
@@ -101,7 +100,7 @@ def test_an_undetected_track_gets_stale_unsure_and_is_dropped(
     assert (old.stale, old.seen_by, old.observed_by, old.observed) == (True, (), (), True)
     assert (old.stamp_s, old.first_seen_s, old.position) == (0.0, 0.0, fresh.position)
     scene.tick = round(DROP_S / terrain.world.dt_s)
-    assert sensing.tracks_known(terrain, scene) == {}
+    assert tracker.tracks_known(terrain, scene) == {}
     assert tell(terrain, scene, "Eagle").id == "Track_02"
 
 
@@ -148,7 +147,7 @@ def test_a_late_detection_does_not_pull_a_track_back(terrain: Terrain, scene: Sc
     for scene.tick in range(5, 60, 5):
         track = tell(terrain, scene, "Cam", (0.0, 100.0 - scene.tick * 0.5))
     late = Detection(contact="X", kind="vehicle", position=(0.0, 82.5), sigma_m=0.5)
-    sensing.receive(terrain, scene, "Eagle", 35, (late,))
+    tracker.receive(terrain, scene, "Eagle", 35, (late,))
     after = only(terrain, scene)
     assert after.stamp_s == track.stamp_s
     assert after.distance_m == pytest.approx(track.distance_m, abs=0.3)
@@ -276,9 +275,9 @@ def test_what_a_robot_found_out_is_in_every_report_of_it_and_counts_from_where_i
     watch(terrain, scene, 1.0)
     deal(terrain, scene, "identify")
     scene.assets["Fox"].x = 500.0
-    [told] = sensing.scan(terrain, scene)["Fox"]
+    [told] = sensors.scan(terrain, scene)["Fox"]
     assert (told.contact, told.position, told.identity) == (contact.id, None, "authorized")
-    sensing.receive(terrain, scene, "Fox", scene.tick, (told,))
+    tracker.receive(terrain, scene, "Fox", scene.tick, (told,))
     assert only(terrain, scene).identity == "unknown"
     scene.assets["Fox"].x = GATE[0]
     watch(terrain, scene, 0.5)
@@ -307,27 +306,27 @@ def test_defiance_is_seen_after_the_warning(
 
 def test_a_phantom_is_a_track_that_nobody_finds_at_the_gate(terrain: Terrain, scene: Scene) -> None:
     scene.assets.update(scene_at(("Fox", "robot", GATE)).assets)
-    sensing.apply(terrain, scene, FalseContact(gate="Gate", seconds=5.0))
+    incidents.apply(terrain, scene, FalseContact(gate="Gate", seconds=5.0))
     watch(terrain, scene, 3.0)
     assert only(terrain, scene).seen_by == ("Cam",)
-    assert sensing.true_tracks(terrain, scene) == {}
+    assert truth.true_tracks(terrain, scene) == {}
     answer = attend(terrain, scene, scene.assets["Fox"], "identify", "Gate")
     assert answer == ("failed", "no track at Gate")
     watch(terrain, scene, DROP_S + 3.0)
-    assert sensing.tracks_known(terrain, scene) == {}
+    assert tracker.tracks_known(terrain, scene) == {}
 
 
 def test_cleared_tracks_do_not_come_back_with_a_late_report(terrain: Terrain) -> None:
     scene = scene_at(("Fox", "robot", GATE))
     stand(terrain, scene, WAITS)
-    sensing.apply(terrain, scene, FalseContact(gate="Gate"))
-    late = sensing.scan(terrain, scene)
+    incidents.apply(terrain, scene, FalseContact(gate="Gate"))
+    late = sensors.scan(terrain, scene)
     watch(terrain, scene, 1.0)
-    assert len(sensing.tracks_known(terrain, scene)) == 2
-    sensing.apply(terrain, scene, ClearTracks(gate="Gate"))
+    assert len(tracker.tracks_known(terrain, scene)) == 2
+    incidents.apply(terrain, scene, ClearTracks(gate="Gate"))
     for sensor, detections in late.items():
-        sensing.receive(terrain, scene, sensor, scene.tick, detections)
-    assert sensing.tracks_known(terrain, scene) == sensing.true_tracks(terrain, scene) == {}
+        tracker.receive(terrain, scene, sensor, scene.tick, detections)
+    assert tracker.tracks_known(terrain, scene) == truth.true_tracks(terrain, scene) == {}
 
 
 def test_the_truth_stands_under_the_tracks_id(terrain: Terrain) -> None:
@@ -335,6 +334,6 @@ def test_the_truth_stands_under_the_tracks_id(terrain: Terrain) -> None:
     stand(terrain, scene, WAITS, identity="authorized", intent="hostile")
     unseen: ContactState = stand(terrain, scene, (0.0, 200.0))
     watch(terrain, scene, 1.0)
-    truth = sensing.true_tracks(terrain, scene)
-    assert set(truth) == {"Track_01", unseen.id}
-    assert (truth["Track_01"].identity, truth["Track_01"].intent) == ("authorized", "hostile")
+    exact = truth.true_tracks(terrain, scene)
+    assert set(exact) == {"Track_01", unseen.id}
+    assert (exact["Track_01"].identity, exact["Track_01"].intent) == ("authorized", "hostile")

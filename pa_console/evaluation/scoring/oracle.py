@@ -28,7 +28,7 @@ from pa_console.evaluation.scoring.run_recording import (
 )
 from pa_console.schema.command import Verb
 from pa_console.schema.world import AssetKind, World
-from pa_console.sim.contacts.true_contacts import TrueContact
+from pa_console.sim.truth import TrueContact
 
 STANDOFF_TOLERANCE_M = 0.5
 PERIMETER_TOLERANCE_M = 2.0

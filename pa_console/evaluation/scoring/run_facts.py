@@ -24,7 +24,7 @@ from pa_console.schema.command import Verb
 from pa_console.schema.mission import MissionStatus
 from pa_console.schema.telemetry import AssetStatus, Identity, Intent, Task, TrackStatus
 from pa_console.schema.world import AssetKind
-from pa_console.sim.contacts.true_contacts import TrueContact
+from pa_console.sim.truth import TrueContact
 
 NEVER = -1.0
 

@@ -13,7 +13,7 @@ from pa_console.schema.base import NonNegative, Point, StrictModel
 from pa_console.schema.command import Verb
 from pa_console.schema.telemetry import AssetStatus, Task
 from pa_console.schema.world import AssetKind, World
-from pa_console.sim.contacts.true_contacts import TrueContact
+from pa_console.sim.truth import TrueContact
 
 STAYING: frozenset[Verb] = frozenset(("hold", "report"))
 """Orders that send no asset anywhere."""

@@ -13,9 +13,9 @@ from typing import NamedTuple
 from pa_console.schema.base import Point
 from pa_console.schema.text.quantities import count
 from pa_console.schema.world import World
-from pa_console.sim.picture.integrity import NOISE_M, SPEED_MARGIN
-from pa_console.sim.state.link_state import Heard
-from pa_console.sim.state.sensing_state import Detection, TrackFile
+from pa_console.sim.integrity import NOISE_M, SPEED_MARGIN
+from pa_console.sim.scene import Heard
+from pa_console.sim.sensing_state import Detection, TrackFile
 
 MOST_CONTACTS = 64
 """Most contacts of one message that are taken in; a busy gate has about ten."""

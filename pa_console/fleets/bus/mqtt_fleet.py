@@ -32,7 +32,7 @@ from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.schema.events.event import IncidentHappened, Level, Noticed
 from pa_console.schema.telemetry import Picture, Weather
 from pa_console.schema.world import World
-from pa_console.sim.picture import picture as station_side
+from pa_console.sim import picture as station_side
 
 AHEAD_S = 2.0
 """A message that claims to be from so far in the future comes from a wrong clock."""

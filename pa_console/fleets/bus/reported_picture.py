@@ -21,13 +21,11 @@ from pa_console.fleets.vda5050.additions import Detections, SeenContact
 from pa_console.schema.base import Point
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Weather
 from pa_console.schema.world import World
+from pa_console.sim import integrity, tracker
+from pa_console.sim import picture as station_side
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.sim.picture import integrity
-from pa_console.sim.picture import picture as station_side
-from pa_console.sim.sensing import sensing
-from pa_console.sim.state.link_state import Heard, Report, Said, StationState, Trust
-from pa_console.sim.state.scene import AssetState, Scene
-from pa_console.sim.state.sensing_state import Detection
+from pa_console.sim.scene import AssetState, Heard, Report, Said, Scene, StationState, Trust
+from pa_console.sim.sensing_state import Detection
 from pa_console.sim.worlds.terrain import Terrain
 
 T = TypeVar("T")
@@ -128,7 +126,7 @@ class ReportedPicture:
         found = [_detection(contact, stamp, world.dt_s) for contact in seen.contacts]
         near = [each for each in found if each.position is None or reach.covers(each.position)]
         taken, aside = within_share(scene.sensing.files, sensor, near)
-        sensing.receive(self.terrain, scene, sensor, stamp, tuple(taken))
+        tracker.receive(self.terrain, scene, sensor, stamp, tuple(taken))
         far = len(seen.team) - len(team) + len(found) - len(near)
         return (*aside, beyond(sensor, reach, far)) if far else tuple(aside)
 

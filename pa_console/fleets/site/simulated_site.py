@@ -39,9 +39,9 @@ from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events.event import IncidentHappened, Noticed
 from pa_console.schema.incident import Incident
 from pa_console.schema.telemetry import AssetTelemetry, Weather
+from pa_console.sim import picture as station_side
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.sim.picture import picture as station_side
-from pa_console.sim.state.sensing_state import Detection
+from pa_console.sim.sensing_state import Detection
 
 MOST_STEPS_AT_ONCE = 20
 OVERTAKEN_S = 1.0

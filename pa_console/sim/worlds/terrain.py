@@ -1,17 +1,148 @@
-"""The constant geometry of a world: routes, lanes, standing places, near walls."""
+"""The constant geometry of a world: routes, lanes, lines of sight, standing places, near walls."""
 
 import math
+from bisect import bisect_right
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from itertools import accumulate, pairwise
 
+import numpy as np
+import numpy.typing as npt
 import shapely
 from shapely.geometry import LineString, Polygon
 
 from pa_console.schema.base import Point
 from pa_console.schema.world import AssetKind, Frame, Wall, World
-from pa_console.sim.contacts.lanes import LaneLine
-from pa_console.sim.worlds.platform_limits import platform_limits
 from pa_console.sim.worlds.routes import Planner
-from pa_console.sim.worlds.sight_lines import Sight
+
+LOOK_M = 5.0
+LOOK_S = 2.0
+"""A ground asset looks out for others as far as it goes in LOOK_S, but no farther than LOOK_M."""
+HULL_GAP_M = 0.15
+_CORNER_M: dict[AssetKind, float] = {"uav": 1.5, "ugv": 0.5, "robot": 0.4}
+
+
+@dataclass(frozen=True, slots=True)
+class PlatformLimits:
+    """The limits of one kind of asset: metres, metres a second, radians.
+
+    It may turn by `turn_rad` in a step. A corner of its route counts as passed within `corner_m`.
+    It looks for others within `look_m`; `apart_m` says how near the centres of it and of an asset
+    of another kind may come.
+    """
+
+    flies: bool
+    radius_m: float
+    speed_mps: float
+    turn_rad: float
+    corner_m: float
+    look_m: float
+    apart_m: dict[AssetKind, float]
+
+
+def platform_limits(world: World) -> dict[AssetKind, PlatformLimits]:
+    """Return the limits of every kind of asset that `world` has a platform for."""
+    return {
+        kind: PlatformLimits(
+            flies=kind == "uav",
+            radius_m=platform.radius_m,
+            speed_mps=platform.speed_mps,
+            turn_rad=math.radians(platform.turn_rate_dps) * world.dt_s,
+            corner_m=_CORNER_M[kind],
+            look_m=min(LOOK_M, platform.speed_mps * LOOK_S) + platform.radius_m,
+            apart_m={
+                other: platform.radius_m + theirs.radius_m + HULL_GAP_M
+                for other, theirs in world.platforms.items()
+            },
+        )
+        for kind, platform in world.platforms.items()
+    }
+
+
+WAITING_STANDOFFS = 1.5
+"""Tracks wait this many standoffs from their gate, so an asset at the gate keeps ROE-04."""
+QUEUE_GAP_M = 8.0
+_SEARCH_STEP_M = 0.25
+
+
+def waiting_distance(world: World) -> float:
+    """Return how far from its gate's frame a track comes to a stop, metres."""
+    return WAITING_STANDOFFS * world.standoff_m
+
+
+class LaneLine:
+    """One lane, addressed by the metres travelled from its far end."""
+
+    def __init__(self, world: World, name: str) -> None:
+        lane = world.lanes[name]
+        self._points = lane.points
+        self._gate = world.frames[lane.gate].at
+        steps = [math.dist(a, b) for a, b in pairwise(lane.points)]
+        self._marks = list(accumulate(steps, initial=0.0))
+        self.length_m = self._marks[-1]
+        self.waiting_m = self.first_within(waiting_distance(world))
+        """Metres from the far end to where a track waits; the lane's end if it stops earlier."""
+        self.waiting_point: Point = self.locate(self.waiting_m)[0]
+
+    def first_within(self, distance_m: float) -> float:
+        """Return the metres travelled when first within `distance_m` of the gate's frame."""
+        index, last = 0, math.ceil(self.length_m / _SEARCH_STEP_M)
+        while index <= last:
+            travelled = min(index * _SEARCH_STEP_M, self.length_m)
+            far = math.dist(self.locate(travelled)[0], self._gate) - distance_m - 1e-9
+            if far <= 0.0:
+                return travelled
+            index += max(1, int((far - 1e-6) / _SEARCH_STEP_M))  # a metre brings it a metre nearer
+        return self.length_m
+
+    def locate(self, travelled_m: float) -> tuple[Point, float]:
+        """Return the position and the heading (radians, toward the gate) at `travelled_m`."""
+        at = min(max(travelled_m, 0.0), self.length_m)
+        leg = min(max(bisect_right(self._marks, at) - 1, 0), len(self._points) - 2)
+        (ax, ay), (bx, by) = self._points[leg], self._points[leg + 1]
+        part = (at - self._marks[leg]) / (self._marks[leg + 1] - self._marks[leg])
+        point = (ax + (bx - ax) * part, ay + (by - ay) * part)
+        return point, math.atan2(by - ay, bx - ax)
+
+
+Floats = npt.NDArray[np.float64]
+
+
+class Sight:
+    """Geometry for sensing in one world; shared by a simulation and all its forks."""
+
+    def __init__(self, world: World) -> None:
+        self._walls = shapely.STRtree([LineString((wall.start, wall.end)) for wall in world.walls])
+        self._perimeter = Polygon(world.perimeter)
+        shapely.prepare(self._perimeter)
+        self._edge = self._perimeter.exterior
+        self._lane_gates = [lane.gate for lane in world.lanes.values()]
+        lanes = [LineString(lane.points) for lane in world.lanes.values()]
+        self._lanes = np.array(lanes, dtype=object)
+        self._gate_at = np.array([world.frames[gate].at for gate in world.gates])
+        self._gates = world.gates
+
+    def clear(self, eyes: Floats, targets: Floats) -> npt.NDArray[np.bool_]:
+        """Return, for each pair of (n, 2) points, whether no wall lies between the two."""
+        clear = np.ones(len(eyes), dtype=np.bool_)
+        if len(eyes):
+            lines = shapely.linestrings(np.stack((eyes, targets), axis=1))
+            clear[self._walls.query(lines, predicate="intersects")[0]] = False
+        return clear
+
+    def depth(self, point: Point) -> float:
+        """Return how far inside the perimeter a point lies, metres; negative outside it."""
+        gap = float(shapely.distance(self._edge, shapely.Point(point)))
+        return gap if shapely.contains_xy(self._perimeter, *point) else -gap
+
+    def gate_of(self, point: Point) -> str:
+        """Return the gate of the lane nearest to a point; without lanes the nearest gate."""
+        if len(self._lanes):
+            return self._lane_gates[
+                int(np.argmin(shapely.distance(self._lanes, shapely.Point(point))))
+            ]
+        return self._gates[int(np.argmin(np.linalg.norm(self._gate_at - point, axis=1)))]
+
 
 PLACE_GAP_M = 0.8
 _CELL_M = 2.0

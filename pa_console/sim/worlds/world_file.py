@@ -15,8 +15,7 @@ from pa_console.resources import existing_data
 from pa_console.schema.base import Point
 from pa_console.schema.document import Document, FieldPath
 from pa_console.schema.world import World
-from pa_console.sim.contacts.lanes import waiting_distance
-from pa_console.sim.worlds.terrain import Terrain
+from pa_console.sim.worlds.terrain import Terrain, waiting_distance
 
 LARGEST_M = 5000.0
 """Coordinates are within this of the origin, metres."""

@@ -11,7 +11,7 @@ from pa_console.schema.command import DeviceCommand, Verb
 from pa_console.schema.evaluation import MissionCase
 from pa_console.schema.incident import Incident, SpawnTrack
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.sim.contacts.true_contacts import TrueContact
+from pa_console.sim.truth import TrueContact
 from pa_console.sim.worlds.world_file import load_world
 
 WORLD = load_world(data_folder() / "worlds" / "checkpoint" / "world.yaml")

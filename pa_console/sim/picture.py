@@ -18,11 +18,8 @@ from pa_console.schema.telemetry import (
     Weather,
 )
 from pa_console.schema.world import World
-from pa_console.sim.picture import integrity, telemetry
-from pa_console.sim.radio import radio
-from pa_console.sim.sensing import sensing
-from pa_console.sim.state.link_state import Heard, Report, Said, StationState
-from pa_console.sim.state.scene import Scene
+from pa_console.sim import integrity, radio, telemetry, tracker
+from pa_console.sim.scene import Heard, Report, Said, Scene, StationState
 from pa_console.sim.worlds.terrain import Terrain
 
 LATE_S = 0.25
@@ -93,7 +90,7 @@ def receive(terrain: Terrain, scene: Scene, reports: Sequence[Report]) -> None:
         marks = (heard.marks << min(missed, WINDOW) | (report.stamp >= latest)) & _ALL
         station.heard[report.agent] = Heard(report.telemetry, report.stamp, marks, trust)
         if report.detections and not trust.suspect:
-            sensing.receive(terrain, scene, report.agent, report.stamp, report.detections)
+            tracker.receive(terrain, scene, report.agent, report.stamp, report.detections)
 
 
 def build(terrain: Terrain, scene: Scene, names: Iterable[str]) -> Draft:
@@ -117,10 +114,10 @@ def build(terrain: Terrain, scene: Scene, names: Iterable[str]) -> Draft:
         tick=scene.tick,
         time_s=terrain.seconds(scene.tick),
         assets=dict(station.shown),
-        tracks=sensing.tracks_known(terrain, scene),
+        tracks=tracker.tracks_known(terrain, scene),
         gates=dict(station.covers),
-        cameras=sensing.cameras_known(terrain, scene),
-        weather=sensing.weather(scene),
+        cameras=telemetry.cameras_known(terrain, scene),
+        weather=scene.sensing.weather,
     )
 
 

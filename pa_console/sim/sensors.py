@@ -9,8 +9,8 @@ import numpy.typing as npt
 from pa_console.schema.base import Point
 from pa_console.schema.telemetry import Intent, Weather
 from pa_console.schema.world import Sensing
-from pa_console.sim.state.scene import Scene
-from pa_console.sim.state.sensing_state import ContactState, Detection, Finding, Phantom
+from pa_console.sim.scene import Scene
+from pa_console.sim.sensing_state import ContactState, Detection, Finding, Phantom
 from pa_console.sim.worlds.terrain import Terrain
 
 CLOSE_STANDOFFS = 2.5

@@ -13,10 +13,17 @@ association is perfect; position, velocity and what follows from them are estima
 import math
 
 from pa_console.schema.base import Point
-from pa_console.schema.telemetry import TrackStatus
-from pa_console.sim.sensing import evidence
-from pa_console.sim.state.scene import Scene
-from pa_console.sim.state.sensing_state import Detection, Sighting, TrackFile
+from pa_console.schema.telemetry import Track, TrackStatus
+from pa_console.sim import evidence
+from pa_console.sim.evidence import (
+    disputed_claims,
+    hostile_by,
+    identity_of,
+    intent_of,
+    suspects_noncombatants,
+)
+from pa_console.sim.scene import Scene
+from pa_console.sim.sensing_state import Detection, Sighting, TrackFile
 from pa_console.sim.worlds.terrain import Terrain
 
 ACCELERATION_MPS2 = 1.0
@@ -248,3 +255,52 @@ def _note(terrain: Terrain, file: TrackFile, sensor: str, stamp: int, detection:
         file.observed = file.observed or (asset is not None and asset.kind == "uav")
     if detection.warned_tick is not None and file.warned_tick is None:
         file.warned_tick = detection.warned_tick
+
+
+def tracks_known(terrain: Terrain, scene: Scene) -> dict[str, Track]:
+    """Return the tracks of the picture, from the detections that arrived."""
+    if not scene.sensing.files:
+        return {}
+    review(terrain, scene)
+    return {file.id: known_track(terrain, scene, file) for file in scene.sensing.files.values()}
+
+
+SEEN_PERIODS = 3
+"""A detection counts as present for this number of telemetry periods."""
+
+
+def known_track(terrain: Terrain, scene: Scene, file: TrackFile) -> Track:
+    """Return a track as its file has it; `position` is that of the last detection."""
+    world = terrain.world
+    recent = scene.tick - round(SEEN_PERIODS * world.telemetry_period_s / world.dt_s)
+    seen_by = tuple(sorted(one.sensor for one in file.seen if one.tick >= recent))
+    age_s = terrain.seconds(scene.tick - file.tick)
+    speed = 0.0 if file.status == "stopped" else math.hypot(file.vx, file.vy)
+    return Track(
+        id=file.id,
+        kind=file.kind,
+        gate=file.gate,
+        position=(round(file.x, 3), round(file.y, 3)),
+        heading_deg=round(math.degrees(file.heading), 1),
+        speed_mps=round(speed, 3),
+        distance_m=round(gap_to_gate(terrain, file), 3),
+        identity=identity_of(file),
+        intent=intent_of(file),
+        status=file.status,
+        observed_by=tuple(s for s in seen_by if s in world.assets and _flies(terrain, s)),
+        observed=file.observed,
+        warned=file.warned_tick is not None,
+        stamp_s=terrain.seconds(file.tick),
+        first_seen_s=terrain.seconds(file.first_tick),
+        stale=age_s > world.stale_s,
+        uncertainty_m=round(file.sigma_m + speed * age_s, 3),
+        seen_by=seen_by,
+        hostile_by=hostile_by(file),
+        noncombatants=suspects_noncombatants(terrain, file),
+        defiant=file.defiant,
+        identity_claims=disputed_claims(file),
+    )
+
+
+def _flies(terrain: Terrain, asset: str) -> bool:
+    return terrain.world.assets[asset].kind == "uav"

@@ -3,14 +3,15 @@
 import math
 
 from pa_console.schema.base import Point
-from pa_console.schema.telemetry import AssetStatus, AssetTelemetry, GateCover, Picture
-from pa_console.sim.assets import battery
+from pa_console.schema.telemetry import (
+    AssetStatus,
+    AssetTelemetry,
+    CameraReport,
+)
+from pa_console.sim import radio, sensors, tracker
 from pa_console.sim.incidents import watch_task
-from pa_console.sim.radio import link, radio
-from pa_console.sim.sensing import sensing
-from pa_console.sim.state.link_state import Report, Said
-from pa_console.sim.state.scene import AssetState, Scene
-from pa_console.sim.state.sensing_state import Detection
+from pa_console.sim.scene import AssetState, Report, Said, Scene, settle_battery
+from pa_console.sim.sensing_state import Detection
 from pa_console.sim.worlds.terrain import Terrain
 
 
@@ -21,10 +22,10 @@ def send(terrain: Terrain, scene: Scene) -> dict[str, tuple[Detection, ...]]:
     with its report. Forged reports come from the forger, whatever the asset's own link does.
     Return what each camera has detected.
     """
-    found = sensing.scan(terrain, scene)
+    found = sensors.scan(terrain, scene)
     world = terrain.world
     for asset in scene.assets.values():
-        battery.settle(world, scene, asset)
+        settle_battery(world, scene, asset)
         place = where(terrain, asset)
         if place is not None and place == asset.post and not asset.down:
             scene.covered_tick[place] = scene.tick
@@ -36,10 +37,10 @@ def send(terrain: Terrain, scene: Scene) -> dict[str, tuple[Detection, ...]]:
         else:
             continue
         if not radio.loses(scene, asset):
-            link.send_report(scene, report, world.dt_s)
+            radio.send_report(scene, report, world.dt_s)
     wired = {sensor: seen for sensor, seen in found.items() if sensor not in scene.assets}
     for sensor, detections in wired.items():
-        sensing.receive(terrain, scene, sensor, scene.tick, detections)
+        tracker.receive(terrain, scene, sensor, scene.tick, detections)
     return wired
 
 
@@ -71,7 +72,7 @@ def report_of(terrain: Terrain, tick: int, asset: AssetState) -> Said:
             "kind": asset.kind,
             "at": at,
             "post": asset.post,
-            "position": _rounded(position),
+            "position": rounded(position),
             "heading_deg": round(math.degrees(asset.heading), 1),
             "speed_mps": round(asset.speed, 3),
             "status": "failed" if down else status,
@@ -82,7 +83,7 @@ def report_of(terrain: Terrain, tick: int, asset: AssetState) -> Said:
             "available": not down,
             "stale": False,
             "integrity": "ok",
-            "route": tuple([_rounded(point) for point in asset.route]),
+            "route": tuple([rounded(point) for point in asset.route]),
             "command_id": asset.command.command_id if asset.command else None,
             "stamp_s": stamp_s,
         }
@@ -90,44 +91,15 @@ def report_of(terrain: Terrain, tick: int, asset: AssetState) -> Said:
     return Said.of(asset.said)
 
 
-def truth(terrain: Terrain, scene: Scene) -> Picture:
-    """Return the exact state as a picture; a gate is covered by whoever truly is, heard or not."""
-    assets: dict[str, AssetTelemetry] = {}
-    by: dict[str, list[str]] = {gate: [] for gate in terrain.world.gates}
-    for asset in scene.assets.values():
-        comms = radio.quality(terrain.world, scene, asset)
-        at = where(terrain, asset)
-        exact: dict[str, object] = {
-            "comms": comms,
-            "at": at,
-            "position": _rounded(asset.position),
-            "available": not asset.down and comms != "lost",
-        }
-        if comms != "ok" and not asset.down:
-            exact["status"] = "degraded"
-        assets[asset.id] = (
-            report_of(terrain, scene.tick, asset).telemetry().model_copy(update=exact)
+def cameras_known(terrain: Terrain, scene: Scene) -> dict[str, CameraReport]:
+    """Return the condition of each camera, which its wire reports at once."""
+    now_s, broken = terrain.seconds(scene.tick), scene.sensing.broken
+    return {
+        name: CameraReport.of_valid(
+            {"gate": camera.gate, "works": name not in broken, "stamp_s": now_s}
         )
-        if at in by and at == asset.post and not asset.down:
-            by[at].append(asset.id)
-    return Picture(
-        tick=scene.tick,
-        time_s=terrain.seconds(scene.tick),
-        assets=assets,
-        tracks=sensing.true_tracks(terrain, scene),
-        gates={
-            gate: GateCover(
-                covered=bool(names),
-                by=tuple(names),
-                uncovered_s=0.0
-                if names
-                else terrain.seconds(scene.tick - scene.covered_tick.get(gate, 0)),
-            )
-            for gate, names in by.items()
-        },
-        cameras=sensing.cameras_known(terrain, scene),
-        weather=sensing.weather(scene),
-    )
+        for name, camera in terrain.world.cameras.items()
+    }
 
 
 def _forged(terrain: Terrain, scene: Scene, asset: AssetState) -> Said:
@@ -139,7 +111,7 @@ def _forged(terrain: Terrain, scene: Scene, asset: AssetState) -> Said:
         update={
             "at": frame,
             "post": frame,
-            "position": _rounded(places[0] if places else terrain.world.frames[frame].at),
+            "position": rounded(places[0] if places else terrain.world.frames[frame].at),
             "speed_mps": 0.0,
             "status": "ok",
             "task": watch_task(terrain, asset.kind, frame),
@@ -154,5 +126,6 @@ def _forged(terrain: Terrain, scene: Scene, asset: AssetState) -> Said:
     return Said.of(forged)
 
 
-def _rounded(point: Point) -> Point:
+def rounded(point: Point) -> Point:
+    """Return `point` to the millimetre."""
     return (round(point[0], 3), round(point[1], 3))

@@ -1,16 +1,30 @@
-"""The behaviour of devices: carrying out commands, and acting alone without a link (CAP-05)."""
+"""The behaviour of devices: carrying out commands, and acting alone without a link (CAP-05).
+
+At a gate a ground robot identifies and warns contacts (WF-01, ROE-02, CAP-03). It relies on its
+proximity sensors, which see the truth near it whatever the weather; the station learns of it by
+the robot's reports. The track ids in its answers are those that the station has given.
+"""
 
 import math
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from typing import Literal
 
-from pa_console.schema.command import ADDRESSING, COMMANDS, CommandReply, DeviceCommand, ReplyStatus
+from pa_console.schema.command import (
+    ADDRESSING,
+    COMMANDS,
+    CommandReply,
+    DeviceCommand,
+    ReplyStatus,
+    Verb,
+)
 from pa_console.schema.telemetry import Task
-from pa_console.sim.assets import battery
-from pa_console.sim.assets.blocked_motion import unstick
-from pa_console.sim.assets.motion import way_left
-from pa_console.sim.contacts.encounters import attend, called
-from pa_console.sim.radio import link, radio
-from pa_console.sim.state.scene import AssetState, Scene
+from pa_console.sim import radio
+from pa_console.sim.evidence import identity_of
+from pa_console.sim.motion import unstick, way_left
+from pa_console.sim.scene import AssetState, Scene, rouse
+from pa_console.sim.sensing_state import ContactState, Finding
+from pa_console.sim.tracker import name_of
 from pa_console.sim.worlds.terrain import Terrain
 
 
@@ -30,7 +44,7 @@ def listen(terrain: Terrain, scene: Scene) -> None:
             silence_s = (scene.tick - asset.heard_tick) * world.dt_s
             if silence_s >= world.platforms[asset.kind].lost_link_after_s:
                 asset.cut_off = True
-                battery.rouse(world, scene, asset)
+                rouse(world, scene, asset)
                 asset.owes = (*asset.owes, *lose_link(terrain, scene, asset))
 
 
@@ -40,7 +54,7 @@ def note_heard(terrain: Terrain, scene: Scene, asset: AssetState) -> None:
     if asset.cut_off:
         owes, asset.cut_off, asset.owes = asset.owes, False, ()
         for reply in owes:
-            link.send_reply(scene, reply, terrain.world.dt_s)
+            radio.send_reply(scene, reply, terrain.world.dt_s)
 
 
 PROGRESS_S = 5.0
@@ -78,7 +92,7 @@ def accept(
     if command.verb == "report":
         yield _remember(asset, _answer(scene, command, "done", status_text(terrain, scene, asset)))
         return
-    battery.rouse(terrain.world, scene, asset)
+    rouse(terrain.world, scene, asset)
     if asset.command is not None:
         yield _close(scene, asset, "failed", "superseded")
     asset.command = command
@@ -259,3 +273,71 @@ def _remember(asset: AssetState, reply: CommandReply) -> CommandReply:
     others = tuple(r for r in asset.answered if r.command_id != reply.command_id)
     asset.answered = (*others, reply)[-_REMEMBERED:]
     return reply
+
+
+IDENTIFY_S = 4.0
+WARN_S = 3.0
+
+Ending = tuple[Literal["done", "failed"] | None, str]
+
+
+def attend(terrain: Terrain, scene: Scene, asset: AssetState, verb: Verb, gate: str) -> Ending:
+    """Advance an `identify` or `warn` of an asset that stands at `gate`; None means not yet.
+
+    It fails at once when nothing is there or on its way, waits for one on its way to come within
+    sensor range, and then needs a few seconds with it. What is found out is the robot's own
+    opinion: that a contact is hostile takes another sensor to confirm (ROE-01).
+    """
+    contact = _choose(scene, asset, verb, gate)
+    if contact is None:
+        return "failed", f"no track at {gate}"
+    gap_m = math.dist(contact.position, asset.position)
+    if gap_m > terrain.world.platforms[asset.kind].sensor_range_m:
+        asset.dwell = 0
+        return None, ""
+    asset.dwell += 1
+    needed = IDENTIFY_S if verb == "identify" else WARN_S
+    if asset.dwell * terrain.world.dt_s < needed:
+        return None, ""
+    if verb == "warn" and contact.warned_tick is None:
+        contact.warned_tick = scene.tick
+    _note(scene, asset, contact, verb)
+    name = called(scene, contact)
+    if verb == "warn":
+        return "done", f"warned {name}"
+    return "done", f"{name} is {contact.identity}, looks {_looks(contact)}"
+
+
+def called(scene: Scene, contact: ContactState) -> str:
+    """Return the track id of a contact, or its kind if the station does not track it."""
+    return name_of(scene, contact.id) or f"a {contact.kind}"
+
+
+def _looks(contact: ContactState) -> str:
+    return "undecided" if contact.intent == "unknown" else contact.intent
+
+
+def _note(scene: Scene, asset: AssetState, contact: ContactState, verb: str) -> None:
+    """Keep the asset's finding, which goes out with its reports."""
+    findings, key = scene.sensing.findings, (asset.id, contact.id)
+    before = findings.get(key, Finding())
+    if verb == "identify":
+        findings[key] = Finding(contact.identity, contact.intent, before.warned_tick, scene.tick)
+    else:
+        findings[key] = replace(before, warned_tick=contact.warned_tick)
+
+
+def _choose(scene: Scene, asset: AssetState, verb: str, gate: str) -> ContactState | None:
+    """Return the contact to attend to at `gate`: first one that still needs it, then the nearest.
+
+    A contact counts as identified if it does at the station, which gave the order.
+    """
+    here = [c for c in scene.contacts.values() if c.gate == gate and c.status != "leaving"]
+
+    def rank(contact: ContactState) -> tuple[bool, float, str]:
+        file = scene.sensing.files.get(contact.id)
+        identified = file is not None and identity_of(file) != "unknown"
+        done = identified if verb == "identify" else contact.warned_tick is not None
+        return done, math.dist(contact.position, asset.position), contact.id
+
+    return min(here, key=rank, default=None)

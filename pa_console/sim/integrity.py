@@ -20,10 +20,9 @@ import numpy as np
 from pa_console.schema.base import Point
 from pa_console.schema.telemetry import AssetTelemetry, Weather
 from pa_console.schema.world import World
-from pa_console.sim.radio import radio
-from pa_console.sim.sensing.sensors import WEATHER
-from pa_console.sim.state.link_state import Heard, Report, Trust
-from pa_console.sim.state.scene import Scene
+from pa_console.sim import radio
+from pa_console.sim.scene import Heard, Report, Scene, Trust
+from pa_console.sim.sensors import WEATHER
 from pa_console.sim.worlds.terrain import Terrain
 
 SPEED_MARGIN = 1.5

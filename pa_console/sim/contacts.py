@@ -8,10 +8,9 @@ import numpy.typing as npt
 from pa_console.schema.base import Point
 from pa_console.schema.incident import RevealTrack, SpawnTrack
 from pa_console.schema.world import AssetKind
-from pa_console.sim.contacts.lanes import QUEUE_GAP_M
-from pa_console.sim.state.scene import Scene
-from pa_console.sim.state.sensing_state import ContactState
-from pa_console.sim.worlds.terrain import Terrain
+from pa_console.sim.scene import Scene
+from pa_console.sim.sensing_state import ContactState
+from pa_console.sim.worlds.terrain import QUEUE_GAP_M, Terrain
 
 
 def spawn(terrain: Terrain, scene: Scene, incident: SpawnTrack) -> ContactState:
@@ -125,6 +124,8 @@ class _Ground:
 
 def advance(terrain: Terrain, scene: Scene, dt_s: float) -> None:
     """Move every contact by one step; one that has left by the far end of its lane is gone."""
+    if not scene.contacts:
+        return
     ground = _Ground(scene)
     for contact in list(scene.contacts.values()):
         told = contact.warned_tick is not None

@@ -1,1 +1,0 @@
-"""Assets: what devices do with commands, how they move, what stops them."""

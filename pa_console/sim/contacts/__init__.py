@@ -1,1 +1,0 @@
-"""The truth about vehicles and persons at the checkpoint."""

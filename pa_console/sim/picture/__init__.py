@@ -1,1 +1,0 @@
-"""The picture that the station builds from the reports that arrive; never from the truth."""

@@ -1,1 +1,0 @@
-"""The radio links between the station and its devices."""

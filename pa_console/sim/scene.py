@@ -1,0 +1,380 @@
+"""The dynamic state of a simulated checkpoint: all that a fork copies and a hash covers.
+
+A battery is brought up to date only when its rate changes or its state is reported, so an asset
+that stands idle costs nothing in between (CAP-04).
+"""
+
+import copy
+import hashlib
+import math
+import random
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from operator import attrgetter
+from typing import NamedTuple
+
+from pa_console.schema.base import Point
+from pa_console.schema.command import CommandReply, DeviceCommand
+from pa_console.schema.telemetry import AssetTelemetry, GateCover, Task
+from pa_console.schema.world import AssetKind, Radio, Wall, World
+from pa_console.sim.sensing_state import ContactState, Detection, SensingState
+
+
+@dataclass(frozen=True, slots=True)
+class RadioState:
+    """The condition of one asset's link; with `up` False nothing passes either way."""
+
+    latency_s: float
+    jitter_s: float
+    loss: float
+    up: bool = True
+
+    @classmethod
+    def nominal(cls, radio: Radio) -> "RadioState":
+        """Return the link as the world has it while nothing disturbs it."""
+        return cls(radio.latency_s, radio.jitter_s, radio.loss)
+
+
+UNDISTURBED = RadioState(latency_s=0.0, jitter_s=0.0, loss=0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Jam:
+    """An area in which no link works, until a tick or for good."""
+
+    at: Point
+    radius_m: float
+    until_tick: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """An asset's own idea of its position drifts away from the truth by (vx, vy) m/s."""
+
+    vx: float
+    vy: float
+    since_tick: int
+
+    def applied(self, position: Point, tick: int, dt_s: float) -> Point:
+        """Return where an asset that truly is at `position` believes to be at `tick`."""
+        seconds = (tick - self.since_tick) * dt_s
+        return (position[0] + self.vx * seconds, position[1] + self.vy * seconds)
+
+
+@dataclass(slots=True, repr=False, eq=False)
+class Said:
+    """An asset's own report: as an earlier one, `like`, but for battery and time.
+
+    The telemetry itself is put together when it is read; `repr` shows that.
+    """
+
+    like: AssetTelemetry
+    battery_pct: float
+    stamp_s: float
+    _telemetry: AssetTelemetry | None = None
+
+    @classmethod
+    def of(cls, telemetry: AssetTelemetry) -> "Said":
+        """Return `telemetry` as a report."""
+        return cls(telemetry, telemetry.battery_pct, telemetry.stamp_s, telemetry)
+
+    def telemetry(self) -> AssetTelemetry:
+        """Return the whole report."""
+        if self._telemetry is None:
+            new = {"battery_pct": self.battery_pct, "stamp_s": self.stamp_s}
+            self._telemetry = AssetTelemetry.of_valid({**self.like.__dict__, **new})
+        return self._telemetry
+
+    def __repr__(self) -> str:
+        """Return what the telemetry looks like."""
+        return repr(self.telemetry())
+
+
+class Report(NamedTuple):
+    """One telemetry message: what an asset said of itself at tick `stamp`, and what it detected."""
+
+    agent: str
+    stamp: int
+    telemetry: Said
+    detections: tuple[Detection, ...] = ()
+
+
+@dataclass(slots=True)
+class LinkState:
+    """Messages under way: commands and replies as (tick due, order of sending, message).
+
+    `latest_due` holds, per direction and device, when the latest message is due: the next one is
+    not due sooner. Reports keep no order; they stand under the tick at which they are due.
+    """
+
+    sent: int = 0
+    commands: tuple[tuple[int, int, DeviceCommand], ...] = ()
+    replies: tuple[tuple[int, int, CommandReply], ...] = ()
+    reports: dict[int, list[Report]] = field(default_factory=dict[int, list[Report]])
+    latest_due: dict[tuple[str, str], int] = field(default_factory=dict[tuple[str, str], int])
+    jams: tuple[Jam, ...] = ()
+
+    def copy(self) -> "LinkState":
+        """Return an independent copy; messages are immutable."""
+        return LinkState(
+            sent=self.sent,
+            commands=self.commands,
+            replies=self.replies,
+            reports={due: list(reports) for due, reports in self.reports.items()},
+            latest_due=dict(self.latest_due),
+            jams=self.jams,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Trust:
+    """The station's trust in the positions that one asset reports; see integrity.py.
+
+    `stood` is where it came to stand, by sound reports. While it is `suspect`, `anchor` is its last
+    sound position, of tick `anchor_tick`, `lie` a place where other sensors miss it, and
+    `sound_from` the tick since which its reports have been sound again. `unseen` and `seen` count
+    in a row the periods in which other sensors missed it, or saw it, at its reported place. Reports
+    sent up to `carried_tick` are void: it was carried elsewhere then.
+    """
+
+    stood: Point | None = None
+    suspect: bool = False
+    anchor: Point = (0.0, 0.0)
+    anchor_tick: int = 0
+    lie: Point | None = None
+    sound_from: int | None = None
+    unseen: int = 0
+    seen: int = 0
+    carried_tick: int | None = None
+
+
+class Heard(NamedTuple):
+    """The station's record of one asset: its latest report, sent at tick `stamp`, and the link.
+
+    `marks` has one bit for each of the last expected reports, the latest lowest: 1 if it came in
+    time.
+    """
+
+    telemetry: Said
+    stamp: int
+    marks: int
+    trust: Trust = Trust()
+
+
+@dataclass(slots=True)
+class StationState:
+    """The station's side: what it heard of each asset, what it concluded, and the gates' cover.
+
+    `shown` is what the picture says of each asset; `at_gate` names, per gate, who is posted to it
+    and at it, and whether that is sure. `covered_tick` is when a gate was last known to be covered.
+    """
+
+    heard: dict[str, Heard] = field(default_factory=dict[str, Heard])
+    shown: dict[str, Said] = field(default_factory=dict[str, Said])
+    at_gate: dict[str, dict[str, bool]] = field(default_factory=dict[str, dict[str, bool]])
+    covers: dict[str, GateCover] = field(default_factory=dict[str, GateCover])
+    covered_tick: dict[str, int] = field(default_factory=dict[str, int])
+
+    def copy(self) -> "StationState":
+        """Return an independent copy; reports and covers are immutable."""
+        return StationState(
+            heard=dict(self.heard),
+            shown=dict(self.shown),
+            at_gate={gate: dict(names) for gate, names in self.at_gate.items()},
+            covers=dict(self.covers),
+            covered_tick=dict(self.covered_tick),
+        )
+
+
+@dataclass(slots=True)
+class ScriptState:
+    """Progress of a scenario whose random events are drawn from `seed`.
+
+    `due_s` says when a scripted event happens, known once its condition has held; `happened` and
+    `skipped` hold the events that are over. `drawn` counts the random events of each process,
+    the next of which is due at `next_s`. Events and processes are named by their index.
+    """
+
+    seed: int = 0
+    due_s: dict[int, float] = field(default_factory=dict[int, float])
+    happened: tuple[int, ...] = ()
+    skipped: tuple[int, ...] = ()
+    drawn: tuple[int, ...] = ()
+    next_s: tuple[float, ...] = ()
+
+    def copy(self) -> "ScriptState":
+        """Return an independent copy."""
+        return ScriptState(
+            seed=self.seed,
+            due_s=dict(self.due_s),
+            happened=self.happened,
+            skipped=self.skipped,
+            drawn=self.drawn,
+            next_s=self.next_s,
+        )
+
+
+@dataclass(slots=True)
+class AssetState:
+    """One asset as it truly is; fields hold immutable values, so a shallow copy is a copy.
+
+    `station` is where it stands or is going to stand, `route` the waypoints still ahead, `origin`
+    where the present leg began; `obstructions` are those
+    that it has run into. `nearest_m` and `nearest_tick` are the least way left so far and
+    when it was reached; `stalls` counts how often the leg got stuck. `heard_tick` is when the
+    station last got through to it; while it is `cut_off` it `owes` the replies on how its command
+    ended. `place` is the frame it was at when it was at `placed_at`; its battery is as of
+    `settled_tick`. `said` is its last report, None once more than its battery may have changed
+    since; it follows from the rest, so the hash leaves it out.
+    """
+
+    id: str
+    kind: AssetKind
+    index: int
+    x: float
+    y: float
+    heading: float
+    battery: float
+    post: str | None
+    station: Point
+    radio: RadioState = UNDISTURBED
+    task: Task = "idle"
+    speed: float = 0.0
+    speed_factor: float = 1.0
+    failed: bool = False
+    heard_tick: int = 0
+    cut_off: bool = False
+    owes: tuple[CommandReply, ...] = ()
+    drift: Drift | None = None
+    spoofed: str | None = None
+    settled_tick: int = 0
+    place: str | None = None
+    placed_at: Point | None = None
+    obstructions: tuple[Wall, ...] = ()
+    command: DeviceCommand | None = None
+    origin: Point = (0.0, 0.0)
+    route: tuple[Point, ...] = ()
+    nearest_m: float = math.inf
+    nearest_tick: int = 0
+    stalls: int = 0
+    held_by: str = ""
+    dwell: int = 0
+    announced: bool = False
+    progress_tick: int = 0
+    answered: tuple[CommandReply, ...] = ()
+    said: AssetTelemetry | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def position(self) -> Point:
+        """The position, metres."""
+        return (self.x, self.y)
+
+    @property
+    def down(self) -> bool:
+        """True if it cannot act: failed, or its battery is empty."""
+        return self.failed or self.battery <= 0.0
+
+    def stop(self, task: Task) -> None:
+        """Stand where it is from now on, with `task`."""
+        self.route, self.speed, self.task = (), 0.0, task
+        self.station, self.held_by = self.position, ""
+
+
+_index = attrgetter("index")
+
+
+@dataclass(slots=True)
+class Scene:
+    """The whole dynamic state: the truth, and in `station` what of it has reached the station.
+
+    `covered_tick` is when a gate was last truly covered. `active` names the assets that every
+    step has to look after; those that stand idle are left alone. In an `ideal` scene, that of a
+    forecast, messages are never lost, and assets report only what has changed: `touched` names
+    those that have been active since the last picture.
+    """
+
+    rng: random.Random
+    tick: int = 0
+    assets: dict[str, AssetState] = field(default_factory=dict[str, AssetState])
+    link: LinkState = field(default_factory=LinkState)
+    sensing: SensingState = field(default_factory=SensingState)
+    script: ScriptState = field(default_factory=ScriptState)
+    obstructions: tuple[Wall, ...] = ()
+    station: StationState = field(default_factory=StationState)
+    covered_tick: dict[str, int] = field(default_factory=dict[str, int])
+    active: set[str] = field(default_factory=set[str])
+    ideal: bool = False
+    touched: set[str] = field(default_factory=set[str])
+
+    def busy(self) -> list[AssetState]:
+        """Return the assets that every step has to look after, in the team's order."""
+        return self.in_order(self.active)
+
+    def in_order(self, names: Iterable[str]) -> list[AssetState]:
+        """Return the assets of these names in the team's order."""
+        return sorted([self.assets[name] for name in names], key=_index)
+
+    @property
+    def contacts(self) -> dict[str, ContactState]:
+        """Vehicles and persons that are not ours, as they truly are."""
+        return self.sensing.contacts
+
+    def copy(self) -> "Scene":
+        """Return an independent copy; immutable messages and reports are shared."""
+        rng = random.Random()
+        rng.setstate(self.rng.getstate())
+        return Scene(
+            rng=rng,
+            tick=self.tick,
+            assets={name: copy.copy(asset) for name, asset in self.assets.items()},
+            link=self.link.copy(),
+            sensing=self.sensing.copy(),
+            script=self.script.copy(),
+            obstructions=self.obstructions,
+            station=self.station.copy(),
+            covered_tick=dict(self.covered_tick),
+            active=set(self.active),
+            ideal=self.ideal,
+            touched=set(self.touched),
+        )
+
+    def digest(self) -> str:
+        """Return the SHA-256 over every field, floats to their last bit and sets in order."""
+        unordered = self.sensing.broken, self.sensing.cleared
+        sensing = replace(self.sensing, broken=frozenset(), cleared=frozenset())
+        parts = (
+            self.rng.getstate(), self.tick, self.assets, self.link, sensing, self.script,
+            self.obstructions, self.station, self.covered_tick, sorted(self.active), self.ideal,
+            sorted(self.touched), *map(sorted, unordered),
+        )  # fmt: skip
+        return hashlib.sha256(repr(parts).encode()).hexdigest()
+
+
+def rouse(world: World, scene: Scene, asset: AssetState) -> None:
+    """Add `asset` to those that every step looks after, until it is idle again."""
+    settle_battery(world, scene, asset)
+    scene.active.add(asset.id)
+    asset.said = None
+
+
+def settle_battery(world: World, scene: Scene, asset: AssetState) -> None:
+    """Bring the battery up to date; a charging asset gains until it is full and then is idle."""
+    minutes = (scene.tick - asset.settled_tick) * world.dt_s / 60.0
+    asset.settled_tick = scene.tick
+    before = asset.battery
+    if minutes <= 0.0 or asset.failed or before <= 0.0:
+        return
+    platform = world.platforms[asset.kind]
+    if asset.task == "charging":
+        asset.battery = min(100.0, before + platform.charge_pct_per_min * minutes)
+        if asset.battery >= 100.0:
+            asset.task, asset.said = "idle", None
+        return
+    moving = asset.speed > 0.0
+    rate = platform.drain_moving_pct_per_min if moving else platform.drain_idle_pct_per_min
+    after = before - rate * minutes
+    if after > 0.0:
+        asset.battery = after
+        return
+    asset.battery, asset.said = 0.0, None
+    scene.active.add(asset.id)

@@ -1,1 +1,0 @@
-"""Sensors, detections and the station's tracks."""

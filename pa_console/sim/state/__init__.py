@@ -1,1 +1,0 @@
-"""The dynamic state of a simulated checkpoint."""
