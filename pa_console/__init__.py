@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from pa_console.schema.plan import Plan
     from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Track
     from pa_console.schema.world import World
-    from pa_console.session.state.fold import SessionState
+    from pa_console.session.state import SessionState
     from pa_console.station.assembly import Site
 
     __version__: str

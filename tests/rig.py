@@ -7,9 +7,8 @@ import pytest
 from pa_console.mission.approval import Approver, standing_approver
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events.event import Event
-from pa_console.schema.incident import Incident
-from pa_console.schema.scenario import Scenario
-from pa_console.session.state.fold import MissionTrace, SessionState
+from pa_console.schema.incident import Incident, Scenario
+from pa_console.session.state import MissionTrace, SessionState
 from pa_console.sim.worlds.scenario_file import LoadedScenario
 from pa_console.station.assembly import Site, load_site, open_station
 from pa_console.station.clock import SteppedClock

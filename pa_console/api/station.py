@@ -26,7 +26,7 @@ from pa_console.schema.mission import Decision, Metrics, Mission, MissionStatus,
 from pa_console.schema.plan import Plan
 from pa_console.session.log.chain import LogError
 from pa_console.session.log.writer import LogWriter, default_folder, open_session_log
-from pa_console.session.state.fold import MissionTrace, SessionState
+from pa_console.session.state import MissionTrace, SessionState
 from pa_console.signing import key_path, load_signer
 from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.station import assembly
@@ -221,7 +221,7 @@ class Station:
         ValueError for a port that cannot be listened on.
         """
         from pa_console.http.connections import listen  # noqa: PLC0415 - with the extra
-        from pa_console.http.http_server import serving  # noqa: PLC0415 - FastAPI
+        from pa_console.http.http_app import serving  # noqa: PLC0415 - FastAPI
         from pa_console.http.served_session import ServedSession  # noqa: PLC0415
         from pa_console.http.tokens import TOKENS_FILE, TokenBook  # noqa: PLC0415
 

@@ -8,7 +8,7 @@ from typing import IO, TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pa_console.schema.text.visible_text import visible, visible_json
+from pa_console.schema.text import visible, visible_json
 from pa_console.tui.plain_output import PlainConsole
 
 if TYPE_CHECKING:

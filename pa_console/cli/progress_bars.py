@@ -15,7 +15,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from pa_console.session.replay.recording import Recording
+from pa_console.session.recording import Recording
 from pa_console.tui.plain_output import PlainConsole
 from pa_console.tui.replay.recordings import index_folder
 

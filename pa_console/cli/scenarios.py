@@ -7,8 +7,8 @@ import typer
 from rich.table import Table
 
 from pa_console.cli.output import JsonOption, WorldOption, out, print_json
-from pa_console.schema.scenario import After, AssetIs, AssetReach, Condition, TrackIs
-from pa_console.schema.text.quantities import count
+from pa_console.schema.incident import After, AssetIs, AssetReach, Condition, TrackIs
+from pa_console.schema.text import count
 from pa_console.sim.worlds.scenario_file import list_scenarios, open_scenario
 from pa_console.sim.worlds.world_file import open_world
 from pa_console.views.event_words import incident_truth_in_words

@@ -7,7 +7,7 @@ import platformdirs
 
 from pa_console.cli.output import errors
 from pa_console.private_files import nearest_existing
-from pa_console.session.log.witness import URLS, Witness
+from pa_console.session.log.signed_head import URLS, Witness
 from pa_console.session.log.writer import LogError, LogWriter, default_folder, open_session_log
 from pa_console.settings.schema import Settings
 from pa_console.signing import Signer

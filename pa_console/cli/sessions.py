@@ -10,8 +10,7 @@ from rich.text import Text
 from pa_console.cli.mission.trace import COLOURS
 from pa_console.cli.output import JsonOption, errors, out, print_json
 from pa_console.cli.settings_defaults import settings_of
-from pa_console.schema.text.quantities import clock_text, count
-from pa_console.schema.text.visible_text import visible
+from pa_console.schema.text import clock_text, count, visible
 from pa_console.session.log.writer import default_folder
 from pa_console.session.past_sessions import (
     SessionSummary,

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from pa_console.cli.output import errors, out, print_document
-from pa_console.schema.text.quantities import count
+from pa_console.schema.text import count
 from pa_console.session.log.writer import refuse_audit_file
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.world_file import open_world

@@ -7,8 +7,8 @@ from itertools import groupby
 
 from pa_console.schema.events.event import SessionStarted
 from pa_console.schema.rule import Rule
-from pa_console.schema.text.visible_text import visible, visible_line
-from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.schema.text import visible, visible_line
+from pa_console.session.mission_trace import MissionTrace
 from pa_console.views.trace.layout import lay_out, progress
 from pa_console.views.trace.parts import (
     Block,

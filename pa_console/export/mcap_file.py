@@ -14,10 +14,10 @@ from pydantic import BaseModel, TypeAdapter
 from pa_console import __version__
 from pa_console.export.mcap_scene import SceneUpdate, Time, picture_scene, time_of, world_scene
 from pa_console.export.source_log import OpenedSession
-from pa_console.schema.events.base import Payload
+from pa_console.schema.base import Payload
 from pa_console.schema.events.event import Event, TelemetryReceived
 from pa_console.schema.world import World
-from pa_console.session.state.fold import Notice, SessionState
+from pa_console.session.state import Notice, SessionState
 
 if TYPE_CHECKING:
     from mcap.writer import Writer

@@ -14,8 +14,8 @@ from textual.pilot import Pilot
 
 import pa_console.tui
 from pa_console.policy.retrieval.retriever import Retriever
-from pa_console.schema.text.visible_text import visible_line
-from pa_console.session.replay.player import Player
+from pa_console.schema.text import visible_line
+from pa_console.session.recording import Player
 from pa_console.station.assembly import Site
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.refresh import ALL_VIEWS, views_of

@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import BinaryIO, get_args
 
 from pa_console.export.replayed_screen import ReplayedScreen, Size
-from pa_console.schema.events.base import Payload
+from pa_console.schema.base import Payload
 from pa_console.schema.events.event import EventPayload, MissionReceived
-from pa_console.schema.text.quantities import clock_text
-from pa_console.schema.text.visible_text import visible_json, visible_line
-from pa_console.session.replay.recording import Recording
+from pa_console.schema.text import clock_text, visible_json, visible_line
+from pa_console.session.recording import Recording
 
 JUST_BEFORE_S = 5e-7
 """Half of the resolution of time stamps, a microsecond."""

@@ -15,10 +15,9 @@ from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
 from pa_console.session.log.chain import LogError
 from pa_console.session.log.writer import refuse_audit_file
-from pa_console.session.replay.player import Player
-from pa_console.session.replay.recording import Recording
-from pa_console.session.state.fold import SessionState
-from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.session.mission_trace import MissionTrace
+from pa_console.session.recording import Player, Recording
+from pa_console.session.state import SessionState
 from pa_console.sim.worlds.world_file import open_world
 from pa_console.station.assembly import Site, load_site
 

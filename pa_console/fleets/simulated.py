@@ -7,8 +7,7 @@ from typing import Self
 from pa_console.fleets.fleet import Forecast, Received
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events.event import IncidentHappened, Noticed
-from pa_console.schema.incident import Incident
-from pa_console.schema.scenario import Scenario
+from pa_console.schema.incident import Incident, Scenario
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint

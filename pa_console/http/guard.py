@@ -1,16 +1,106 @@
-"""The outermost guard of every request: from this machine, to its own name, not too large.
+"""The outermost guard of every request: from this machine, to its own name, not too large or often.
 
-An error inside becomes a problem without a traceback.
+A refused request is answered with problem details (RFC 9457) that name the field and the remedy. An
+error inside becomes a problem without a traceback.
 """
 
 import asyncio
+from collections import OrderedDict
 from collections.abc import Callable
 from ipaddress import ip_address
+from math import ceil
+from time import monotonic
+from typing import Annotated
 
+from fastapi.responses import JSONResponse
+from pydantic import BaseModel, Field
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from pa_console.http.connections import Listening
-from pa_console.http.problems import ProblemError, internal_error
+
+MEDIA_TYPE = "application/problem+json"
+
+
+class ProblemDetails(BaseModel):
+    """The reason why a request was refused."""
+
+    type: Annotated[str, Field(description="a name of the kind of problem, urn:pa-console:...")]
+    title: str
+    status: int
+    detail: str
+    field: Annotated[str, Field(description="what of the request is wrong; '' for all of it")] = ""
+    remedy: Annotated[str, Field(description="what to do about it")] = ""
+
+
+class ProblemError(Exception):
+    """A request that is refused; `kind` ends its type, and `after_s` is when to try again."""
+
+    def __init__(
+        self,
+        status: int,
+        kind: str,
+        detail: str,
+        *,
+        field: str = "",
+        remedy: str = "",
+        after_s: int = 0,
+    ) -> None:
+        super().__init__(detail)
+        self.details = ProblemDetails(
+            type=f"urn:pa-console:problem:{kind}",
+            title=kind.replace("-", " ").capitalize(),
+            status=status,
+            detail=detail,
+            field=field,
+            remedy=remedy,
+        )
+        self.headers: dict[str, str] = {}
+        if status == 401:
+            self.headers["WWW-Authenticate"] = 'Bearer realm="pa-console"'
+        if after_s:
+            self.headers["Retry-After"] = str(after_s)
+
+    def response(self) -> JSONResponse:
+        """Return the response for the client."""
+        return JSONResponse(
+            self.details.model_dump(),
+            status_code=self.details.status,
+            media_type=MEDIA_TYPE,
+            headers=self.headers,
+        )
+
+
+def internal_error() -> ProblemError:
+    """Return the response for an internal defect, without its details."""
+    return ProblemError(
+        500,
+        "internal-error",
+        "the program has a defect; nothing was carried out by this request, as far as is known",
+        remedy="look at /v1/state before you go on; STOP works as before",
+    )
+
+
+MOST_BUCKETS = 1024
+
+
+class Rate:
+    """Lets each name have `burst` requests at once, and `per_s` a second after that."""
+
+    def __init__(self, per_s: float, burst: int, clock: Callable[[], float] = monotonic) -> None:
+        self._per_s, self._burst, self._clock = per_s, burst, clock
+        self._buckets: OrderedDict[str, tuple[float, float]] = OrderedDict()
+
+    def take(self, name: str) -> int:
+        """Take one request of `name`; return 0, or after how many seconds there is one again."""
+        now = self._clock()
+        left, since = self._buckets.pop(name, (float(self._burst), now))
+        left = min(self._burst, left + (now - since) * self._per_s)
+        wait = 0 if left >= 1.0 else ceil((1.0 - left) / self._per_s)
+        self._buckets[name] = (left - 1.0 if left >= 1.0 else left, now)
+        while len(self._buckets) > MOST_BUCKETS:
+            self._buckets.popitem(last=False)
+        return wait
+
 
 CONNECTION = "pa_console.connection"
 """The key of a request's `Connection` in its scope."""

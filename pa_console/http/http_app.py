@@ -1,11 +1,13 @@
-"""The interface itself: every path, who may use it, and what it answers."""
+"""The interface itself: every path, who may use it, its answers, and serving it on loopback."""
 
+import asyncio
 import json
-from collections.abc import AsyncGenerator, Callable
-from contextlib import aclosing
+from collections.abc import AsyncGenerator, Callable, Generator
+from contextlib import aclosing, asynccontextmanager, contextmanager
 from dataclasses import dataclass
 from typing import Annotated, Any, cast
 
+import uvicorn
 from fastapi import Depends, FastAPI, Header, Path, Query, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse, StreamingResponse
@@ -16,10 +18,16 @@ from starlette.exceptions import HTTPException
 from pa_console import __version__
 from pa_console.fleets.authorization import RefusedError, Role
 from pa_console.http import views
+from pa_console.http.connections import ADDRESS, BACKLOG, Listening
 from pa_console.http.event_feed import Numbered
-from pa_console.http.guard import CONNECTION
-from pa_console.http.problems import ProblemDetails, ProblemError, internal_error
-from pa_console.http.rates import Rate
+from pa_console.http.guard import (
+    CONNECTION,
+    Guard,
+    ProblemDetails,
+    ProblemError,
+    Rate,
+    internal_error,
+)
 from pa_console.http.served_session import ServedSession
 from pa_console.http.tokens import Bearer, TokenBook
 from pa_console.schema.events import event as ev
@@ -422,3 +430,54 @@ def _sent(session: ServedSession, item: Numbered) -> str:
     data = json.dumps(event.model_dump(mode="json"), ensure_ascii=False)
     name = started.session if started is not None else ""
     return f"id: {name}.{item.number}\nevent: {event.data.kind}\ndata: {data}\n\n"
+
+
+KEEP_S = 5
+END_S = 3
+
+
+class _Server(uvicorn.Server):
+    """One that leaves the process's signals to the session, which has to end in order."""
+
+    @contextmanager
+    def capture_signals(self) -> Generator[None]:
+        yield
+
+
+@asynccontextmanager
+async def serving(
+    session: ServedSession,
+    tokens: TokenBook,
+    listening: Listening,
+    failed: Callable[[Exception], None],
+) -> AsyncGenerator[str]:
+    """Serve `session` on the socket while the context lasts; give the address.
+
+    When it is left, streams of events end, and nothing more is answered. `failed` is told of a
+    defect, and once of a lack of descriptors.
+    """
+    port: int = listening.getsockname()[1]
+    listening.failed = failed
+    app = Guard(make_app(session, tokens, failed), listening, failed)
+    config = uvicorn.Config(
+        app,
+        log_config=None,
+        log_level="critical",
+        access_log=False,
+        lifespan="off",
+        ws="none",
+        proxy_headers=False,
+        server_header=False,
+        h11_max_incomplete_event_size=16_384,
+        backlog=BACKLOG,
+        timeout_keep_alive=KEEP_S,
+        timeout_graceful_shutdown=END_S,
+    )
+    server = _Server(config)
+    work = asyncio.create_task(server.serve([listening]))
+    try:
+        yield f"http://{ADDRESS}:{port}"
+    finally:
+        session.end()
+        server.should_exit = True
+        await work

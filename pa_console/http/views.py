@@ -7,22 +7,23 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field
 
 from pa_console.fleets.authorization import Role, UnsignedApproval
-from pa_console.schema.alarm import Alarm, QueueEntry
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Finding, Verdict
 from pa_console.schema.mission import (
     MAX_MISSION_TEXT,
+    Alarm,
     DecisionKind,
     Metrics,
     MissionSource,
     MissionStatus,
+    QueueEntry,
     Verification,
 )
 from pa_console.schema.plan import MAX_ACTIONS, Action, Plan
 from pa_console.schema.rule import Rule, RulesSeal
 from pa_console.schema.telemetry import Picture
-from pa_console.session.state.fold import SessionState
-from pa_console.session.state.mission_trace import Attempt, MissionTrace
+from pa_console.session.mission_trace import Attempt, MissionTrace
+from pa_console.session.state import SessionState
 
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 

@@ -16,7 +16,7 @@ from pa_console.language.references.description import fitting, is_bare
 from pa_console.language.references.description_grammar import find_descriptions
 from pa_console.language.references.reader import BARE, Reader, asset_at, place_at, read_tokens
 from pa_console.language.references.scene import Scene
-from pa_console.schema.events.questions import QuestionTopic
+from pa_console.schema.events.intake import QuestionTopic
 
 
 @dataclass(frozen=True)

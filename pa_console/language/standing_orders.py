@@ -31,7 +31,7 @@ from pa_console.language.references.reader import (
     read_tokens,
 )
 from pa_console.language.references.scene import Scene
-from pa_console.schema.standing import MOST_STARTS, PLACE, SUBJECT, SubjectKind
+from pa_console.schema.mission import MOST_STARTS, PLACE, SUBJECT, SubjectKind
 from pa_console.schema.world import PLAIN_KINDS, AssetKind
 
 _IS = ("is", "'s", "are", "gets", "goes", "becomes", "turns", "comes to be", "falls", "drops",

@@ -12,9 +12,8 @@ from pa_console.schema.command import Verb
 from pa_console.schema.events import event as ev
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.finding import Finding, Verdict
-from pa_console.schema.mission import STANDING, ApprovalState, Decision
+from pa_console.schema.mission import STANDING, ApprovalState, Decision, StandingOrder
 from pa_console.schema.plan import Action, Plan
-from pa_console.schema.standing import StandingOrder
 from pa_console.session.confidence import UNSURE
 from pa_console.views.status_words import status_of
 

@@ -13,8 +13,8 @@ from pa_console.mission.verify import needs_more_evidence, verify_plan
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Verification
-from pa_console.schema.moment import OrderMoment
 from pa_console.schema.plan import Action
+from pa_console.schema.rehearsal import OrderMoment
 from pa_console.schema.telemetry import Picture
 
 MARGIN_S = 20.0

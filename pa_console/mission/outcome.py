@@ -9,12 +9,11 @@ from pa_console.policy.expressions.deadlines import shared_deadline
 from pa_console.policy.ordering.monitor import Monitor
 from pa_console.policy.ordering.workflow import WorkflowRun
 from pa_console.policy.rulebook import Rulebook
-from pa_console.schema.alarm import Alarm
 from pa_console.schema.command import ENCOUNTERS, Verb
 from pa_console.schema.events.event import WorkflowMoved
-from pa_console.schema.mission import Mission, MissionStatus, Verification
-from pa_console.schema.moment import Moment
+from pa_console.schema.mission import Alarm, Mission, MissionStatus, Verification
 from pa_console.schema.plan import Plan
+from pa_console.schema.rehearsal import Moment
 from pa_console.schema.telemetry import Picture
 
 MOMENT_S = 0.02

@@ -14,13 +14,13 @@ from pa_console.policy.checks.check_context import goes_to
 from pa_console.policy.ordering.moments import distinct, moment
 from pa_console.schema.base import Point
 from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand
-from pa_console.schema.moment import OrderMoment
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import (
     AssetTimeline,
     GateTimeline,
     GuardChange,
     Motion,
+    OrderMoment,
     Rehearsal,
     TimedPoint,
     Timeline,

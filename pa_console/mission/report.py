@@ -4,9 +4,15 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from pa_console.mission.picture_text import silence
-from pa_console.schema.alarm import Alarm, AlarmKind
 from pa_console.schema.events.event import WorkflowMoved
-from pa_console.schema.mission import Decision, Mission, MissionStatus, Verification
+from pa_console.schema.mission import (
+    Alarm,
+    AlarmKind,
+    Decision,
+    Mission,
+    MissionStatus,
+    Verification,
+)
 from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture
 

@@ -40,11 +40,10 @@ from pa_console.mission.understand import (
 )
 from pa_console.policy.ordering.moments import moment
 from pa_console.policy.ordering.monitor import Monitor, halts
-from pa_console.schema.alarm import Alarm
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import MAX_MISSION_TEXT, Mission
-from pa_console.schema.moment import Moment
+from pa_console.schema.mission import MAX_MISSION_TEXT, Alarm, Mission
+from pa_console.schema.rehearsal import Moment
 from pa_console.schema.telemetry import Picture
 
 MOST_QUESTIONS = 2

@@ -12,7 +12,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from pa_console.policy.standing_conditions import StandingCondition
-from pa_console.schema.standing import PLACE, StandingOrder, StandingStart
+from pa_console.schema.mission import PLACE, StandingOrder, StandingStart
 from pa_console.schema.telemetry import Picture
 
 SETTLE_S = 1.0

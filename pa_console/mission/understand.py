@@ -13,9 +13,8 @@ from pa_console.policy.checks.rule_checks import check_mission
 from pa_console.policy.standing_conditions import StandingCondition
 from pa_console.schema.command import Verb
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import MAX_MISSION_TEXT, Mission
+from pa_console.schema.mission import MAX_MISSION_TEXT, Mission, StandingOrder, StandingStart
 from pa_console.schema.rule import RuleHit
-from pa_console.schema.standing import StandingOrder, StandingStart
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from pa_console.policy.expressions.deadlines import DEADLINE_S, shared_deadline
 from pa_console.policy.expressions.expression import SUBJECT_VARIABLES, Expression, make_context
 from pa_console.policy.expressions.fields import Record, Shapes, flat, names_of
 from pa_console.schema.base import StrictModel
-from pa_console.schema.standing import StandingOrder, SubjectKind
+from pa_console.schema.mission import StandingOrder, SubjectKind
 from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Track
 from pa_console.schema.world import World
 

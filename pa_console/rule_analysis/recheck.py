@@ -18,12 +18,12 @@ from pa_console.policy.trust.core_rules import with_core
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission
-from pa_console.schema.moment import Moment
+from pa_console.schema.rehearsal import Moment
 from pa_console.schema.rule import RulesSeal
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
-from pa_console.session.state.fold import SessionState
-from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.session.mission_trace import MissionTrace
+from pa_console.session.state import SessionState
 
 Findings = tuple[Finding, ...]
 

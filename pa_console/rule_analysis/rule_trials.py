@@ -18,7 +18,7 @@ from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 
 CASES_KEPT = 40
 _EPOCH = datetime(2000, 1, 1, tzinfo=UTC)

@@ -1,7 +1,7 @@
 """Common base of every schema model and the scalar types they share."""
 
 from functools import cache
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
@@ -49,3 +49,18 @@ class StrictModel(BaseModel):
 def _field_names(model: type[BaseModel]) -> set[str]:
     """Return the names of all fields; immutable models may share the set, a copy has its own."""
     return set(model.__pydantic_fields__)
+
+
+Role = Literal["planner", "judge", "outcome"]
+"""The roles of the model: planner, judge of a plan, judge of an outcome."""
+
+
+class Payload(StrictModel):
+    """Base of all event payloads; a transient one is no part of what a log tells.
+
+    Somebody answers for what is `binding`: a decision, or a command to a device. The log is signed
+    right after it.
+    """
+
+    transient: ClassVar[bool] = False
+    binding: ClassVar[bool] = False

@@ -31,7 +31,7 @@ from yaml.events import (
     ScalarEvent,
 )
 
-from pa_console.schema.text.visible_text import obeyed, visible_line
+from pa_console.schema.text import obeyed, visible_line
 
 MOST_BYTES = 1_000_000
 """A document's file may be this long, bytes of UTF-8."""

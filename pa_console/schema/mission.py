@@ -1,4 +1,4 @@
-"""A mission from intake to outcome: command, decision, verification, metrics."""
+"""Missions from intake to outcome, and the alarms and standing orders that start them."""
 
 from datetime import datetime
 from typing import Literal
@@ -144,3 +144,84 @@ class Metrics(StrictModel):
     attempts: int = 0
     plans: int = Field(default=0, description="plans executed; more than one in a workflow")
     halts: int = Field(default=0, description="plans halted because a premise broke")
+
+
+AlarmKind = Literal[
+    "hostile_track", "defiant_track", "unknown_track", "unauthorized_track",
+    "coverage_lost", "coverage_unknown", "asset_failed", "link_lost", "low_battery",
+    "camera_lost", "suspect_telemetry", "many_contacts",
+]  # fmt: skip
+AlarmPriority = Literal["emergency", "high", "medium", "low"]
+ALARM_PRIORITIES: tuple[AlarmPriority, ...] = ("emergency", "high", "medium", "low")
+
+
+class Alarm(StrictModel):
+    """One thing that needs a response; it stays open until its cause is gone.
+
+    `command` is the mission that answers it, in plain language; empty when an operator's eye is
+    the whole response.
+    """
+
+    id: str
+    kind: AlarmKind
+    priority: AlarmPriority
+    subject: Name = Field(description="the track, asset, gate, camera or sensor it is about")
+    gate: Name | None = None
+    text: str
+    command: str = ""
+    raised_s: NonNegative
+    distance_m: NonNegative | None = Field(default=None, description="of a track to its gate")
+
+
+class QueueEntry(StrictModel):
+    """One mission that waits, and why it stands where it stands (WF-04, WF-05)."""
+
+    mission: Mission
+    priority: AlarmPriority
+    distance_m: NonNegative | None = None
+    deferred: bool = False
+    reason: str
+
+
+SubjectKind = Literal["asset", "track", "gate"]
+"""The subjects that a standing order watches, one by one."""
+
+MOST_STARTS = 6
+"""The number of missions that a standing order starts in an hour, unless it gives its own."""
+
+SUBJECT, PLACE = "{it}", "{place}"
+"""The placeholders in an order for its subject, and for that subject's gate."""
+
+
+class StandingOrder(StrictModel):
+    """A condition on the picture, and the order that it starts a mission with.
+
+    Each mission is planned, checked and approved like any other; one whose order is `unasked` may
+    be approved by the standing order itself, as far as the rules allow.
+    """
+
+    id: str = Field(pattern=r"^S[0-9]+$")
+    text: str = Field(min_length=1, max_length=MAX_MISSION_TEXT, description="as it was given")
+    each: SubjectKind
+    condition: str = Field(min_length=1, description="CEL over `it`, `id`, `now` and `world`")
+    words: str = Field(min_length=1, description="the condition in plain words")
+    order: str = Field(min_length=1, description="with {it} and {place} for the subject")
+    unasked: bool = Field(default=False, description="it says that nobody need be asked")
+    most_an_hour: int = Field(default=MOST_STARTS, ge=1, le=60)
+
+    def order_for(self, subject: str, place: str) -> str:
+        """Return the order for one subject, and the gate at which that is; '' for nowhere."""
+        return self.order.replace(SUBJECT, subject).replace(PLACE, place)
+
+    @property
+    def order_in_words(self) -> str:
+        """The order as people read it."""
+        what = {"asset": "that asset", "track": "that track", "gate": "that gate"}[self.each]
+        return self.order.replace(SUBJECT, what).replace(PLACE, "its gate")
+
+
+class StandingStart(StrictModel):
+    """The mission that a standing order starts for one subject."""
+
+    subject: Name
+    order: str

@@ -4,11 +4,10 @@ import re
 from collections.abc import Mapping
 
 from pa_console.language.plain_words import plain_reading
-from pa_console.schema.alarm import Alarm
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident
-from pa_console.schema.mission import Decision
+from pa_console.schema.mission import Alarm, Decision
 from pa_console.schema.plan import Action
 from pa_console.schema.telemetry import Picture, TrackStatus
 

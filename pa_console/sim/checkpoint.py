@@ -5,8 +5,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from pa_console.schema.command import CommandReply, DeviceCommand
-from pa_console.schema.incident import Incident
-from pa_console.schema.scenario import Scenario
+from pa_console.schema.incident import Incident, Scenario
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.sim import (

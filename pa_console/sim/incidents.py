@@ -5,6 +5,8 @@ import random
 from dataclasses import replace
 
 from pa_console.schema.incident import (
+    After,
+    AssetIs,
     ClearTracks,
     DegradeAsset,
     FailAsset,
@@ -16,6 +18,7 @@ from pa_console.schema.incident import (
     PlaceAsset,
     RestoreAsset,
     RevealTrack,
+    Scenario,
     SensorFault,
     SetBattery,
     SetComms,
@@ -23,10 +26,10 @@ from pa_console.schema.incident import (
     SetWeather,
     SpawnTrack,
     SpoofTelemetry,
+    TrackIs,
     WorkerFault,
     unknown_name,
 )
-from pa_console.schema.scenario import After, AssetIs, Scenario, TrackIs
 from pa_console.schema.telemetry import Task
 from pa_console.schema.world import Wall
 from pa_console.sim import contacts, radio

@@ -11,11 +11,11 @@ from pa_console.language.reading import read_asked
 from pa_console.llm.roles.grammar import CommandSlot
 from pa_console.mission.examine import CheckBasis, examine
 from pa_console.mission.tasking.choices import commands_serving
-from pa_console.schema.events.questions import AnswerLine
+from pa_console.schema.events.intake import AnswerLine
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import RehearsedReading
-from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.session.mission_trace import MissionTrace
 from pa_console.session.wording import order_in_words
 from pa_console.station.why import asked_of, attempt_of, rehearsed_in_words
 

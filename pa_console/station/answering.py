@@ -14,12 +14,12 @@ from pa_console.mission.spelling import read_words
 from pa_console.policy.checks.plain_text import compatible_form
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
-from pa_console.schema.events.questions import AnswerLine, QuestionAnswered
+from pa_console.schema.events.intake import AnswerLine, QuestionAnswered
 from pa_console.schema.mission import MAX_MISSION_TEXT
 from pa_console.schema.telemetry import AssetTelemetry, Picture
-from pa_console.schema.text.quantities import clock_text
-from pa_console.session.state.fold import Notice, SessionState
-from pa_console.session.state.mission_trace import Attempt, MissionTrace
+from pa_console.schema.text import clock_text
+from pa_console.session.mission_trace import Attempt, MissionTrace
+from pa_console.session.state import Notice, SessionState
 from pa_console.session.wording import order_in_words
 from pa_console.station.alternatives import Alternative, find_alternatives
 from pa_console.station.why import (

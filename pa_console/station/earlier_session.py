@@ -11,20 +11,15 @@ from pathlib import Path
 
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.policy.checks.sightings import Sightings
-from pa_console.schema.alarm import QueueEntry
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import Mission
-from pa_console.schema.scenario import Scenario
+from pa_console.schema.incident import Scenario
+from pa_console.schema.mission import Mission, QueueEntry
 from pa_console.schema.world import World
 from pa_console.session.log.chain import TORN, LogError, read_log
+from pa_console.session.mission_trace import MissionTrace
 from pa_console.session.past_sessions import is_held, newest_logs, summarise
-from pa_console.session.state.fold import (
-    SessionState,
-    begun_missions,
-    waiting_entries,
-)
-from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.session.state import SessionState, begun_missions, waiting_entries
 from pa_console.session.wording import order_in_words
 from pa_console.station.alarms import AlarmBook
 

@@ -7,7 +7,7 @@ from contextlib import aclosing
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, MissionStatus
-from pa_console.session.state.fold import MissionTrace, SessionState
+from pa_console.session.state import MissionTrace, SessionState
 from pa_console.station.station import Station
 
 Approver = Callable[[ev.ApprovalRequested], Decision | Awaitable[Decision]]

@@ -7,9 +7,8 @@ from datetime import UTC, datetime
 
 from pa_console.mission.standing import Due
 from pa_console.policy.checks.plain_text import compatible_form
-from pa_console.schema.alarm import Alarm, QueueEntry
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import MAX_MISSION_TEXT, Mission
+from pa_console.schema.mission import MAX_MISSION_TEXT, Alarm, Mission, QueueEntry
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.station.alarms import MOST_ALIKE, AlarmBook

@@ -26,7 +26,7 @@ from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import RehearsedReading
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from pa_console.station.alternatives import Alternative
 from pa_console.station.earlier_session import LeftMissions
 from pa_console.station.shared_log import LOOK_S, SharedLog

@@ -6,8 +6,7 @@ from itertools import combinations
 from math import inf
 from typing import Literal
 
-from pa_console.schema.alarm import ALARM_PRIORITIES, Alarm, AlarmPriority, QueueEntry
-from pa_console.schema.mission import Mission
+from pa_console.schema.mission import ALARM_PRIORITIES, Alarm, AlarmPriority, Mission, QueueEntry
 
 MOST_REMEMBERED = 1024
 """Most missions whose order of arrival is kept for when they come back, the latest ones."""

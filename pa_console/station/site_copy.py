@@ -13,12 +13,12 @@ from pa_console.policy.retrieval.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.policy.trust.core_rules import with_core
 from pa_console.schema.evaluation import Variant
-from pa_console.schema.events.questions import AnswerLine, QuestionAnswered, QuestionTopic
+from pa_console.schema.events.intake import AnswerLine, QuestionAnswered, QuestionTopic
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from pa_console.station.alternatives import Alternative, rehearse_other_ways, rehearse_reading
 from pa_console.station.answering import Answer, answer, question_in
 from pa_console.station.assembly import has_rules_of

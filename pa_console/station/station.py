@@ -21,7 +21,7 @@ from pa_console.schema.mission import Decision, Metrics, Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from pa_console.station.alternatives import Alternative, rehearse_other_ways, rehearse_reading
 from pa_console.station.answering import IS_QUESTION, RecentRecord, answer, question_in
 from pa_console.station.background import Background, Outside, pass_on

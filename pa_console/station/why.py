@@ -9,13 +9,13 @@ from pa_console.language.plain_words import plain_reading
 from pa_console.language.reading import asked_words, read_asked
 from pa_console.policy.checks.check_context import goes_to
 from pa_console.schema.command import BUSY_TASKS, COMMANDS
-from pa_console.schema.events.questions import AnswerLine
+from pa_console.schema.events.intake import AnswerLine
 from pa_console.schema.plan import Action
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.telemetry import AssetTelemetry, Picture
-from pa_console.schema.text.quantities import count, few
+from pa_console.schema.text import count, few
 from pa_console.schema.world import KINDS, PLAIN_KINDS, AssetKind, World
-from pa_console.session.state.mission_trace import Attempt, MissionTrace, chosen_attempt, rounds
+from pa_console.session.mission_trace import Attempt, MissionTrace, chosen_attempt, rounds
 from pa_console.session.wording import deviations_in_words, order_in_words
 from pa_console.views.event_words import asked_in_words, references_in_words, standing_in_words
 from pa_console.views.status_words import status_of

@@ -7,12 +7,12 @@ come first. No decision follows from it.
 from collections.abc import AsyncGenerator, Iterator, Sequence
 
 from pa_console.mission.examine import CheckBasis, Examination, examine
-from pa_console.schema.events.questions import AnswerLine
+from pa_console.schema.events.intake import AnswerLine
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import PLAIN_KINDS, World
-from pa_console.session.state.mission_trace import Attempt, MissionTrace
+from pa_console.session.mission_trace import Attempt, MissionTrace
 from pa_console.session.wording import order_in_words
 from pa_console.station.why import (
     actions_of,

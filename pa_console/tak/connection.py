@@ -14,8 +14,7 @@ from typing import Self, cast
 
 from pytak import client_functions
 
-from pa_console.schema.text.quantities import count
-from pa_console.schema.text.visible_text import visible_line
+from pa_console.schema.text import count, visible_line
 from pa_console.tak.cot_event import CotEvent, ping
 from pa_console.tak.reports import TakReports
 from pa_console.tak.server import TakServer

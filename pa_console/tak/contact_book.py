@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 
 from pa_console.schema.base import Point
-from pa_console.schema.events.tak import (
+from pa_console.schema.events.session import (
     MOST_CONTACTS,
     ContactLost,
     ContactReported,

@@ -11,8 +11,13 @@ from xml.etree.ElementTree import Element, ParseError, SubElement, tostring
 from defusedxml import ElementTree
 from defusedxml.common import DefusedXmlException
 
-from pa_console.schema.events.tak import MOST_CALLSIGN, MOST_UID, ClaimedAffiliation, ClaimedKind
-from pa_console.schema.text.visible_text import visible, visible_line
+from pa_console.schema.events.session import (
+    MOST_CALLSIGN,
+    MOST_UID,
+    ClaimedAffiliation,
+    ClaimedKind,
+)
+from pa_console.schema.text import visible, visible_line
 
 UNKNOWN = 9_999_999.0
 """The schema's value for an unknown height or error, in metres."""

@@ -11,7 +11,7 @@ from itertools import chain
 from threading import Lock
 
 from pa_console.schema.base import Point
-from pa_console.schema.events.tak import (
+from pa_console.schema.events.session import (
     MOST_CALLSIGN,
     ContactsLeftOut,
     Noticed,

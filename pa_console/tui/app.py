@@ -11,7 +11,7 @@ from textual.binding import Binding
 from textual.filter import LineFilter
 
 from pa_console.schema.world import World
-from pa_console.session.replay.player import Player
+from pa_console.session.recording import Player
 from pa_console.settings.sources import Loaded, load_settings
 from pa_console.tui.actions.palette import ConsoleCommands
 from pa_console.tui.actions.registry import (

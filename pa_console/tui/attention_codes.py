@@ -3,7 +3,7 @@
 A terminal that does not know a code ignores it.
 """
 
-from pa_console.schema.text.visible_text import visible_line
+from pa_console.schema.text import visible_line
 
 TITLE = "PA Console"
 

@@ -8,7 +8,7 @@ from rich.segment import Segment
 from rich.status import Status
 from rich.text import Text
 
-from pa_console.schema.text.visible_text import visible
+from pa_console.schema.text import visible
 
 
 class PlainConsole(Console):

@@ -4,7 +4,7 @@ from rich.segment import Segment
 from textual.color import Color
 from textual.filter import LineFilter
 
-from pa_console.schema.text.visible_text import visible_line
+from pa_console.schema.text import visible_line
 
 
 class VisibleLines(LineFilter):

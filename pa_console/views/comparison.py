@@ -17,7 +17,7 @@ from pa_console.schema.events.event import Event, Payload, SessionStarted
 from pa_console.schema.finding import Usage
 from pa_console.schema.mission import Metrics, Mission
 from pa_console.schema.rule import SHORT, RulesSeal
-from pa_console.session.replay.recording import Recording
+from pa_console.session.recording import Recording
 from pa_console.views.event_words import event_in_words, kind_in_words
 
 ABSENT = "(absent)"

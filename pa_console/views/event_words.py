@@ -8,9 +8,9 @@ from typing import cast
 from pa_console.language.plain_words import plain_reading
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident, Reaction, RevealTrack, SpawnTrack
+from pa_console.schema.mission import StandingOrder
 from pa_console.schema.plan import Action, Plan
-from pa_console.schema.standing import StandingOrder
-from pa_console.session.replay.recording import Recording
+from pa_console.session.recording import Recording
 from pa_console.session.wording import (
     answer_in_words,
     command_taken_in_words,

@@ -10,7 +10,7 @@ from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission
 from pa_console.schema.rule import RuleHit
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
-from pa_console.session.state.mission_trace import Attempt, MissionTrace
+from pa_console.session.mission_trace import Attempt, MissionTrace
 
 _NAME = re.compile(r"[\w-]+")
 

@@ -12,8 +12,8 @@ from statistics import median
 
 from pa_console.private_files import make_private_folder, replace_private
 from pa_console.schema.events import event as ev
-from pa_console.schema.text.quantities import duration_text
-from pa_console.session.state.fold import SessionState
+from pa_console.schema.text import duration_text
+from pa_console.session.state import SessionState
 
 WORK = {
     "retrieve": "finding the rules that apply",

@@ -19,8 +19,14 @@ from pa_console.mission.approval import standing_approver
 from pa_console.schema.command import COMMANDS, CommandReply, DeviceCommand, Verb
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events import event as ev
-from pa_console.schema.incident import FailAsset, Incident, SetRadio, SpawnTrack
-from pa_console.schema.scenario import Scenario, ScriptedEvent
+from pa_console.schema.incident import (
+    FailAsset,
+    Incident,
+    Scenario,
+    ScriptedEvent,
+    SetRadio,
+    SpawnTrack,
+)
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.picture import period_ticks
 from pa_console.sim.worlds.scenario_file import LoadedScenario

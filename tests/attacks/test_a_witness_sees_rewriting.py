@@ -11,8 +11,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pa_console.schema.events import event as ev
-from pa_console.session.log.signed_head import SignedHead, head_path
-from pa_console.session.log.witness import EVERY_S, Witness, WitnessResult, check_witness
+from pa_console.session.log.signed_head import (
+    EVERY_S,
+    SignedHead,
+    Witness,
+    WitnessResult,
+    check_witness,
+    head_path,
+)
 from pa_console.session.log.writer import LogWriter, verify
 from pa_console.signing import KEY_VARIABLE, load_signer
 from pa_console.station.station import Station

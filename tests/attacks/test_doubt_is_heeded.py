@@ -22,7 +22,7 @@ from pa_console.mission.approval import (
 from pa_console.schema.finding import Verdict
 from pa_console.schema.plan import Plan
 from pa_console.session.confidence import UNSURE, Evidence, calibrated_confidence
-from pa_console.session.state.mission_trace import Attempt
+from pa_console.session.mission_trace import Attempt
 from pa_console.signing import KEY_VARIABLE
 from tests.cli.inside import Call, caller
 from tests.scripted import ScriptedEngine, plan

@@ -26,8 +26,8 @@ from pa_console.resources import find_data
 from pa_console.schema import document
 from pa_console.schema.document import Document, DocumentError
 from pa_console.schema.events.event import Event
-from pa_console.schema.text.visible_text import obeyed, visible, visible_json
-from pa_console.session.replay.player import Player
+from pa_console.schema.text import obeyed, visible, visible_json
+from pa_console.session.recording import Player
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.plain_output import PlainConsole
 from tests.attacks.hostile_text import PAYLOAD, PIECES, hostile, raw

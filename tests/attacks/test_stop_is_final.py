@@ -20,8 +20,8 @@ from pa_console.schema.incident import FailAsset, SetRadio
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
 from pa_console.session.log.writer import LogWriter
-from pa_console.session.replay.player import Player
-from pa_console.session.state.fold import SessionState
+from pa_console.session.recording import Player
+from pa_console.session.state import SessionState
 from pa_console.station.assembly import Site, open_station
 from pa_console.station.clock import SteppedClock
 from pa_console.station.headless import exit_code, run_missions

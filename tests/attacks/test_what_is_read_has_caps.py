@@ -15,7 +15,7 @@ from pa_console.llm.models.fetching import pull
 from pa_console.llm.models.large_files import run_watched
 from pa_console.session.log.chain import LogError, read_log
 from pa_console.session.log.verification import verify
-from pa_console.session.replay.recording import Recording
+from pa_console.session.recording import Recording
 
 MIB = 1 << 20
 MEMBER = "bomb/bomb.gguf"

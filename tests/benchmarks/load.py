@@ -20,7 +20,7 @@ from pa_console.llm.engine import Engine
 from pa_console.llm.models.catalogue import LocalModel, find_model
 from pa_console.llm.worker.threads import physical_cores
 from pa_console.schema.base import StrictModel
-from pa_console.schema.text.quantities import count
+from pa_console.schema.text import count
 from pa_console.station.assembly import Site, load_site
 from tests.benchmarks.figures import JsonFileOption, introduce, keep, shares
 from tests.benchmarks.speed.measured_missions import OurWay, bench_missions

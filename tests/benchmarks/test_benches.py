@@ -10,7 +10,7 @@ import pytest
 from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.llm.models.cache import CACHE_VARIABLE
 from pa_console.llm.models.catalogue import LocalModel
-from pa_console.schema.scenario import Scenario
+from pa_console.schema.incident import Scenario
 from pa_console.schema.world import World
 from pa_console.sim.worlds.world_file import open_world
 from pa_console.station.assembly import Site

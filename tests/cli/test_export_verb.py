@@ -15,8 +15,8 @@ from mcap.reader import make_reader
 from pa_console.export.replayed_screen import ReplayedScreen, picture_replay
 from pa_console.export.source_log import whole_file, whole_folder
 from pa_console.schema.document import Document
-from pa_console.schema.scenario import Scenario
-from pa_console.session.replay.player import Player
+from pa_console.schema.incident import Scenario
+from pa_console.session.recording import Player
 from pa_console.station.assembly import load_site
 from tests.cli.inside import Call
 from tests.cli.terminal import painted, screen

@@ -9,7 +9,7 @@ import pytest
 
 from pa_console.resources import find_data
 from pa_console.schema.document import Document
-from pa_console.schema.scenario import Scenario
+from pa_console.schema.incident import Scenario
 from pa_console.station.assembly import Site, load_site
 from tests.cli.inside import Call, Done
 from tests.evaluation.sessions import IDENTIFY, RECON, WARN, play

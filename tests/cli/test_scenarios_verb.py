@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.schema.scenario import Scenario
+from pa_console.schema.incident import Scenario
 from pa_console.sim.worlds.scenario_file import list_scenarios
 from pa_console.sim.worlds.world_file import open_world
 from tests.cli.inside import Call

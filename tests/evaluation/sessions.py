@@ -5,10 +5,9 @@ from pathlib import Path
 
 from pa_console.mission.approval import standing_approver
 from pa_console.schema.events.event import Event
-from pa_console.schema.incident import Incident
-from pa_console.schema.scenario import Scenario, ScriptedEvent
+from pa_console.schema.incident import Incident, Scenario, ScriptedEvent
 from pa_console.session.log.writer import LogWriter
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from pa_console.sim.worlds.scenario_file import LoadedScenario
 from pa_console.station.assembly import Site, open_station
 from pa_console.station.clock import SteppedClock

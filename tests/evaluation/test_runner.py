@@ -11,7 +11,7 @@ from pa_console.evaluation.runs.run_record import EvaluationFolder, RunRecord, r
 from pa_console.evaluation.runs.runner import CHUNK, Runner, chunks
 from pa_console.evaluation.scoring.score import SETTLE_S
 from pa_console.schema.evaluation import MissionCase, MissionSet
-from pa_console.session.replay.recording import Recording
+from pa_console.session.recording import Recording
 from pa_console.station.assembly import Site
 from pa_console.station.headless import SETUP_SETTLE_S
 from tests.scripted import FAILURE, SUCCESS, ScriptedEngine, plan

@@ -7,8 +7,14 @@ import pytest
 
 from pa_console.evaluation.runs.twin import repeated_hashes, resimulate
 from pa_console.schema.events import event as ev
-from pa_console.schema.incident import FailAsset, Incident, SetBattery, SetRadio, SpawnTrack
-from pa_console.schema.scenario import RandomEvents
+from pa_console.schema.incident import (
+    FailAsset,
+    Incident,
+    RandomEvents,
+    SetBattery,
+    SetRadio,
+    SpawnTrack,
+)
 from pa_console.station.assembly import Site
 from pa_console.station.station import Station
 from tests.evaluation.sessions import IDENTIFY, RECON, WARN, play, scenario

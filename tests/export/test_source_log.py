@@ -3,7 +3,7 @@
 import pytest
 
 from pa_console.export.source_log import choose_mission
-from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.session.mission_trace import MissionTrace
 from tests.tui.story import MISSION
 
 MISSIONS = {

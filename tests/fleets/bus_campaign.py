@@ -25,7 +25,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Verification
 from pa_console.schema.telemetry import AssetTelemetry
 from pa_console.schema.world import World
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.station.assembly import Site, load_site, open_station
 from pa_console.station.clock import DevicesClock

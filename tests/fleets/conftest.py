@@ -16,7 +16,7 @@ from pa_console.fleets.bus.trust_topics import Keys
 from pa_console.fleets.site.simulated_site import SimulatedSite, SiteOptions
 from pa_console.fleets.vda5050.additions import SITE
 from pa_console.resources import find_data
-from pa_console.schema.scenario import Scenario
+from pa_console.schema.incident import Scenario
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.world_file import load_world

@@ -19,8 +19,8 @@ from pa_console.fleets.bus.contact_limits import (
 from pa_console.fleets.bus.reported_picture import ReportedPicture
 from pa_console.fleets.vda5050.additions import MANUFACTURER, Detections, SeenContact
 from pa_console.resources import find_data
-from pa_console.schema.alarm import Alarm
 from pa_console.schema.events.event import Noticed
+from pa_console.schema.mission import Alarm
 from pa_console.schema.telemetry import Identity, Intent, Picture, Track
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint

@@ -19,7 +19,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.world import World
 from pa_console.session.log.writer import LogWriter
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from pa_console.station.assembly import Site, load_site, open_station
 from pa_console.station.clock import DevicesClock
 from pa_console.station.joined_station import JoinedStation, Signatory

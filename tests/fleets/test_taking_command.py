@@ -20,8 +20,8 @@ from pa_console.fleets.station_authority import Keys, StationAuthority, Vehicles
 from pa_console.fleets.vda5050.additions import SIGNED, SignedTakeover
 from pa_console.fleets.vda5050.numbers import Numbers
 from pa_console.schema.events import event as ev
+from pa_console.schema.incident import Scenario
 from pa_console.schema.mission import Decision
-from pa_console.schema.scenario import Scenario
 from pa_console.schema.world import World
 from pa_console.session.log.writer import LogWriter, read_log
 from pa_console.sim.worlds.scenario_file import open_scenario

@@ -35,7 +35,7 @@ from pa_console.resources import data_folder
 from pa_console.schema.events.event import Event, MissionVerified, Role
 from pa_console.schema.mission import ActionOutcome, Mission, Verification
 from pa_console.schema.plan import Plan
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from pa_console.sim.worlds.world_generator import generate_world
 from pa_console.station.assembly import Site, load_site, open_station
 from pa_console.station.clock import SteppedClock

@@ -18,8 +18,8 @@ from hypothesis import strategies as st
 from pa_console.fleets import authorization as auth
 from pa_console.fleets.fleet import Countersigned
 from pa_console.fleets.station_authority import approval_of
+from pa_console.http.guard import ProblemError
 from pa_console.http.http_app import make_app
-from pa_console.http.problems import ProblemError
 from pa_console.http.served_session import Commanded, ServedSession
 from pa_console.http.tokens import Bearer, TokenBook
 from pa_console.http.views import DecisionBody, SignatureBody, shown_sha256
@@ -28,7 +28,7 @@ from pa_console.mission.decide import answered, countersignature
 from pa_console.mission.rehearse import device_commands
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision, Mission
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from tests.fleets.keyring import KEYS, PUBLIC, RULES, TO_SOUTH
 from tests.mission.gate import send
 from tests.mission.test_two_people import BOOK, Site, decision_on, request

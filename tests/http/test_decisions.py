@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pa_console.fleets.station_authority import Keys, StationAuthority
-from pa_console.http.problems import ProblemError
+from pa_console.http.guard import ProblemError
 from pa_console.http.served_session import Commanded, ServedSession
 from pa_console.http.tokens import Bearer
 from pa_console.http.views import DecisionBody, shown_sha256
@@ -17,7 +17,7 @@ from pa_console.mission.approval import inadmissible
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.plan import Action, Plan
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from tests.mission.test_two_people import keys_of
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from pa_console.language.questions import read_question
 from pa_console.resources import data_folder
-from pa_console.schema.events.questions import QuestionTopic
+from pa_console.schema.events.intake import QuestionTopic
 from pa_console.schema.incident import FailAsset
 from tests.language.references.scenes import HOME, scene
 

@@ -10,7 +10,7 @@ from pa_console.language.references.scene import Scene
 from pa_console.language.standing_orders import ReadStanding, read_standing
 from pa_console.policy.standing_conditions import StandingCondition
 from pa_console.resources import data_folder
-from pa_console.schema.standing import StandingOrder
+from pa_console.schema.mission import StandingOrder
 from pa_console.sim.worlds.world_file import load_world
 
 WORLD = load_world(data_folder() / "worlds" / "checkpoint" / "world.yaml")

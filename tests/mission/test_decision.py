@@ -6,7 +6,7 @@ from pa_console.mission.approval import standing_approver
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from pa_console.station.assembly import open_station
 from pa_console.station.clock import SteppedClock
 from pa_console.station.headless import run_missions

@@ -19,7 +19,7 @@ from pa_console.mission.propose import ask_for_plan
 from pa_console.mission.understand import Retrieved
 from pa_console.schema.events.event import Event
 from pa_console.schema.mission import Mission
-from pa_console.session.state.fold import MissionTrace, SessionState
+from pa_console.session.state import MissionTrace, SessionState
 from pa_console.station.assembly import Site, load_site, open_station
 from pa_console.station.clock import SteppedClock
 from pa_console.station.headless import run_missions

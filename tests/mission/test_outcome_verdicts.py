@@ -11,7 +11,7 @@ from pa_console.mission.approval import standing_approver
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Usage
 from pa_console.schema.incident import SpawnTrack
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from pa_console.station.assembly import open_station
 from pa_console.station.clock import RealTimeClock
 from pa_console.station.headless import run_missions

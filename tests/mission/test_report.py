@@ -4,9 +4,8 @@ from datetime import UTC, datetime
 from typing import Any
 
 from pa_console.mission.report import PlanFacts, ReportFacts, after_action_report
-from pa_console.schema.alarm import Alarm
 from pa_console.schema.events.event import WorkflowMoved
-from pa_console.schema.mission import ActionOutcome, Decision, Mission, Outcome, Verification
+from pa_console.schema.mission import ActionOutcome, Alarm, Decision, Mission, Outcome, Verification
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import GateCover
 from tests.mission.pictures import asset, picture, track

@@ -20,10 +20,9 @@ from pa_console.policy.rulebook import Rulebook
 from pa_console.policy.standing_conditions import StandingCondition
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import ApprovalState, Decision
+from pa_console.schema.mission import ApprovalState, Decision, StandingOrder
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rule import Rule, RuleSet, StandingLimits
-from pa_console.schema.standing import StandingOrder
 from pa_console.schema.telemetry import Picture
 from tests.mission.gate import send
 from tests.mission.pictures import GATES, asset, picture

@@ -19,7 +19,7 @@ from pa_console.schema.rule import StandingLimits
 from pa_console.session.log.chain import read_log
 from pa_console.session.log.verification import verify
 from pa_console.session.log.writer import LogWriter
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from pa_console.signing import KEY_VARIABLE, load_signer
 from pa_console.station.assembly import Site, open_station
 from pa_console.station.clock import SteppedClock

@@ -10,7 +10,7 @@ from pa_console.resources import data_folder
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset, Incident, SetBattery
 from pa_console.schema.plan import Action, Plan
-from pa_console.session.state.mission_trace import Attempt
+from pa_console.session.mission_trace import Attempt
 from pa_console.views.event_words import event_in_words
 from pa_console.views.trace.parts import rows_of
 from pa_console.views.trace.planning import plan as section_of

@@ -5,8 +5,8 @@ from typing import Any
 
 from pa_console.mission.outcome import WorkflowProgress
 from pa_console.schema.mission import Mission
-from pa_console.schema.moment import Moment, TrackMoment
 from pa_console.schema.plan import Action, Plan
+from pa_console.schema.rehearsal import Moment, TrackMoment
 from tests.policy.book import checkpoint_rules
 
 UNKNOWN: dict[str, Any] = {

@@ -11,8 +11,7 @@ from pa_console.policy.checks.rule_checks import check_plan
 from pa_console.policy.ordering.monitor import Monitor
 from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission
-from pa_console.schema.moment import Moment
-from pa_console.schema.rehearsal import Rehearsal
+from pa_console.schema.rehearsal import Moment, Rehearsal
 from pa_console.schema.rule import RuleExample
 from tests.policy.book import checkpoint_rules
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from pa_console.policy.ordering.workflow import Move, WorkflowRun
 from pa_console.policy.rulebook import Compiler, Rulebook, compile_rule
-from pa_console.schema.moment import Moment, TrackMoment
+from pa_console.schema.rehearsal import Moment, TrackMoment
 from pa_console.schema.rule import Phase, Rule, Workflow
 from tests.policy.book import checkpoint_rules
 

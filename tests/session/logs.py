@@ -5,7 +5,7 @@ from pathlib import Path
 
 from pa_console.schema.events.event import Event
 from pa_console.session.log.writer import LogWriter
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from tests.session.story import story
 
 

@@ -19,10 +19,9 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission
 from pa_console.session.log.chain import read_log
-from pa_console.session.replay.log_index import index_path
-from pa_console.session.replay.player import Player
-from pa_console.session.replay.recording import Recording
-from pa_console.session.state.fold import SessionState
+from pa_console.session.log_index import index_path
+from pa_console.session.recording import Player, Recording
+from pa_console.session.state import SessionState
 from tests.session.story import START, at, session_started, story
 from tests.tui.site import picture, track
 

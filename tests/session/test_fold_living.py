@@ -4,13 +4,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.schema.alarm import ALARM_PRIORITIES, Alarm, AlarmPriority, QueueEntry
 from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Usage, Verdict
 from pa_console.schema.incident import FailAsset, Incident
-from pa_console.schema.mission import Decision, Metrics, Mission, Verification
-from pa_console.session.state.fold import SessionState
+from pa_console.schema.mission import (
+    ALARM_PRIORITIES,
+    Alarm,
+    AlarmPriority,
+    Decision,
+    Metrics,
+    Mission,
+    QueueEntry,
+    Verification,
+)
+from pa_console.session.state import SessionState
 from pa_console.session.wording import incident_in_words
 from tests.schema.strategies import PAYLOADS, models, values
 from tests.session.story import PLAN, START, at, session_started

@@ -10,16 +10,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.schema.alarm import Alarm
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Finding
 from pa_console.schema.incident import FailAsset, RestoreAsset, SpawnTrack
-from pa_console.schema.mission import Decision, DecisionKind, Mission
+from pa_console.schema.mission import Alarm, Decision, DecisionKind, Mission
 from pa_console.session.log.chain import LogError
-from pa_console.session.replay.player import Player
-from pa_console.session.replay.recording import Recording
-from pa_console.session.replay.timeline import mark_of
-from pa_console.session.state.fold import SessionState
+from pa_console.session.recording import Player, Recording
+from pa_console.session.state import SessionState
+from pa_console.session.timeline import mark_of
 from tests.schema.strategies import events
 from tests.session.logs import folded, kept, write_log
 from tests.session.story import PLAN, START, at, story, telemetry

@@ -8,9 +8,8 @@ from hypothesis import strategies as st
 
 from pa_console.schema.events import event as ev
 from pa_console.session.log.writer import LogError
-from pa_console.session.replay.player import Player
-from pa_console.session.replay.recording import Recording
-from pa_console.session.replay.timeline import MARK_KINDS, MarkKind
+from pa_console.session.recording import Player, Recording
+from pa_console.session.timeline import MARK_KINDS, MarkKind
 from tests.schema.strategies import events
 from tests.session.logs import folded, kept, write_log
 from tests.session.story import START, at, story, telemetry

@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 
 from pa_console.schema.events import event as ev
-from pa_console.session.replay.player import Player
-from pa_console.session.state.fold import SessionState
+from pa_console.session.recording import Player
+from pa_console.session.state import SessionState
 from tests.tui import story
 
 UNIT, HOSTILE = story.reported()

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.schema.document import DocumentError
-from pa_console.schema.text.visible_text import obeyed
+from pa_console.schema.text import obeyed
 from pa_console.settings import file as settings_file
 from pa_console.settings.file import changed_text, reset_settings, save_setting
 

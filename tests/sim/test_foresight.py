@@ -4,13 +4,7 @@ import math
 
 import pytest
 
-from pa_console.schema.incident import (
-    FalseContact,
-    PlaceAsset,
-    SensorFault,
-    SetWeather,
-    SpawnTrack,
-)
+from pa_console.schema.incident import FalseContact, PlaceAsset, SensorFault, SetWeather, SpawnTrack
 from pa_console.schema.telemetry import Track
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint

@@ -7,24 +7,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.schema.incident import (
+    After,
+    AssetIs,
+    Condition,
     FailAsset,
     Incident,
     ObstructWay,
     PlaceAsset,
+    RandomEvents,
     RevealTrack,
+    Scenario,
+    ScriptedEvent,
     SetBattery,
     SetRadio,
     SpawnTrack,
-    WorkerFault,
-)
-from pa_console.schema.scenario import (
-    After,
-    AssetIs,
-    Condition,
-    RandomEvents,
-    Scenario,
-    ScriptedEvent,
     TrackIs,
+    WorkerFault,
 )
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint

@@ -11,7 +11,7 @@ from pa_console.mission.approval import Approver, standing_approver
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
-from pa_console.session.state.fold import MissionTrace, SessionState
+from pa_console.session.state import MissionTrace, SessionState
 from pa_console.station.assembly import Site, open_station
 from pa_console.station.clock import SteppedClock
 from pa_console.station.headless import run_missions

@@ -4,7 +4,7 @@ import pytest
 
 from pa_console.mission.approval import standing_approver
 from pa_console.schema.events import event as ev
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from pa_console.station.headless import run_missions
 from tests.rig import MISSION, Rig
 from tests.scripted import ScriptedEngine, plan

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.schema.events import event as ev
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from pa_console.station.earlier_session import LeftMissions
 from tests.schema.strategies import events
 from tests.session.logs import folded

@@ -3,8 +3,17 @@
 from collections.abc import Sequence
 
 from pa_console.schema.events import event as ev
-from pa_console.schema.incident import FailAsset, Incident, SetBattery, SetRadio, SpawnTrack
-from pa_console.schema.scenario import Condition, Scenario, ScriptedEvent, TrackIs
+from pa_console.schema.incident import (
+    Condition,
+    FailAsset,
+    Incident,
+    Scenario,
+    ScriptedEvent,
+    SetBattery,
+    SetRadio,
+    SpawnTrack,
+    TrackIs,
+)
 from pa_console.station.station import Station
 from tests.rig import Rig
 from tests.scripted import ScriptedEngine, plan

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.schema.alarm import ALARM_PRIORITIES, Alarm, AlarmKind, AlarmPriority
-from pa_console.schema.mission import Mission
+from pa_console.schema.mission import ALARM_PRIORITIES, Alarm, AlarmKind, AlarmPriority, Mission
 from pa_console.station.queue import MissionQueue
 
 PREFIXES: dict[AlarmPriority, AlarmKind] = {

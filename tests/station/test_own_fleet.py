@@ -8,11 +8,10 @@ from pa_console.fleets.fleet import Received
 from pa_console.mission.approval import standing_approver
 from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.schema.events import event as ev
-from pa_console.schema.incident import FailAsset
-from pa_console.schema.scenario import Scenario
+from pa_console.schema.incident import FailAsset, Scenario
 from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture
 from pa_console.schema.world import World
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from pa_console.sim.worlds.scenario_file import LoadedScenario
 from pa_console.station.assembly import Site, open_station
 from pa_console.station.clock import SteppedClock

@@ -7,7 +7,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan
-from pa_console.session.state.fold import MissionTrace, SessionState
+from pa_console.session.state import MissionTrace, SessionState
 from pa_console.station.headless import run_missions
 from tests.rig import Rig
 from tests.scripted import ScriptedEngine, plan

@@ -9,7 +9,7 @@ from pa_console.mission.approval import standing_approver
 from pa_console.mission.context import Services
 from pa_console.schema.events.event import Event, Role
 from pa_console.schema.incident import FailAsset
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.world_generator import generate_world
 from pa_console.station.assembly import Site, open_station

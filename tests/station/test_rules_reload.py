@@ -11,7 +11,7 @@ from pa_console.policy.trust.rule_seal import content_sha256, sign_rules
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from pa_console.signing import KEY_VARIABLE, load_signer
 from pa_console.station import rules_in_force
 from pa_console.station.assembly import load_site, open_station

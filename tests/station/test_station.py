@@ -8,7 +8,7 @@ import pytest
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import Decision
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from pa_console.station.assembly import open_station
 from pa_console.station.clock import RealTimeClock, SteppedClock
 from tests.rig import MISSION, Rig

@@ -17,7 +17,7 @@ from pa_console.schema.events.event import (
     TakChanged,
     TelemetryReceived,
 )
-from pa_console.session.replay.player import Player
+from pa_console.session.recording import Player
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.tak.contact_book import HOLDS_MOST, REPORTED_EVERY
 from pa_console.tak.cot_event import (

@@ -2,8 +2,8 @@
 
 import math
 
-from pa_console.schema.alarm import Alarm
 from pa_console.schema.events import event as ev
+from pa_console.schema.mission import Alarm
 from pa_console.schema.telemetry import CameraReport, Picture
 from pa_console.schema.world import AssetKind, AssetSpec, Camera, Frame, Lane, World
 from tests.tui import living

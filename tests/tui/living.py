@@ -1,10 +1,16 @@
 """A living checkpoint told in events: alarms, a queue, a workflow, a halted plan, old reports."""
 
-from pa_console.schema.alarm import Alarm, QueueEntry
 from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Verdict
-from pa_console.schema.mission import ActionOutcome, Decision, Mission, Verification
+from pa_console.schema.mission import (
+    ActionOutcome,
+    Alarm,
+    Decision,
+    Mission,
+    QueueEntry,
+    Verification,
+)
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import CameraReport, GateCover, Picture, Selection
 from tests.tui import story

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from textual.pilot import Pilot
 
 from pa_console.schema.document import DocumentError
-from pa_console.session.replay.player import Player
+from pa_console.session.recording import Player
 from pa_console.settings.sources import load_settings
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.composing.card import Card

@@ -8,7 +8,7 @@ import pytest
 from textual.pilot import Pilot
 
 from pa_console.schema.events import event as ev
-from pa_console.session.replay.player import Player
+from pa_console.session.recording import Player
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.widgets.approval.panel import ARM_DELAY_S

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from pa_console.session.replay.player import Player
+from pa_console.session.recording import Player
 from pa_console.tui.openings import comparison
 from pa_console.tui.screens.compare import CompareScreen, Side
 from tests.tui import story

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.schema.events import event as ev
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from pa_console.tui.trace.rows import layout, plain
 from pa_console.tui.trace.sections import content, headline, progress, sections
 from pa_console.tui.widgets.alarms import summary

@@ -10,7 +10,7 @@ from textual.widgets import Button
 from pa_console.schema.events import event as ev
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Motion
-from pa_console.session.replay.player import Player
+from pa_console.session.recording import Player
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.map.plan_layer import PlanLayer
 from pa_console.tui.map.scene import MapScene

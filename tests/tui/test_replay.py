@@ -12,8 +12,8 @@ from textual.widgets import Input, ProgressBar, Static
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import Decision
-from pa_console.session.replay.log_index import LogIndex, Progress, build_index
-from pa_console.session.replay.player import Player
+from pa_console.session.log_index import LogIndex, Progress, build_index
+from pa_console.session.recording import Player
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.replay.position import read_position
 from pa_console.tui.replay.recordings import KnownWorld, open_compared
@@ -304,7 +304,7 @@ async def test_a_large_log_is_read_beside_the_screen_with_a_bar(
         assert free.wait(100), "the screen waits for the log"
         return build_index(path, file, size, progress)
 
-    monkeypatch.setattr("pa_console.session.replay.recording.build_index", build)
+    monkeypatch.setattr("pa_console.session.recording.build_index", build)
     monkeypatch.setattr(opening_log, "LARGE", 1)
     app = console(None, tmp_path, player=player())
     async with app.run_test(size=SIZE) as pilot:

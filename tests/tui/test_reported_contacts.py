@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from rich.cells import cell_len
 
 from pa_console.schema.events import event as ev
-from pa_console.session.replay.player import Player
+from pa_console.session.recording import Player
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.map.canvas import FREE
 from pa_console.tui.map.contacts import short_name

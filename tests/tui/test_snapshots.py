@@ -11,7 +11,7 @@ from pa_console.language.questions import Question
 from pa_console.schema.events.event import AnswerLine, EventPayload
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import RehearsedReading
-from pa_console.session.replay.player import Player
+from pa_console.session.recording import Player
 from pa_console.station.alternatives import Alternative
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.screens.compare import CompareScreen, Side

@@ -5,7 +5,7 @@ from pathlib import Path
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.plan import Action
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from pa_console.tui.plan_preview.approval_rows import approval_rows
 from pa_console.tui.screens.questions import Confirm
 from pa_console.tui.widgets.alarms import AlarmBar

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Usage
 from pa_console.schema.mission import Decision, Mission
-from pa_console.session.replay.recording import Recording
+from pa_console.session.recording import Recording
 from pa_console.views.comparison import ENDED, TICK, SessionComparison, compare_sessions
 from pa_console.views.event_words import event_in_words, search
 from tests.schema.strategies import events

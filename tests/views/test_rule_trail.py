@@ -7,8 +7,8 @@ from pa_console.schema.finding import Finding, RuleOpinion, Verdict
 from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.rule import RuleExample, RuleHit
-from pa_console.session.state.fold import SessionState
-from pa_console.session.state.mission_trace import Attempt
+from pa_console.session.mission_trace import Attempt
+from pa_console.session.state import SessionState
 from pa_console.views.rule_trail import RuleDeed, evidence_of, trail_of, uses_of
 from tests.session.story import PLAN, START, at, session_started
 from tests.tui import story

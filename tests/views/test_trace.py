@@ -15,8 +15,8 @@ from pa_console.schema.command import CommandReply
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action
-from pa_console.session.state.fold import SessionState
-from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.session.mission_trace import MissionTrace
+from pa_console.session.state import SessionState
 from pa_console.tui.plain_output import PlainConsole
 from pa_console.tui.trace.rows import plain
 from pa_console.tui.trace.sections import sections

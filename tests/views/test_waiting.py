@@ -6,7 +6,7 @@ from pathlib import Path
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Usage
 from pa_console.schema.mission import Metrics, Mission
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from pa_console.views.waiting import Waiting, load_usual, save_usual
 
 START = datetime(2026, 3, 1, tzinfo=UTC)

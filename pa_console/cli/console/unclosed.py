@@ -8,9 +8,8 @@ from rich.text import Text
 
 from pa_console.cli.output import errors
 from pa_console.schema.document import DocumentError
-from pa_console.schema.scenario import Scenario
-from pa_console.schema.text.quantities import clock_text
-from pa_console.schema.text.visible_text import visible
+from pa_console.schema.incident import Scenario
+from pa_console.schema.text import clock_text, visible
 from pa_console.session.log.chain import LogError
 from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.station.assembly import Site

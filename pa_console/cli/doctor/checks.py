@@ -25,7 +25,7 @@ from pa_console.llm.worker.confinement import Restriction, try_out
 from pa_console.llm.worker.threads import idle_seconds, physical_cores
 from pa_console.private_files import exposed, nearest_existing, unwritable
 from pa_console.schema.document import DocumentError
-from pa_console.schema.text.quantities import count
+from pa_console.schema.text import count
 from pa_console.session.log.chain import LogError
 from pa_console.session.log.session_index import check_index
 from pa_console.session.log.writer import default_folder

@@ -25,7 +25,7 @@ from pa_console.cli.doctor.checks import (
 from pa_console.cli.doctor.model_servers import check_servers, named_models
 from pa_console.cli.doctor.speed import LIMIT_S, check_speed
 from pa_console.cli.output import FAILED, JsonOption, errors, out, print_json
-from pa_console.schema.text.quantities import count
+from pa_console.schema.text import count
 from pa_console.session.log.writer import default_folder
 
 STYLES = {"ok": "green", "warning": "yellow", "missing": "bold red"}

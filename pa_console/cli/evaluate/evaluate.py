@@ -62,7 +62,7 @@ from pa_console.llm.engine import Engine
 from pa_console.llm.models.catalogue import LocalModel, find_model
 from pa_console.llm.worker.threads import physical_cores
 from pa_console.policy.trust.pinned_rules import RulesPins
-from pa_console.schema.text.quantities import count
+from pa_console.schema.text import count
 from pa_console.station.assembly import load_site
 
 

@@ -18,8 +18,7 @@ from pa_console.cli.output import errors, print_document
 from pa_console.export.markdown import mission_document
 from pa_console.export.mcap_file import write_mcap
 from pa_console.export.source_log import choose_mission, rules_of, whole_file, world_of
-from pa_console.schema.text.quantities import count
-from pa_console.schema.text.visible_text import visible
+from pa_console.schema.text import count, visible
 
 app = typer.Typer(
     help="Write a recorded session as Markdown, MCAP, SVG or asciinema cast.",

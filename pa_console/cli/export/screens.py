@@ -24,7 +24,7 @@ from pa_console.export.source_log import (
     whole_folder,
 )
 from pa_console.schema.events.event import MissionReceived
-from pa_console.schema.text.quantities import count
+from pa_console.schema.text import count
 
 DEFAULT_KINDS = ("approval_requested", "decision_made", "plan_halted", "mission_finished")
 LEAST, MOST = (40, 10), (400, 200)
@@ -66,7 +66,7 @@ def svg(
     """Write numbered SVG pictures of the replayed console: 0001-approval_requested.svg, ..."""
     from pa_console.export.replayed_screen import ReplayedScreen, picture_replay  # noqa: PLC0415 - the screens load slowly
     from pa_console.export.screen_files import KINDS, shots_at, shots_every, take  # noqa: PLC0415
-    from pa_console.session.replay.player import Player  # noqa: PLC0415
+    from pa_console.session.recording import Player  # noqa: PLC0415
 
     known = [kind for kind in KINDS if kind != "telemetry"]
     for kind in at or ():
@@ -117,7 +117,7 @@ def cast(
     """
     from pa_console.export.replayed_screen import ReplayedScreen, picture_replay  # noqa: PLC0415
     from pa_console.export.screen_files import CastWriter, positions  # noqa: PLC0415 - loads the screens
-    from pa_console.session.replay.player import Player  # noqa: PLC0415
+    from pa_console.session.recording import Player  # noqa: PLC0415
 
     screen = size_of(size)
     session = opened(log)

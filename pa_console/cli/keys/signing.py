@@ -14,7 +14,7 @@ from pa_console.cli.output import errors, print_json
 from pa_console.fleets.authorization import Approval, RefusedError, UnsignedApproval
 from pa_console.fleets.key_folder import KeyFolder
 from pa_console.schema.document import DocumentError, read_bytes
-from pa_console.schema.text.visible_text import visible_line
+from pa_console.schema.text import visible_line
 
 MOST_BYTES = 131_072
 

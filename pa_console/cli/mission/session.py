@@ -42,8 +42,8 @@ from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision
 from pa_console.session.log.chain import LogError
 from pa_console.session.log.writer import LogWriter
-from pa_console.session.state.fold import SessionState
-from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.session.mission_trace import MissionTrace
+from pa_console.session.state import SessionState
 from pa_console.settings.sources import Loaded
 from pa_console.signing import load_signer
 from pa_console.sim.worlds.scenario_file import open_scenario

@@ -18,7 +18,7 @@ from pa_console.language.questions import Question
 from pa_console.mission.approval import people_words
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision
-from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.session.mission_trace import MissionTrace
 from pa_console.views.status_words import status_of
 
 QuestionIn = Callable[[str], Question | None]

@@ -7,9 +7,9 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from pa_console.schema.events.questions import QuestionAnswered
-from pa_console.schema.text.visible_text import visible
-from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.schema.events.intake import QuestionAnswered
+from pa_console.schema.text import visible
+from pa_console.session.mission_trace import MissionTrace
 from pa_console.views.status_words import Tone
 from pa_console.views.trace.layout import answered, headline, lay_out, lay_out_proposal, progress
 from pa_console.views.trace.parts import (

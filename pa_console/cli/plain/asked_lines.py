@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from pa_console.language.questions import Question
-from pa_console.schema.events.questions import QuestionAnswered
+from pa_console.schema.events.intake import QuestionAnswered
 
 
 class Answering(Protocol):

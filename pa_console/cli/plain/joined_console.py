@@ -11,7 +11,7 @@ from pa_console.cli.plain.asked_lines import AskedLines
 from pa_console.cli.plain.told_session import ToldSession
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
-from pa_console.session.state.fold import MissionTrace, SessionState
+from pa_console.session.state import MissionTrace, SessionState
 from pa_console.station.joined_station import JoinedStation
 
 HELP = """\

@@ -12,7 +12,7 @@ from pa_console.cli.plain.told_session import ToldSession
 from pa_console.observability.observers import Observer, unobserved
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
-from pa_console.session.state.fold import MissionTrace, SessionState
+from pa_console.session.state import MissionTrace, SessionState
 from pa_console.station.station import Station
 from pa_console.views.waiting import Waiting
 

@@ -1,7 +1,7 @@
 """The state of a session in lines: no columns to be searched, one fact a line."""
 
-from pa_console.schema.text.quantities import clock_text, count
-from pa_console.session.state.fold import SessionState
+from pa_console.schema.text import clock_text, count
+from pa_console.session.state import SessionState
 from pa_console.views.event_words import standing_in_words
 from pa_console.views.trace.layout import progress
 

@@ -12,7 +12,7 @@ from pa_console.cli.plain.status import (
 )
 from pa_console.language.plain_words import plain_reading
 from pa_console.schema.events import event as ev
-from pa_console.session.state.fold import MissionTrace, Notice, SessionState
+from pa_console.session.state import MissionTrace, Notice, SessionState
 from pa_console.session.wording import order_in_words
 from pa_console.views.status_words import status_of
 

@@ -11,7 +11,7 @@ from pa_console.end_signals import end_signals, exit_code_of
 from pa_console.resources import find_data
 from pa_console.schema.events.event import SessionStarted
 from pa_console.session.log.chain import LogError
-from pa_console.session.replay.recording import Recording
+from pa_console.session.recording import Recording
 from pa_console.settings.sources import Loaded
 from pa_console.station.assembly import SessionSites, Site, load_site
 
@@ -30,7 +30,7 @@ def run_console(
 ) -> None:
     """Run the console over the recording, until it is left; `opening` shows other screens first."""
     from pa_console.policy.retrieval.retriever import Retriever  # noqa: PLC0415 - only when it is shown
-    from pa_console.session.replay.player import Player  # noqa: PLC0415
+    from pa_console.session.recording import Player  # noqa: PLC0415
     from pa_console.tui.app import ConsoleApp  # noqa: PLC0415
 
     require_keys("use --verify or --compare in scripts")

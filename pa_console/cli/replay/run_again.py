@@ -14,11 +14,11 @@ from pa_console.evaluation.runs.twin import Resimulation, resimulate
 from pa_console.rule_analysis.changed_decisions import SessionEffect, decided_again
 from pa_console.schema.document import DocumentError
 from pa_console.schema.events.event import Event, SessionStarted
-from pa_console.schema.scenario import Scenario
-from pa_console.schema.text.quantities import count
+from pa_console.schema.incident import Scenario
+from pa_console.schema.text import count
 from pa_console.schema.world import World
 from pa_console.session.log.chain import LogError, line_of
-from pa_console.session.replay.recording import Recording
+from pa_console.session.recording import Recording
 from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.sim.worlds.world_file import open_world
 from pa_console.station.assembly import SessionSites

@@ -10,12 +10,11 @@ from pa_console.cli.output import BAD_INPUT, FAILED, errors, out, print_json
 from pa_console.cli.progress_bars import read_recording
 from pa_console.cli.replay.play import run_console, site_of
 from pa_console.cli.replay.run_again import Again, Place, print_again, run_again
-from pa_console.schema.text.quantities import count
+from pa_console.schema.text import count
 from pa_console.session.log.session_index import check_index, index_path
-from pa_console.session.log.signed_head import head_path
+from pa_console.session.log.signed_head import WitnessResult, check_witness, head_path
 from pa_console.session.log.verification import VerifyResult, verify
-from pa_console.session.log.witness import WitnessResult, check_witness
-from pa_console.session.replay.recording import Recording
+from pa_console.session.recording import Recording
 from pa_console.settings.sources import Loaded
 from pa_console.signing import is_fingerprint, known_keys
 from pa_console.views.comparison import EventDifference, SessionComparison, compare_sessions

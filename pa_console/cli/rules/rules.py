@@ -15,7 +15,7 @@ from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.policy.trust.core_rules import differing_core
 from pa_console.resources import existing_data
 from pa_console.schema.rule import Rule, approvals_in_words
-from pa_console.schema.text.quantities import count
+from pa_console.schema.text import count
 
 BROKEN = 2
 

@@ -14,7 +14,7 @@ from pa_console.cli.serve.token_verbs import this_user, token_book
 from pa_console.cli.session_log import open_log, tell_of_witness
 from pa_console.end_signals import end_signals, exit_code_of
 from pa_console.http.connections import Listening, listen
-from pa_console.http.http_server import serving
+from pa_console.http.http_app import serving
 from pa_console.http.served_session import ServedSession
 from pa_console.http.tokens import TokenBook
 from pa_console.llm.engine import Engine
@@ -22,7 +22,7 @@ from pa_console.llm.models.catalogue import find_model
 from pa_console.observability.observers import Observer
 from pa_console.session.log.chain import LogError
 from pa_console.session.log.writer import LogWriter
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from pa_console.settings.sources import Loaded
 from pa_console.signing import load_signer
 

@@ -26,8 +26,7 @@ from pa_console.cli.serve.token_verbs import this_user, token_book
 from pa_console.end_signals import end_signals, exit_code_of
 from pa_console.fleets.authorization import RefusedError
 from pa_console.http.connections import ADDRESS, BACKLOG, Listening, listen
-from pa_console.http.guard import BODY_S, MOST_BYTES, NAMES
-from pa_console.http.rates import Rate
+from pa_console.http.guard import BODY_S, MOST_BYTES, NAMES, Rate
 from pa_console.http.tokens import Bearer, TokenBook
 
 COOKIE = "pa-console-{port}"

@@ -30,8 +30,7 @@ from pa_console.fleets.station_authority import Vehicles
 from pa_console.fleets.vda5050.vehicle import anybody
 from pa_console.schema.base import Name
 from pa_console.schema.document import read_bytes
-from pa_console.schema.text.quantities import count
-from pa_console.schema.text.visible_text import visible
+from pa_console.schema.text import count, visible
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.scenario_file import open_scenario

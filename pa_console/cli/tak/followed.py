@@ -16,7 +16,7 @@ from pa_console.schema.events.event import Event
 from pa_console.schema.world import World
 from pa_console.session.log.writer import default_folder
 from pa_console.session.past_sessions import find_session
-from pa_console.session.replay.recording import Recording
+from pa_console.session.recording import Recording
 from pa_console.settings.sources import Loaded
 from pa_console.sim.worlds.world_file import open_world
 from pa_console.station.shared_log import LOOK_S, SharedLog

@@ -35,7 +35,7 @@ from pa_console.evaluation.reporting.tables_outcomes import (
     success_rate,
     variants_of,
 )
-from pa_console.schema.text.visible_text import visible
+from pa_console.schema.text import visible
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

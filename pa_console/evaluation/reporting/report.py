@@ -43,7 +43,7 @@ from pa_console.evaluation.reporting.tables_outcomes import (
 )
 from pa_console.evaluation.runs.jobs import ABOUT
 from pa_console.evaluation.runs.run_record import RunRecord
-from pa_console.schema.text.visible_text import visible
+from pa_console.schema.text import visible
 
 DEFINITIONS = {
     "run": "One mission, by one model under one variant of the pipeline, in a fresh simulation "

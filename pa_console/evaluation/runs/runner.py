@@ -20,8 +20,8 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Usage
 from pa_console.schema.mission import Decision, Metrics
 from pa_console.session.log.writer import LogWriter
-from pa_console.session.state.fold import SessionState
-from pa_console.session.state.mission_trace import Attempt, MissionTrace
+from pa_console.session.mission_trace import Attempt, MissionTrace
+from pa_console.session.state import SessionState
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.station.assembly import open_station
 from pa_console.station.clock import SteppedClock

@@ -10,9 +10,9 @@ from pydantic import BaseModel
 from pa_console.mission.rehearse import rehearse
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
+from pa_console.schema.incident import Scenario
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import Rehearsal
-from pa_console.schema.scenario import Scenario
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint

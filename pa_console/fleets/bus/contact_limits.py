@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from pa_console.schema.base import Point
-from pa_console.schema.text.quantities import count
+from pa_console.schema.text import count
 from pa_console.schema.world import World
 from pa_console.sim.integrity import NOISE_M, SPEED_MARGIN
 from pa_console.sim.scene import Heard

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from pa_console.llm.backend import Chance, ServerError
 from pa_console.llm.servers.address import ServerAddress, ServerKey
-from pa_console.schema.text.visible_text import visible_line
+from pa_console.schema.text import visible_line
 
 if TYPE_CHECKING:
     from httpx2 import Request as HttpRequest

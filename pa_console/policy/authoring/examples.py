@@ -45,9 +45,8 @@ from pa_console.policy.ordering.monitor import Monitor
 from pa_console.policy.rulebook import CompiledRule, Rulebook, compile_rule
 from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission
-from pa_console.schema.moment import Moment
 from pa_console.schema.plan import Action, Plan
-from pa_console.schema.rehearsal import Rehearsal
+from pa_console.schema.rehearsal import Moment, Rehearsal
 from pa_console.schema.rule import Rule, RuleExample
 
 CHANGES = ("at", "tracks", "covered", "up", "orders")

@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from pa_console.schema.command import ATTENDING, COMMANDS
-from pa_console.schema.moment import Moment, OrderMoment, TrackMoment
+from pa_console.schema.rehearsal import Moment, OrderMoment, TrackMoment
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
 from pa_console.schema.world import World
 

@@ -18,7 +18,7 @@ from pa_console.policy.ordering.ordering import (
 )
 from pa_console.policy.rulebook import CompiledOrdering, CompiledRule, Rulebook
 from pa_console.schema.finding import Finding
-from pa_console.schema.moment import Moment
+from pa_console.schema.rehearsal import Moment
 from pa_console.schema.rule import PRIORITIES, Rule
 from pa_console.schema.world import World
 

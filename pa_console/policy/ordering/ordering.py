@@ -2,7 +2,7 @@
 
 An ordering's `event` and `other` may use these variables:
 
-it     with `each: track`, the track as schema/moment.py TrackMoment; with `each: gate`,
+it     with `each: track`, the track as schema/rehearsal.py TrackMoment; with `each: gate`,
        {covered, lost}: whether it is known to be covered, and whether it is not but has been.
 id     the name of the track or gate.
 now    the moment: {time_s, tracks, covered, up, orders}; an order's `target` is '' for none.
@@ -15,7 +15,7 @@ from typing import Any, Literal, NamedTuple
 from pa_console.policy.checks.check_context import WORLD_SHAPE, world_variables
 from pa_console.policy.expressions.expression import Expression, make_context
 from pa_console.policy.expressions.fields import Fields, Shapes, flat, names_of
-from pa_console.schema.moment import Moment, TrackMoment
+from pa_console.schema.rehearsal import Moment, TrackMoment
 from pa_console.schema.rule import Ordering
 from pa_console.schema.world import World
 

@@ -2,7 +2,7 @@
 
 A workflow's expressions may use these variables:
 
-it        the track as schema/moment.py TrackMoment.
+it        the track as schema/rehearsal.py TrackMoment.
 id        its id.
 now       the moment: {time_s, tracks, covered, up, orders}; an order's `target` is '' for none.
 steady_s  seconds since what the track is, or has done, last changed: identity, intent, status,
@@ -15,7 +15,7 @@ from typing import Any, Literal, NamedTuple, Self
 from pa_console.policy.expressions.expression import Expression, make_context
 from pa_console.policy.ordering.ordering import moment_values
 from pa_console.policy.rulebook import CompiledWorkflow, Rulebook
-from pa_console.schema.moment import Moment, TrackMoment
+from pa_console.schema.rehearsal import Moment, TrackMoment
 from pa_console.schema.rule import Phase, Workflow
 
 Facts = tuple[str, str, str, bool, bool, bool]

@@ -4,9 +4,8 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from pa_console.schema.base import Name
+from pa_console.schema.base import Name, Payload
 from pa_console.schema.command import CommandReply, DeviceCommand
-from pa_console.schema.events.base import Payload
 from pa_console.schema.finding import Usage, Verdict
 from pa_console.schema.mission import Metrics, MissionStatus, Verification
 

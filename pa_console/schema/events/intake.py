@@ -1,13 +1,11 @@
-"""Events of step 1: alarms, the queue, where a mission stands in a workflow."""
+"""Events of step 1, of standing orders, and of questions about the record."""
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from pa_console.schema.alarm import Alarm, QueueEntry
-from pa_console.schema.base import StrictModel
-from pa_console.schema.events.base import Payload
-from pa_console.schema.mission import Mission
+from pa_console.schema.base import Name, Payload, StrictModel
+from pa_console.schema.mission import Alarm, Mission, QueueEntry, StandingOrder, StandingStart
 
 
 class AlarmRaised(Payload):
@@ -106,3 +104,81 @@ class OrderRead(Payload):
     text: str = Field(description="the order with names for what it points at; this is planned")
     typed: str = Field(description="what was typed, answers to questions included")
     references: tuple[Reference, ...] = ()
+
+
+QuestionTopic = Literal[
+    "plan",  # why this plan, or why none
+    "asset",  # why this asset
+    "other_asset",  # why not that one
+    "gate",  # why a gate has no guard
+    "alternatives",  # what else would serve the order
+]
+"""The subject of a question."""
+
+
+class AnswerLine(StrictModel):
+    """One statement of an answer: what it is `about`, in a word or two, and what is `said`."""
+
+    about: str
+    said: str
+
+
+class QuestionAnswered(Payload):
+    """A question about the record, with its answer; no model was asked.
+
+    The event's mission is the subject of the question. No decision follows, and no asset moves by
+    it.
+    """
+
+    kind: Literal["question_answered"] = "question_answered"
+    question: str = Field(description="the words of the operator")
+    topic: QuestionTopic = "plan"
+    subjects: tuple[Name, ...] = Field(default=(), description="the assets or the gate asked about")
+    lines: tuple[AnswerLine, ...] = ()
+
+
+class StandingOrderRead(Payload):
+    """Step 1: how an order is read that is to hold from now on; nobody has approved it yet."""
+
+    kind: Literal["standing_order_read"] = "standing_order_read"
+    order: StandingOrder
+    now: tuple[StandingStart, ...] = Field(default=(), description="what it would start at once")
+    allowed: tuple[str, ...] = Field(
+        default=(), description="the commands that may be given unasked by it, as the rules say"
+    )
+
+
+class StandingOrderApproved(Payload):
+    """An operator has approved the standing order; it is in force until it is revoked."""
+
+    binding: ClassVar[bool] = True
+    kind: Literal["standing_order_approved"] = "standing_order_approved"
+    order: StandingOrder
+    by: str
+
+
+class StandingOrderStarted(Payload):
+    """The condition became true of `subject`, and a mission was queued for it."""
+
+    kind: Literal["standing_order_started"] = "standing_order_started"
+    order_id: str
+    subject: Name
+
+
+class StandingOrderWithheld(Payload):
+    """The condition became true of `subject`, and nothing was started; `reason` says why."""
+
+    kind: Literal["standing_order_withheld"] = "standing_order_withheld"
+    order_id: str
+    subject: str = ""
+    reason: str
+
+
+class StandingOrderRevoked(Payload):
+    """The standing order is in force no more."""
+
+    binding: ClassVar[bool] = True
+    kind: Literal["standing_order_revoked"] = "standing_order_revoked"
+    order_id: str
+    by: str
+    reason: str = ""

@@ -4,14 +4,12 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from pa_console.schema.base import Share
-from pa_console.schema.events.base import Payload, Role
+from pa_console.schema.base import Payload, Role, Share
 from pa_console.schema.finding import Finding, Usage, Verdict
-from pa_console.schema.mission import ApprovalState, Decision
+from pa_console.schema.mission import ApprovalState, Decision, StandingOrder
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.rule import RuleHit
-from pa_console.schema.standing import StandingOrder
 from pa_console.schema.telemetry import Digest
 
 MOST_READINGS = 3

@@ -2,18 +2,29 @@
 
 The head is replaced after the records that it covers are on the disk. A crash in between leaves
 the head before it, which is still true.
+
+The owner of the signing key can rewrite a log and sign it, but not the heads that a witness on
+another disk or machine already has. Heads are appended to a file, or each is posted to a web
+address whose server appends it to a file: one line of JSON as in `LOG.head`.
 """
 
-from collections.abc import Callable
+import os
+import threading
+import time
+import urllib.request
+from collections.abc import Callable, Collection
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import dataclass
+from http.client import HTTPException
 from pathlib import Path
 from typing import ClassVar
+from urllib.error import HTTPError
 
-from pa_console.private_files import replace_private, sync_folder
+from pa_console.private_files import make_private_folder, open_private, replace_private, sync_folder
 from pa_console.schema.base import Hex32
-from pa_console.session.log.chain import LogError, encodable, os_error
-from pa_console.signing import SignedLine, Signer
+from pa_console.session.log.chain import LogError, encodable, os_error, parse, read_lines
+from pa_console.signing import SignedLine, Signer, fingerprint
 
 
 class SignedHead(SignedLine):
@@ -145,3 +156,202 @@ class HeadKeeper:
         self._sync()
         self._seen(head, False)
         write_head(self._log, head, lasting=False)
+
+
+EVERY_S = 10.0
+"""Seconds between heads that no decision calls for."""
+TIMEOUT_S = 5.0
+RETRY_S = 10.0
+URLS = ("http://", "https://")
+
+Send = Callable[[bytes], None]
+
+
+class Witness:
+    """A thread that sends heads; only `close` waits for it, for TIMEOUT_S at most.
+
+    Of several waiting heads only the last is sent, which covers the records of the others.
+    `problem` is the error of the last attempt, empty if it succeeded.
+    """
+
+    def __init__(
+        self,
+        target: str,
+        *,
+        send: Send | None = None,
+        retry_s: float = RETRY_S,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """`target` is the path of a file, or an address with http:// or https://."""
+        self.target, self.problem = target, ""
+        self._send = send or (_to_url(target) if target.startswith(URLS) else _to_file(target))
+        self._clock, self._retry_s = clock, retry_s
+        self._changed = threading.Condition()
+        self._next: SignedHead | None = None
+        self._closing = False
+        self._seen_at = -EVERY_S
+        self._reported = ""
+        self._thread = threading.Thread(target=self._serve, name="witness", daemon=True)
+        self._thread.start()
+
+    def see(self, head: SignedHead, *, urgent: bool) -> None:
+        """Send `head` soon; skip one that is not `urgent` within EVERY_S of the last."""
+        now = self._clock()
+        if not urgent and now - self._seen_at < EVERY_S:
+            return
+        with self._changed:
+            self._seen_at, self._next = now, head
+            self._changed.notify()
+
+    def news(self) -> str | None:
+        """Return `problem` if it has changed since the last call, else None."""
+        before, self._reported = self._reported, self.problem
+        return None if before == self._reported else self._reported
+
+    def close(self) -> None:
+        """Send the waiting head with one attempt; then `problem` is final."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify()
+        self._thread.join(TIMEOUT_S)
+        if self._thread.is_alive():
+            self.problem = self.problem or f"no answer within {TIMEOUT_S:.0f} s"
+
+    def _serve(self) -> None:
+        while True:
+            with self._changed:
+                while self._next is None and not self._closing:
+                    self._changed.wait()
+                head, last = self._next, self._closing
+            if head is None:
+                return
+            try:
+                self._send(head.line)
+            except (OSError, HTTPException, ValueError) as error:
+                self.problem = _words(error)
+            else:
+                self.problem = ""
+            with self._changed:
+                # A newer head may have come while this one was sent.
+                if not self.problem and self._next is head:
+                    self._next = None
+                if last:
+                    return
+                if self.problem and not self._closing:
+                    self._changed.wait(self._retry_s)
+
+
+def _to_file(target: str) -> Send:
+    path = Path(target).expanduser().absolute()
+
+    def send(line: bytes) -> None:
+        make_private_folder(path.parent)
+        file = open_private(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+        with os.fdopen(file, "ab") as stream:
+            stream.write(line)
+            stream.flush()
+            os.fsync(file)
+
+    return send
+
+
+class _NoRedirect(urllib.request.HTTPRedirectHandler):
+    """A handler that takes a redirection for an error: its GET would store no head."""
+
+    def redirect_request(  # pyright: ignore[reportIncompatibleMethodOverride] - arguments unused
+        self, *_: object
+    ) -> None:
+        """Refuse to follow the redirection."""
+
+
+def _to_url(target: str) -> Send:
+    opener = urllib.request.build_opener(_NoRedirect)
+
+    def send(line: bytes) -> None:
+        kind = {"Content-Type": "application/json"}
+        request = urllib.request.Request(target, line, kind, method="POST")
+        with opener.open(request, timeout=TIMEOUT_S) as answer:
+            answer.read(0)
+
+    return send
+
+
+def _words(error: Exception) -> str:
+    if isinstance(error, HTTPError):
+        return f"answered {error.code} {error.reason}"
+    reason = getattr(error, "reason", None) or getattr(error, "strerror", None) or error
+    return str(reason) or type(error).__name__
+
+
+@dataclass(frozen=True)
+class WitnessResult:
+    """The comparison of a log with the `heads` that its witness has of its session.
+
+    The heads up to the first problem cover `records` records. `line` is the witness's line of the
+    first head that does not match the log.
+    """
+
+    heads: int
+    records: int = 0
+    line: int | None = None
+    problem: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """True if the witness knows the session, and all its heads match the log."""
+        return not self.problem
+
+
+def check_witness(log: Path, session: str, witness: Path, known: Collection[str]) -> WitnessResult:
+    """Compare `log`, of `session`, with the file `witness`.
+
+    Heads signed by keys whose fingerprints are not `known` do not count: any key can sign them.
+    Raises LogError if a file cannot be read.
+    """
+    heads = _heads(witness, session, known)
+    if not heads:
+        problem = f"the witness has no head of session “{session}” that a known key has signed"
+        return WitnessResult(0, problem=problem)
+    hashes = _hashes(log, {head.seq for _, head in heads})
+    good = 0
+    for line, head in heads:
+        if head.seq and hashes.get(head.seq) != head.hash:
+            what = "that record is gone" if head.seq not in hashes else "that record is another one"
+            return WitnessResult(
+                len(heads),
+                good,
+                line,
+                f"the log no longer has the head that the witness saw after record {head.seq}: "
+                f"{what}; records {good + 1} to {head.seq} were cut or written anew since",
+            )
+        good = max(good, head.seq)
+    return WitnessResult(len(heads), good)
+
+
+def _heads(witness: Path, session: str, known: Collection[str]) -> list[tuple[int, SignedHead]]:
+    """Return the valid heads of `session`, each with its line number."""
+    found: list[tuple[int, SignedHead]] = []
+    try:
+        with witness.open("rb") as file:
+            for number, line in enumerate(file, start=1):
+                try:
+                    head = SignedHead.parse(line)
+                except ValueError:
+                    continue
+                if head.session == session and fingerprint(head.key) in known:
+                    found.append((number, head))
+    except OSError as error:
+        raise os_error(witness, "read the witness", error) from error
+    return found
+
+
+def _hashes(log: Path, wanted: Collection[int]) -> dict[int, str]:
+    """Return the hashes of the records on the `wanted` lines, up to the first bad line."""
+    hashes: dict[int, str] = {}
+    try:
+        for number, line in read_lines(log):
+            if number in wanted:
+                hashes[number] = parse(line).hash
+    except (ValueError, LogError):
+        pass
+    return hashes

@@ -27,13 +27,13 @@ from pa_console.session.log.session_index import INDEX_NAME, SessionIndex, index
 from pa_console.session.log.signed_head import (
     HeadKeeper,
     SignedHead,
+    Witness,
     head_path,
     require_head,
     sign_head,
     write_head,
 )
 from pa_console.session.log.verification import VerifyResult, verify
-from pa_console.session.log.witness import Witness
 from pa_console.signing import KNOWN_FILE, Signer, key_path
 
 __all__ = [

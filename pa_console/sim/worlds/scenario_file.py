@@ -7,14 +7,17 @@ from pathlib import Path
 
 from pa_console.schema.document import Document, DocumentError, FieldPath, read_bytes
 from pa_console.schema.incident import (
+    After,
+    AssetIs,
     FalseContact,
     Incident,
     ObstructWay,
     RevealTrack,
+    Scenario,
     SpawnTrack,
+    TrackIs,
     unknown_name,
 )
-from pa_console.schema.scenario import After, AssetIs, Scenario, TrackIs
 from pa_console.schema.world import World
 
 FOLDER = "scenarios"

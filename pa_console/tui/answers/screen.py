@@ -6,7 +6,7 @@ from textual.containers import VerticalScroll
 from textual.content import Content
 from textual.screen import ModalScreen
 
-from pa_console.schema.events.questions import QuestionAnswered
+from pa_console.schema.events.intake import QuestionAnswered
 from pa_console.tui.status_words import QUIET
 from pa_console.tui.trace.rows import Row, row
 from pa_console.tui.trace.sections import drawn

@@ -11,7 +11,7 @@ from textual.content import Content
 from textual.screen import ModalScreen
 from textual.widgets import Input, Static
 
-from pa_console.schema.text.visible_text import visible_line
+from pa_console.schema.text import visible_line
 from pa_console.tui.status_words import NOTE, QUIET
 from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.row_views import VirtualRows

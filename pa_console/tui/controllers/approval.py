@@ -8,7 +8,7 @@ from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan
 from pa_console.schema.world import World
-from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.session.mission_trace import MissionTrace
 from pa_console.station.alternatives import Alternative
 from pa_console.station.answering import NO_OTHER
 from pa_console.station.why import attempt_of

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from pa_console.tui.attention_codes import KEEP_TITLE, RESTORE_TITLE, notice, window_title
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.settings import SettingsController

@@ -7,8 +7,8 @@ from textual.screen import Screen
 from textual.widgets import Input, TextArea
 
 from pa_console.schema.world import World
-from pa_console.session.replay.player import Player
-from pa_console.session.state.fold import SessionState
+from pa_console.session.recording import Player
+from pa_console.session.state import SessionState
 from pa_console.tui.actions.registry import ActionContext, ConsoleAction
 from pa_console.tui.kept_input import History
 from pa_console.tui.protocols import Clock, JoinedTo, LiveStation

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from pa_console.schema.text.visible_text import visible
-from pa_console.session.state.fold import MissionTrace
+from pa_console.schema.text import visible
+from pa_console.session.state import MissionTrace
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.rules import RulesController
 from pa_console.tui.copied_file import export_folder, plan_text, trace_text, write_copy

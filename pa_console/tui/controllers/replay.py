@@ -4,7 +4,7 @@ from functools import partial
 from pathlib import Path
 
 from pa_console.schema.document import DocumentError
-from pa_console.session.replay.log_index import Progress
+from pa_console.session.log_index import Progress
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.replay.deck import FINDINGS, MISSIONS
 from pa_console.tui.replay.position import ACCEPTED, read_position

@@ -10,7 +10,7 @@ from pa_console.evaluation.reporting.statistics import Rate
 from pa_console.evaluation.runs.run_record import Opinion, RunRecord
 from pa_console.schema.evaluation import Expectation
 from pa_console.schema.mission import Metrics
-from pa_console.schema.text.quantities import count, duration_text
+from pa_console.schema.text import count, duration_text
 from pa_console.tui.status_words import BAD, NOTE, QUIET, WARN, term
 from pa_console.tui.trace.rows import Part, Row, column, row
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from rich.cells import cell_len
 
-from pa_console.schema.events.tak import ReportedContact
+from pa_console.schema.events.session import ReportedContact
 from pa_console.tui.map.canvas import FREE, Canvas, Cell, Spot
 from pa_console.tui.map.labels import Labels
 from pa_console.tui.map.projection import Projection

@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from functools import lru_cache
 
 from pa_console.schema.base import Point
-from pa_console.schema.events.tak import ReportedContact
+from pa_console.schema.events.session import ReportedContact
 from pa_console.schema.telemetry import AssetTelemetry, Picture
 from pa_console.schema.world import World
 from pa_console.tui.map.canvas import FREE, Canvas, Cell, Spot

@@ -15,7 +15,7 @@ from pa_console.mission.approval import people_words
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import ELSEWHERE, Mission
 from pa_console.session.confidence import UNSURE
-from pa_console.session.state.mission_trace import Attempt, MissionTrace
+from pa_console.session.mission_trace import Attempt, MissionTrace
 from pa_console.tui.plan_preview.action_rows import action_rows, cover_row, unrehearsed_row
 from pa_console.tui.plan_preview.preview import PlanPreview
 from pa_console.tui.standing_orders.rows import offered_rows

@@ -8,7 +8,7 @@ from pa_console.language.reading import asked_words
 from pa_console.schema.mission import Decision
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
-from pa_console.session.state.mission_trace import Attempt, MissionTrace
+from pa_console.session.mission_trace import Attempt, MissionTrace
 from pa_console.station.alternatives import order_for
 from pa_console.tui.plan_preview.action_rows import action_rows, cover_row
 from pa_console.tui.plan_preview.preview import PlanPreview

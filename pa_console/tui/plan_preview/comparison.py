@@ -10,7 +10,7 @@ from textual.content import Content
 from textual.screen import Screen
 from textual.widgets import Static
 
-from pa_console.schema.text.quantities import count
+from pa_console.schema.text import count
 from pa_console.tui.actions.keymap import ALT_DIGITS, READING_KEYS
 from pa_console.tui.plan_preview.candidate import Candidate, candidate_rows
 from pa_console.tui.widgets.bars import KeyFooter

@@ -2,9 +2,9 @@
 
 from textual.content import Content
 
-from pa_console.schema.text.quantities import clock_text
-from pa_console.session.replay.player import RATES, Player
-from pa_console.session.replay.timeline import MARK_KINDS, MarkKind
+from pa_console.schema.text import clock_text
+from pa_console.session.recording import RATES, Player
+from pa_console.session.timeline import MARK_KINDS, MarkKind
 from pa_console.tui.protocols import Clock
 from pa_console.tui.refresh import ALL_VIEWS, views_of
 from pa_console.tui.status_words import QUIET, term

@@ -2,8 +2,8 @@
 
 from textual.content import Content
 
-from pa_console.schema.text.quantities import clock_text, count
-from pa_console.session.replay.recording import Recording
+from pa_console.schema.text import clock_text, count
+from pa_console.session.recording import Recording
 from pa_console.tui.status_words import BAD, GOOD, NOTE, QUIET, WARN
 from pa_console.tui.trace.rows import Row, row
 from pa_console.views.comparison import ENDED, EventDifference, SessionComparison

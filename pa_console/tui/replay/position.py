@@ -3,7 +3,7 @@
 import re
 from datetime import timedelta
 
-from pa_console.session.replay.player import Player
+from pa_console.session.recording import Player
 
 ACCEPTED = (
     "1:30 into the recording   s1:30 the session's own clock   @14:05:30 the time of day\n"

@@ -14,9 +14,8 @@ from pa_console.schema.events.event import SessionStarted
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
 from pa_console.session.log.chain import LogError, read_log
-from pa_console.session.replay.log_index import Progress
-from pa_console.session.replay.player import Player
-from pa_console.session.replay.recording import Recording
+from pa_console.session.log_index import Progress
+from pa_console.session.recording import Player, Recording
 from pa_console.sim.worlds.world_file import open_world
 from pa_console.station.assembly import SessionSites
 

@@ -11,7 +11,7 @@ from pa_console.policy.authoring.rule_draft import ExampleResult, RuleDraft
 from pa_console.rule_analysis.rule_trials import Trial
 from pa_console.schema.finding import Finding
 from pa_console.schema.rule import Ordering, Rule, RuleHit, RulesSeal
-from pa_console.schema.text.quantities import count
+from pa_console.schema.text import count
 from pa_console.tui.status_words import BAD, GOOD, NOTE, QUIET, WARN, term
 from pa_console.tui.trace.rows import Part, Row, column, row
 from pa_console.views.rule_trail import RuleUse

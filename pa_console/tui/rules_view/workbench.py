@@ -7,7 +7,7 @@ from pathlib import Path
 from pa_console.rule_analysis.rule_trials import SessionCases
 from pa_console.schema.rule import RulesSeal
 from pa_console.schema.world import World
-from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.kept_input import Drafts
 
 

@@ -14,8 +14,7 @@ from textual.widgets import Label, Static
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
 from pa_console.session.log.chain import LogError
-from pa_console.session.replay.player import Player
-from pa_console.session.replay.recording import Recording
+from pa_console.session.recording import Player, Recording
 from pa_console.tui.protocols import Clock
 from pa_console.tui.replay.difference_rows import around, change_rows, heading
 from pa_console.tui.replay.recordings import ComparedLog

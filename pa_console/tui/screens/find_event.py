@@ -10,9 +10,9 @@ from textual.content import Content
 from textual.screen import ModalScreen
 from textual.widgets import Input, Static
 
-from pa_console.schema.text.quantities import clock_text
+from pa_console.schema.text import clock_text
 from pa_console.session.log.chain import LogError
-from pa_console.session.replay.recording import Recording
+from pa_console.session.recording import Recording
 from pa_console.tui.status_words import NOTE, QUIET
 from pa_console.tui.trace.rows import column
 from pa_console.tui.widgets.fields import LineField

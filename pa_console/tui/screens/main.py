@@ -14,7 +14,7 @@ from textual.widgets import Button, Input, Static
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
-from pa_console.session.state.fold import MissionTrace, SessionState
+from pa_console.session.state import MissionTrace, SessionState
 from pa_console.tui.actions.keymap import READING_KEYS, KeysHost, first_own_key
 from pa_console.tui.composing.examples import example_orders
 from pa_console.tui.composing.names import OrderNames

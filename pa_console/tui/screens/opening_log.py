@@ -12,8 +12,8 @@ from textual.screen import ModalScreen
 from textual.widgets import ProgressBar, Static
 
 from pa_console.schema.document import DocumentError
-from pa_console.session.replay.log_index import Progress
-from pa_console.session.replay.recording import CACHED_FROM
+from pa_console.session.log_index import Progress
+from pa_console.session.recording import CACHED_FROM
 
 Opened = TypeVar("Opened")
 LARGE = CACHED_FROM

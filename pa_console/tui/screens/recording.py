@@ -11,9 +11,9 @@ from textual.widgets import Static
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
 from pa_console.session.log.chain import LogError
-from pa_console.session.replay.player import Player
-from pa_console.session.replay.timeline import MarkKind
-from pa_console.session.state.fold import SessionState
+from pa_console.session.recording import Player
+from pa_console.session.state import SessionState
+from pa_console.session.timeline import MarkKind
 from pa_console.tui.actions.keymap import KeysHost, refused_command
 from pa_console.tui.actions.registry import ActionContext
 from pa_console.tui.kept_input import History

@@ -15,9 +15,9 @@ from textual.screen import Screen
 from textual.widgets import Static
 
 from pa_console.schema.document import DocumentError
-from pa_console.schema.text.quantities import count
+from pa_console.schema.text import count
+from pa_console.session.log_index import Progress
 from pa_console.session.past_sessions import SessionSummary, Soundness, past_sessions, soundness
-from pa_console.session.replay.log_index import Progress
 from pa_console.tui.copied_file import export_folder, trace_text, write_copy
 from pa_console.tui.protocols import Clock
 from pa_console.tui.replay.recordings import (

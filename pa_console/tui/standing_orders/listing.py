@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator, Mapping
 
-from pa_console.schema.text.quantities import clock_text
-from pa_console.session.state.fold import StandingTrace
+from pa_console.schema.text import clock_text
+from pa_console.session.state import StandingTrace
 from pa_console.tui.standing_orders.rows import order_rows
 from pa_console.tui.status_words import BAD, GOOD, QUIET, WARN
 from pa_console.tui.trace.rows import Row, row

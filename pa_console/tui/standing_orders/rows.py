@@ -3,8 +3,8 @@
 from collections.abc import Collection, Iterator
 
 from pa_console.schema.events.event import StandingOrderRead
-from pa_console.schema.standing import StandingOrder
-from pa_console.schema.text.quantities import count
+from pa_console.schema.mission import StandingOrder
+from pa_console.schema.text import count
 from pa_console.tui.status_words import CALM, NOTE, QUIET, WARN
 from pa_console.tui.trace.rows import Row, row
 from pa_console.views.event_words import asked_in_words

@@ -10,8 +10,8 @@ from textual.content import Content
 from textual.screen import Screen
 from textual.widgets import Static
 
-from pa_console.schema.text.quantities import count
-from pa_console.session.state.fold import SessionState
+from pa_console.schema.text import count
+from pa_console.session.state import SessionState
 from pa_console.tui.refresh import is_open
 from pa_console.tui.standing_orders.listing import StandingRows
 from pa_console.tui.widgets.bars import KeyFooter

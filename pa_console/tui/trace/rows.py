@@ -6,7 +6,7 @@ from typing import cast
 
 from textual.content import Content
 
-from pa_console.schema.text.visible_text import visible
+from pa_console.schema.text import visible
 
 Part = str | tuple[str, str] | Content
 

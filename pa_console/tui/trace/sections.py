@@ -4,8 +4,8 @@ from collections.abc import Iterable
 
 from textual.content import Content
 
-from pa_console.schema.text.visible_text import visible
-from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.schema.text import visible
+from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.status_words import STYLES
 from pa_console.tui.trace.rows import Row, Section, row
 from pa_console.views.trace import layout, parts

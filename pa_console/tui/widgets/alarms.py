@@ -6,11 +6,10 @@ from textual import events
 from textual.content import Content
 from textual.widgets import Static
 
-from pa_console.schema.alarm import QueueEntry
-from pa_console.schema.text.quantities import clock_text
-from pa_console.schema.text.visible_text import visible
-from pa_console.session.state.fold import OpenAlarm, SessionState, Stop
-from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.schema.mission import QueueEntry
+from pa_console.schema.text import clock_text, visible
+from pa_console.session.mission_trace import MissionTrace
+from pa_console.session.state import OpenAlarm, SessionState, Stop
 from pa_console.tui.refresh import retitle
 from pa_console.tui.status_words import BAD, CALM, NOTE, QUIET, WARN, term
 from pa_console.tui.trace.rows import column

@@ -12,7 +12,7 @@ from textual.content import Content
 from textual.widgets import Input
 
 from pa_console.schema.telemetry import AssetTelemetry, CameraReport, Identity, Picture, Track
-from pa_console.schema.text.quantities import few
+from pa_console.schema.text import few
 from pa_console.schema.world import World
 from pa_console.tui.map.symbols import arrow
 from pa_console.tui.refresh import retitle

@@ -9,9 +9,9 @@ from textual.message import Message
 from textual.widgets import Footer, Static
 
 from pa_console.schema.rule import RulesSeal
-from pa_console.schema.text.quantities import clock_text, count, few
-from pa_console.session.replay.timeline import MarkKind, RecordingTimeline
-from pa_console.session.state.fold import SessionState, TakTrace
+from pa_console.schema.text import clock_text, count, few
+from pa_console.session.state import SessionState, TakTrace
+from pa_console.session.timeline import MarkKind, RecordingTimeline
 from pa_console.tui.actions.registry import first_key
 from pa_console.tui.report_condition import cover_state
 from pa_console.tui.status_words import QUIET, WARN, term

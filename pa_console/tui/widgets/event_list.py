@@ -10,7 +10,7 @@ from textual.scroll_view import ScrollView
 from textual.strip import Strip
 from textual.visual import Visual
 
-from pa_console.session.state.fold import NOTICES_KEPT, Notice
+from pa_console.session.state import NOTICES_KEPT, Notice
 from pa_console.tui.status_words import QUIET, term
 from pa_console.tui.trace.rows import Row, layout, row
 

@@ -12,7 +12,7 @@ from textual.message import Message
 from textual.widget import Widget
 from textual.widgets import Input, Static, TextArea
 
-from pa_console.schema.text.visible_text import visible
+from pa_console.schema.text import visible
 
 
 class CheckBox(Static, can_focus=True):

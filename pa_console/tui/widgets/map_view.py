@@ -12,7 +12,7 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from pa_console.schema.base import Point
-from pa_console.schema.events.tak import ReportedContact
+from pa_console.schema.events.session import ReportedContact
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.tui.map.canvas import Canvas, Cell, Run

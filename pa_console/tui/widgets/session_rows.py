@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from textual.binding import Binding, BindingType
 
-from pa_console.schema.text.quantities import clock_text
+from pa_console.schema.text import clock_text
 from pa_console.session.past_sessions import SessionSummary, Soundness
 from pa_console.tui.status_words import QUIET, term
 from pa_console.tui.trace.rows import Row, row

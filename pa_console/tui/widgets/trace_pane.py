@@ -7,7 +7,7 @@ from textual.content import Content
 from textual.message import Message
 from textual.widgets import Static
 
-from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.trace.rows import Section, row
 from pa_console.tui.trace.sections import headline, progress, sections
 from pa_console.tui.widgets.row_views import TextRows

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pa_console.language.plain_words import plain_reading
 from pa_console.schema.events.event import DecisionMade, PlanHalted
 from pa_console.schema.finding import Verdict
-from pa_console.schema.text.quantities import clock_text, duration_text
-from pa_console.session.state.mission_trace import CommandTrace, MissionTrace, VerifiedPlan
+from pa_console.schema.text import clock_text, duration_text
+from pa_console.session.mission_trace import CommandTrace, MissionTrace, VerifiedPlan
 from pa_console.views.status_words import Status, status_of
 from pa_console.views.trace.parts import (
     Block,

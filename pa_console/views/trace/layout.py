@@ -4,16 +4,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from pa_console.schema.events.event import StandingOrderRead, WorkflowMoved
-from pa_console.schema.events.questions import AnswerLine, QuestionAnswered
+from pa_console.schema.events.intake import AnswerLine, QuestionAnswered
 from pa_console.schema.telemetry import Digest
-from pa_console.schema.text.quantities import count
-from pa_console.session.state.mission_trace import (
-    Attempt,
-    MissionTrace,
-    Round,
-    chosen_attempt,
-    rounds,
-)
+from pa_console.schema.text import count
+from pa_console.session.mission_trace import Attempt, MissionTrace, Round, chosen_attempt, rounds
 from pa_console.views.event_words import asked_in_words, references_in_words
 from pa_console.views.rule_trail import evidence_of
 from pa_console.views.status_words import Status, status_of

@@ -8,8 +8,8 @@ from typing import cast
 from pa_console.schema.finding import Usage
 from pa_console.schema.rule import SHORT, Rule
 from pa_console.schema.telemetry import Digest, Selection
-from pa_console.schema.text.quantities import count, duration_text
-from pa_console.session.state.mission_trace import Attempt, MissionTrace
+from pa_console.schema.text import count, duration_text
+from pa_console.session.mission_trace import Attempt, MissionTrace
 from pa_console.views.event_words import safety_in_words
 from pa_console.views.status_words import Status, Tone, status_of
 from pa_console.views.trace.parts import (

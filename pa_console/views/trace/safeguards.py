@@ -13,8 +13,8 @@ from pa_console.schema.rehearsal import (
     TrackTimeline,
 )
 from pa_console.schema.rule import PRIORITIES
-from pa_console.schema.text.quantities import count, duration_text
-from pa_console.session.state.mission_trace import Attempt
+from pa_console.schema.text import count, duration_text
+from pa_console.session.mission_trace import Attempt
 from pa_console.views.rule_trail import DecisionEvidence
 from pa_console.views.status_words import Status, status_of
 from pa_console.views.trace.parts import (

@@ -13,10 +13,9 @@ from pa_console.mission.approval import standing_approver
 from pa_console.schema.base import NonNegative, StrictModel
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events.event import Event
-from pa_console.schema.incident import FailAsset, SpawnTrack
-from pa_console.schema.scenario import Scenario, ScriptedEvent
+from pa_console.schema.incident import FailAsset, Scenario, ScriptedEvent, SpawnTrack
 from pa_console.schema.world import World
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.station.assembly import Site, open_station
 from pa_console.station.clock import SteppedClock

@@ -16,8 +16,8 @@ from pa_console.schema.mission import Mission
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.session.log.chain import read_log
-from pa_console.session.state.fold import SessionState
-from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.session.mission_trace import MissionTrace
+from pa_console.session.state import SessionState
 from pa_console.sim.worlds.world_file import open_world
 
 

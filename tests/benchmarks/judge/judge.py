@@ -21,7 +21,7 @@ from pa_console.llm.models.catalogue import LocalModel, find_model
 from pa_console.llm.roles.dialect import DIALECTS
 from pa_console.llm.roles.judge import Judge
 from pa_console.schema.events.event import WorkerState
-from pa_console.schema.text.quantities import count
+from pa_console.schema.text import count
 from tests.benchmarks.figures import JsonFileOption, keep
 from tests.benchmarks.judge.cases import (
     CaseReader,

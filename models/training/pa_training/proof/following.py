@@ -23,8 +23,8 @@ from pa_console.policy.ordering.monitor import Monitor
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.mission import Mission, Verification
-from pa_console.schema.moment import OrderMoment
 from pa_console.schema.plan import Action, Plan
+from pa_console.schema.rehearsal import OrderMoment
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import KINDS
 from pa_console.sim.checkpoint import Checkpoint

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision
-from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.session.mission_trace import MissionTrace
 
 _MEANT = "meant-"
 

@@ -7,7 +7,7 @@ from textual.containers import ItemGrid, Vertical, VerticalScroll
 from textual.widgets import Button
 
 from pa_console.schema.events.event import ApprovalRequested
-from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.plan_preview.approval_rows import reading_label, reading_rows
 from pa_console.tui.widgets.approval.choices import name_of_meaning
 from pa_console.tui.widgets.fields import CheckBox, LineField

@@ -12,7 +12,7 @@ from textual.widgets import Button, Input
 
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision
-from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.actions.keymap import READING_KEYS
 from pa_console.tui.plan_preview.approval_rows import approval_rows, looked_at_rows
 from pa_console.tui.plan_preview.preview import PlanPreview

@@ -1,15 +1,43 @@
-r"""Characters that a terminal obeys instead of showing, and how text with them is shown.
+r"""Text for people: numbers in words, and characters that would hide or move other text.
 
 An escape sequence in a rule's text can fill the clipboard; a bidirectional control can turn "do not
-hold" round; a tag character says something that nobody sees. They are the control characters (C0,
-DEL, C1), everything that Unicode calls a format character (bidirectional, zero-width, tags), lone
-surrogates, and the line and paragraph separators. Wherever text leaves the program each of them is
-written as its escape: `\x1b`, `\u202e`, `\U000e0041`. The log keeps the true text.
+hold" round; a tag character is not visible. They are the control characters (C0, DEL, C1), all that
+Unicode calls a format character (bidirectional, zero-width, tags), lone surrogates, and the line
+and paragraph separators. Wherever text leaves the program each of them is written as its escape:
+`\x1b`, `\u202e`, `\U000e0041`. The log keeps the true text.
 """
 
 import json
 import re
 import unicodedata
+from collections.abc import Sequence
+
+
+def count(number: int, thing: str) -> str:
+    """Write a number of things, e.g. `1 gate` or `3 gates`."""
+    return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
+
+
+def few(names: Sequence[str], most: int = 3) -> str:
+    """Name at most `most` of `names`, and count the rest."""
+    more = len(names) - most
+    return ", ".join(names) if more <= 0 else f"{', '.join(names[:most])} and {more} more"
+
+
+def clock_text(seconds: float) -> str:
+    """Write a duration as h:mm:ss, or mm:ss below one hour."""
+    whole = int(seconds)
+    hours, rest = divmod(whole, 3600)
+    minutes, left = divmod(rest, 60)
+    return f"{hours}:{minutes:02}:{left:02}" if hours else f"{minutes:02}:{left:02}"
+
+
+def duration_text(seconds: float) -> str:
+    """Write a measured time with a unit a person can compare: ms below one second."""
+    if seconds < 0.0005:
+        return "<1 ms"
+    return f"{seconds * 1000:.0f} ms" if seconds < 1 else f"{seconds:.1f} s"
+
 
 _FORMAT = (
     "\u00ad\u0600-\u0605\u061c\u06dd\u070f\u0890-\u0891\u08e2\u180b-\u180f\u200b-\u200f\u2028-\u202e"

@@ -39,9 +39,9 @@ from pa_console.schema.base import StrictModel
 from pa_console.schema.events import event as ev
 from pa_console.schema.telemetry import Picture
 from pa_console.session.log.chain import RECORD_START, LogError, end_problem, lines_of, parse
-from pa_console.session.replay.timeline import RecordingTimeline, mark_of
-from pa_console.session.state.fold import NOTICES_KEPT, SessionState
-from pa_console.session.state.mission_trace import MissionTrace
+from pa_console.session.mission_trace import MissionTrace
+from pa_console.session.state import NOTICES_KEPT, SessionState
+from pa_console.session.timeline import RecordingTimeline, mark_of
 
 FRAME_EVENTS = 256
 FRAME_BYTES = 256 * 1024

@@ -5,11 +5,10 @@ from collections.abc import Mapping, MutableMapping
 from dataclasses import dataclass, field
 from datetime import datetime
 
-from pa_console.schema.alarm import ALARM_PRIORITIES, Alarm, QueueEntry
 from pa_console.schema.events import event as ev
-from pa_console.schema.standing import StandingOrder
+from pa_console.schema.mission import ALARM_PRIORITIES, Alarm, QueueEntry, StandingOrder
 from pa_console.schema.telemetry import Picture
-from pa_console.session.state.mission_trace import (
+from pa_console.session.mission_trace import (
     CommandTrace,
     MissionTrace,
     apply_to_mission,

@@ -13,7 +13,7 @@ from typing import Literal, get_args
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident
 from pa_console.session.log.chain import KINDS
-from pa_console.session.state.fold import SessionState
+from pa_console.session.state import SessionState
 from pa_console.session.wording import deviations_in_words
 
 MarkKind = Literal["fault", "refusal", "alarm", "finding", "mission"]

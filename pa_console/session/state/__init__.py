@@ -1,1 +1,0 @@
-"""The state that every view shows: the fold over events."""
