@@ -17,7 +17,7 @@ from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.station.assembly import load_site, open_station
 from pa_console.station.clock import RealTimeClock
 from pa_console.tui.app import ConsoleApp
-from pa_console.tui.widgets.approval.panel import ApprovalPanel
+from pa_console.tui.approval.panel import ApprovalPanel
 
 PICTURE = Path(__file__).parent.parent / "pa_console" / "manual" / "screen.svg"
 SCENARIO = "situation-1-unauthorized"

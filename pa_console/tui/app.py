@@ -5,14 +5,19 @@ from collections.abc import Callable, Mapping, Sequence
 from operator import attrgetter
 from pathlib import Path
 
+from rich.segment import Segment
 from textual import events, on
 from textual.app import App
 from textual.binding import Binding
+from textual.color import Color
 from textual.filter import LineFilter
 
+from pa_console.policy.retrieval.retriever import Retriever
+from pa_console.schema.text import visible_line
 from pa_console.schema.world import World
 from pa_console.session.recording import Player
 from pa_console.settings.sources import Loaded, load_settings
+from pa_console.station.assembly import Site, load_site
 from pa_console.tui.actions.palette import ConsoleCommands
 from pa_console.tui.actions.registry import (
     ActionContext,
@@ -22,8 +27,8 @@ from pa_console.tui.actions.registry import (
     key_text,
 )
 from pa_console.tui.answers.controller import QuestionController
+from pa_console.tui.approval.panel import ApprovalPanel
 from pa_console.tui.composing.favourites import Favourites, favourites_file
-from pa_console.tui.contrast import readable
 from pa_console.tui.controllers.approval import ApprovalController
 from pa_console.tui.controllers.attention import AttentionController
 from pa_console.tui.controllers.browsing import BrowsingController
@@ -43,16 +48,29 @@ from pa_console.tui.controllers.typing import KeyTime, TypingController
 from pa_console.tui.kept_input import History, history_file
 from pa_console.tui.plain_output import PlainConsole
 from pa_console.tui.protocols import Clock, JoinedTo, LiveStation, RuleScorer, ShownRules
+from pa_console.tui.screens.compare import CompareScreen, Side
+from pa_console.tui.screens.evaluation import EvaluationScreen
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.screens.recording import RecordingScreen
-from pa_console.tui.theme import VARIABLES
-from pa_console.tui.visible_lines import VisibleLines
-from pa_console.tui.widgets.approval.panel import ApprovalPanel
+from pa_console.tui.theme import VARIABLES, readable
 from pa_console.tui.widgets.bars import JOINED
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
 from pa_console.tui.widgets.row_views import VirtualRows
 from pa_console.views.waiting import Waiting
+
+
+class VisibleLines(LineFilter):
+    """Shows characters that would be obeyed or not be seen as escapes; a line stays as wide."""
+
+    def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
+        """Return the line as it may be shown: what no longer fits is cut off at its end."""
+        del background
+        shown = [Segment(visible_line(text), style) for text, style, _ in segments]
+        if all(new.text == old.text for new, old in zip(shown, segments, strict=True)):
+            return segments
+        return Segment.adjust_line_length(shown, Segment.get_line_length(segments))
+
 
 READ_ONLY = "READ-ONLY: every command is refused"
 
@@ -301,3 +319,47 @@ class ConsoleApp(App[None]):
     @on(ApprovalPanel.ModifyAsked)
     def _modify_asked(self) -> None:
         self.controllers.approval.modify()
+
+
+def comparison(a: Side, b: Side) -> Opening:
+    """Return what shows a comparison over the recording of `a`, to which Escape leads."""
+
+    def show(app: ConsoleApp) -> None:
+        app.show_session()
+        app.push_screen(CompareScreen(a, b, app.session.clock))
+
+    return show
+
+
+def evaluation(folder: Path) -> Opening:
+    """Return what shows the evaluation in `folder` with no session behind it; q leaves it."""
+
+    def show(app: ConsoleApp) -> None:
+        app.push_screen(EvaluationScreen(folder, app.session.clock, over=False))
+
+    return show
+
+
+def evaluation_console(
+    folder: Path, site: Site, *, copies: Path | None = None, settings: Loaded | None = None
+) -> ConsoleApp:
+    """Return a read-only console on the evaluation in `folder`.
+
+    Its policy browser shows the rules of `site`; `copies` and `settings` are those of the console.
+    """
+    return ConsoleApp(
+        site.world,
+        None,
+        site.rulebook,
+        Retriever(site.rulebook.rules),
+        readonly=True,
+        copies=copies,
+        settings=settings,
+        opening=evaluation(folder),
+    )
+
+
+def show_evaluation(folder: Path, settings: Loaded) -> None:
+    """Open the evaluation in `folder` on the screen and return when it is left."""
+    site = load_site("checkpoint", "checkpoint")
+    evaluation_console(folder, site, settings=settings).run(mouse=settings.values.mouse)

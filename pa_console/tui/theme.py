@@ -1,5 +1,12 @@
-"""The console's own dark and light colours; all of Textual's themes can be chosen beside them."""
+"""The console's own dark and light colours, and the contrast that makes every theme readable.
 
+All of Textual's themes can be chosen beside them.
+"""
+
+from collections.abc import Iterable, Mapping
+from itertools import chain
+
+from textual.color import Color
 from textual.theme import Theme
 
 DEFAULT_THEME = "pa-console"
@@ -62,3 +69,101 @@ THEMES = (
         },
     ),
 )
+
+
+LEAST = 4.5
+"""The least ratio of the luminances of text and background, WCAG 2 AA."""
+
+TEXTS = (
+    "foreground", "text-primary", "text-success", "text-warning", "text-error", "text-accent",
+    "quiet",
+)  # fmt: skip
+"""The colours that text has."""
+
+GROUNDS = ("background", "surface", "panel")
+"""The backgrounds of text."""
+
+BADGES = {"primary": 0.22, "success": 0.22, "accent": 0.22, "error": 0.25}
+"""Fills behind a sign in the text colour of the same name, with how much of it is in them."""
+
+FILLS = ("primary", "success", "warning", "error", "accent", "quiet")
+"""Full fills; a sign on one of them is black or white."""
+
+_STEP = 0.04
+_BLACK, _WHITE = Color.parse("#000000"), Color.parse("#ffffff")
+
+
+def luminance(colour: Color) -> float:
+    """Return the relative luminance of a colour, 0 to 1, as WCAG 2 defines it."""
+    red, green, blue = (
+        part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4
+        for part in (colour.r / 255, colour.g / 255, colour.b / 255)
+    )
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
+
+
+def contrast(one: Color, other: Color) -> float:
+    """Return the ratio of the luminances of two colours, 1 to 21."""
+    darker, lighter = sorted((luminance(one), luminance(other)))
+    return (lighter + 0.05) / (darker + 0.05)
+
+
+def readable(variables: Mapping[str, str], *, dark: bool, ansi: bool) -> dict[str, str]:
+    """Return `variables` with texts that can be read on all grounds, and with fills for signs.
+
+    A text keeps its hue and moves towards white or black as far as it has to. The sixteen colours
+    of a terminal are not known: the themes that use them (`ansi`) get names that differ on usual
+    palettes.
+    """
+    if ansi:
+        return {**variables, **_ANSI[dark]}
+    base, *_ = grounds = [Color.parse(variables[name]) for name in GROUNDS]
+    found = {
+        f"badge-{name}": base.blend(Color.parse(variables[name]), share)
+        for name, share in BADGES.items()
+    }
+    for name in TEXTS:
+        badge = found.get(f"badge-{name.removeprefix('text-')}")
+        behind = [*grounds, badge] if badge is not None else grounds
+        found[name] = _readable(base.blend(*_opaque(variables[name])), behind, dark=dark)
+    for name in FILLS:
+        fill = found["quiet"] if name == "quiet" else Color.parse(variables[name])
+        found[f"on-{name}"] = max((_BLACK, _WHITE), key=lambda ink: contrast(ink, fill))
+    return {**variables, **{name: colour.hex for name, colour in found.items()}}
+
+
+def _opaque(name: str) -> tuple[Color, float]:
+    colour = Color.parse(name)
+    return colour.with_alpha(1.0), colour.a
+
+
+def _readable(text: Color, grounds: Iterable[Color], *, dark: bool) -> Color:
+    """Return `text`, moved towards white on dark grounds and towards black on light ones."""
+    end, grounds = (_WHITE if dark else _BLACK), tuple(grounds)
+    steps = (text.blend(end, share * _STEP) for share in range(round(1 / _STEP) + 1))
+    candidates = chain(steps, (end,))
+    return next(
+        (each for each in candidates if min(contrast(each, ground) for ground in grounds) >= LEAST),
+        end,
+    )
+
+
+_NO_BADGE = {f"badge-{name}": "ansi_default" for name in BADGES}
+_ANSI = {
+    True: {
+        **_NO_BADGE,
+        "text-primary": "ansi_bright_cyan", "text-success": "ansi_bright_green",
+        "text-warning": "ansi_bright_yellow", "text-error": "ansi_bright_red",
+        "text-accent": "ansi_bright_magenta", "quiet": "ansi_white",
+        "on-primary": "ansi_bright_white", "on-success": "ansi_black", "on-warning": "ansi_black",
+        "on-error": "ansi_bright_white", "on-accent": "ansi_black", "on-quiet": "ansi_black",
+    },
+    False: {
+        **_NO_BADGE,
+        "text-primary": "ansi_blue", "text-success": "ansi_default", "text-warning": "ansi_magenta",
+        "text-error": "ansi_red", "text-accent": "ansi_magenta", "quiet": "ansi_default",
+        "on-primary": "ansi_bright_white", "on-success": "ansi_black", "on-warning": "ansi_black",
+        "on-error": "ansi_bright_white", "on-accent": "ansi_black", "on-quiet": "ansi_bright_white",
+    },
+}  # fmt: skip
+"""Variables of the themes that use the terminal's own colours, by whether they are dark."""

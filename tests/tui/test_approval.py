@@ -13,8 +13,8 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision, Metrics
 from pa_console.schema.plan import Action, Plan
 from pa_console.tui.app import ConsoleApp
+from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.trace.sections import sections
-from pa_console.tui.widgets.approval.panel import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.widgets.fields import CheckBox
 from pa_console.tui.widgets.mission_prompt import MissionInput
 from pa_console.tui.widgets.row_views import TextRows

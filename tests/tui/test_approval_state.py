@@ -9,8 +9,8 @@ from textual.widgets import Button, Input
 
 from pa_console.schema.events import event as ev
 from pa_console.schema.plan import Action, Plan
-from pa_console.tui.widgets.approval.given_fields import REASON
-from pa_console.tui.widgets.approval.panel import ARM_DELAY_S, ApprovalPanel
+from pa_console.tui.approval.inputs import REASON
+from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, settle

@@ -6,8 +6,7 @@ import pytest
 from textual.color import Color
 from textual.theme import BUILTIN_THEMES
 
-from pa_console.tui.contrast import BADGES, FILLS, GROUNDS, LEAST, TEXTS, contrast
-from pa_console.tui.theme import THEMES
+from pa_console.tui.theme import BADGES, FILLS, GROUNDS, LEAST, TEXTS, THEMES, contrast
 from tests.tui.scripted import ScriptedStation, console
 
 NAMES = [*(theme.name for theme in THEMES), *BUILTIN_THEMES]

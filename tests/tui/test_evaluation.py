@@ -12,12 +12,11 @@ from textual.widgets import Input, Select, Static
 from pa_console.evaluation.reporting import report
 from pa_console.evaluation.reporting.statistics import Table
 from pa_console.station.assembly import Site, load_site
-from pa_console.tui.app import ConsoleApp
-from pa_console.tui.openings import evaluation_console
+from pa_console.tui.app import ConsoleApp, evaluation_console
+from pa_console.tui.approval.panel import ApprovalPanel
 from pa_console.tui.screens.evaluation import EvaluationScreen
 from pa_console.tui.screens.questions import AskFolder
 from pa_console.tui.screens.recording import RecordingScreen
-from pa_console.tui.widgets.approval.panel import ApprovalPanel
 from pa_console.tui.widgets.evaluation_runs import RunRows
 from pa_console.tui.widgets.row_views import TextRows
 from pa_console.tui.widgets.trace_pane import TracePane

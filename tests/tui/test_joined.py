@@ -9,9 +9,9 @@ from pa_console.language.questions import Question
 from pa_console.schema.events import event as ev
 from pa_console.schema.events.event import AnswerLine
 from pa_console.schema.mission import Decision
+from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.protocols import JoinedTo
 from pa_console.tui.screens.questions import Confirm
-from pa_console.tui.widgets.approval.panel import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.widgets.bars import StatusBar
 from pa_console.tui.widgets.mission_prompt import MissionInput
 from pa_console.tui.widgets.row_views import TextRows

@@ -10,8 +10,8 @@ from textual.pilot import Pilot
 from pa_console.schema.events import event as ev
 from pa_console.session.recording import Player
 from pa_console.tui.app import ConsoleApp
+from pa_console.tui.approval.panel import ARM_DELAY_S
 from pa_console.tui.screens.recording import RecordingScreen
-from pa_console.tui.widgets.approval.panel import ARM_DELAY_S
 from tests.tui import story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, notices, settle
 from tests.tui.site import WORLD

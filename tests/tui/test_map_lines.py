@@ -5,8 +5,7 @@ from pathlib import Path
 from pa_console.schema.events import event as ev
 from pa_console.tui.map.scene import MapScene
 from pa_console.tui.map.sensor_fields import outline
-from pa_console.tui.map.trails import TRAIL_S, Trails
-from pa_console.tui.widgets.map_view import MapView, scale_bar
+from pa_console.tui.widgets.map_view import TRAIL_S, MapView, Trails, scale_bar
 from tests.tui import crowd, living
 from tests.tui.scripted import ScriptedStation, console, settle
 from tests.tui.site import WORLD, picture

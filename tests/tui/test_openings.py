@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from pa_console.session.recording import Player
-from pa_console.tui.openings import comparison
+from pa_console.tui.app import comparison
 from pa_console.tui.screens.compare import CompareScreen, Side
 from tests.tui import story
 from tests.tui.scripted import console, settle

@@ -12,9 +12,10 @@ from pa_console.tui.actions.whatif import what_ifs
 from pa_console.tui.map.canvas import Canvas
 from pa_console.tui.map.scene import ROLES, MapScene
 from pa_console.tui.report_condition import Reliance
-from pa_console.tui.widgets.assets import NOTES, AssetPane, AssetTable, track_cells, track_words
+from pa_console.tui.widgets.assets import AssetPane, AssetTable, track_cells, track_words
 from pa_console.tui.widgets.bars import StatusBar
 from pa_console.tui.widgets.map_view import LEGEND, MapView
+from pa_console.tui.widgets.row_views import NOTES
 from tests.tui import crowd, living
 from tests.tui.scripted import ScriptedStation, console, settle
 from tests.tui.site import WORLD, picture, track

@@ -12,8 +12,8 @@ from pa_console.schema.mission import Metrics
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.tui.app import ConsoleApp
-from pa_console.tui.plan_preview.comparison import CandidateColumn, PlanComparison
-from pa_console.tui.widgets.approval.panel import ARM_DELAY_S
+from pa_console.tui.approval.comparison import CandidateColumn, PlanComparison
+from pa_console.tui.approval.panel import ARM_DELAY_S
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, settle, until

@@ -12,17 +12,14 @@ from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Motion
 from pa_console.session.recording import Player
 from pa_console.tui.app import ConsoleApp
+from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel
+from pa_console.tui.approval.plan_rows import action_rows, cover_row, objection
+from pa_console.tui.approval.plan_text import PlanSchedule, schedule_lines
 from pa_console.tui.map.plan_layer import PlanLayer
 from pa_console.tui.map.scene import MapScene
-from pa_console.tui.plan_preview.action_rows import action_rows, cover_row
-from pa_console.tui.plan_preview.approval_rows import objection
-from pa_console.tui.plan_preview.playback import LONGEST_S, STAYS_S
-from pa_console.tui.plan_preview.preview import PlanPreview
-from pa_console.tui.plan_preview.schedule import schedule_lines
+from pa_console.tui.plan_preview import LONGEST_S, STAYS_S, PlanPreview
 from pa_console.tui.screens.main import PLAY_FRAME_S
 from pa_console.tui.trace.rows import Row, layout
-from pa_console.tui.widgets.approval.panel import ARM_DELAY_S, ApprovalPanel
-from pa_console.tui.widgets.approval.plan_schedule import PlanSchedule
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import compound, living, story

@@ -12,8 +12,8 @@ from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.station.alternatives import Alternative
 from pa_console.tui.answers.screen import LOOKING, AnswerScreen
 from pa_console.tui.app import ConsoleApp
-from pa_console.tui.plan_preview.comparison import PlanComparison
-from pa_console.tui.widgets.approval.panel import ARM_DELAY_S, ApprovalPanel
+from pa_console.tui.approval.comparison import PlanComparison
+from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.widgets.mission_prompt import MissionInput
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story

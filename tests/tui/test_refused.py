@@ -7,7 +7,7 @@ from textual.widgets import Static
 from pa_console.schema.events.event import TelemetryReceived
 from pa_console.session.recording import Player
 from pa_console.tui.actions.registry import ACTIONS, ActionContext
-from pa_console.tui.widgets.approval.panel import ApprovalPanel
+from pa_console.tui.approval.panel import ApprovalPanel
 from pa_console.tui.widgets.bars import StatusBar
 from pa_console.tui.widgets.map_view import MapView
 from tests.tui import story

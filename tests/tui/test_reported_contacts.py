@@ -11,8 +11,7 @@ from pa_console.schema.events import event as ev
 from pa_console.session.recording import Player
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.map.canvas import FREE
-from pa_console.tui.map.contacts import short_name
-from pa_console.tui.map.scene import MapScene
+from pa_console.tui.map.scene import MapScene, short_name
 from pa_console.tui.widgets.event_list import EventList
 from pa_console.tui.widgets.map_view import MapView
 from tests.tui import story

@@ -14,8 +14,8 @@ from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.session.recording import Player
 from pa_console.station.alternatives import Alternative
 from pa_console.tui.app import ConsoleApp
+from pa_console.tui.approval.panel import ApprovalPanel
 from pa_console.tui.screens.compare import CompareScreen, Side
-from pa_console.tui.widgets.approval.panel import ApprovalPanel
 from tests.tui import compound, crowd, living, story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, settle, until
 from tests.tui.site import RULES, WORLD

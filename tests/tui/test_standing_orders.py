@@ -11,8 +11,8 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import StandingOrder, StandingStart
 from pa_console.schema.plan import Plan
 from pa_console.tui.app import ConsoleApp
+from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.standing_orders.screen import StandingOrdersScreen
-from pa_console.tui.widgets.approval.panel import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.widgets.row_views import TextRows
 from pa_console.views.waiting import Waiting
 from tests.tui import story

@@ -9,10 +9,10 @@ from textual.pilot import Pilot
 from textual.widgets import Button, Input
 
 from pa_console.tui.app import ConsoleApp
+from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.typed_text import TEXT_S
 from pa_console.tui.widgets.alarms import AlarmPane
-from pa_console.tui.widgets.approval.panel import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.widgets.key_line import KeyLine
 from pa_console.tui.widgets.mission_prompt import MissionInput
 from tests.tui import living, story

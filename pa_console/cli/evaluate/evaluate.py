@@ -278,7 +278,7 @@ def show(context: typer.Context, folder: FolderArgument = None) -> None:
     """Open an evaluation in the console: its runs, what failed, and the trace of each."""
     chosen = _chosen(folder)
     read_runs(chosen)
-    from pa_console.tui.openings import show_evaluation  # noqa: PLC0415 - Textual is slow
+    from pa_console.tui.app import show_evaluation  # noqa: PLC0415 - Textual is slow
 
     show_evaluation(chosen, settings_of(context))
 

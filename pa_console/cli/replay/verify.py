@@ -53,7 +53,7 @@ def compare_logs(first: Path, second: Path, json: bool) -> None:
 
 def show_compared(first: Path, second: Path, world: str | None, settings: Loaded) -> None:
     """Open the console on the first log, with both at the point of difference over it."""
-    from pa_console.tui.openings import comparison  # noqa: PLC0415 - only when it is shown
+    from pa_console.tui.app import comparison  # noqa: PLC0415 - only when it is shown
     from pa_console.tui.replay.recordings import KnownWorld, open_compared  # noqa: PLC0415
     from pa_console.tui.screens.compare import Side  # noqa: PLC0415
 

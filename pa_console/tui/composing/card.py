@@ -16,7 +16,7 @@ from textual.widgets.option_list import Option
 from pa_console.schema.telemetry import AssetTelemetry, Track
 from pa_console.schema.world import PLAIN_KINDS, World
 from pa_console.tui.composing.templates import forms_for
-from pa_console.tui.words import KIND_WORDS
+from pa_console.tui.status_words import KIND_WORDS
 
 WIDTH = 46
 """Cells of a card; it is as high as what is on it."""

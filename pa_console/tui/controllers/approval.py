@@ -12,20 +12,20 @@ from pa_console.session.mission_trace import MissionTrace
 from pa_console.station.alternatives import Alternative
 from pa_console.station.answering import NO_OTHER
 from pa_console.station.why import attempt_of
-from pa_console.tui.controllers.commands import CommandController
-from pa_console.tui.controllers.console_session import ConsoleSession
-from pa_console.tui.plan_preview.candidate import (
+from pa_console.tui.approval.comparison import (
     MOST_BESIDE,
     Candidate,
+    PlanComparison,
     other_reading,
     other_way,
     past_candidate,
     said_of,
     waiting_candidate,
 )
-from pa_console.tui.plan_preview.comparison import PlanComparison
-from pa_console.tui.plan_preview.preview import PlanPreview, waiting_plan
-from pa_console.tui.widgets.approval.panel import ApprovalPanel
+from pa_console.tui.approval.panel import ApprovalPanel
+from pa_console.tui.controllers.commands import CommandController
+from pa_console.tui.controllers.console_session import ConsoleSession
+from pa_console.tui.plan_preview import PlanPreview, waiting_plan
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
 
 CHOOSE = "Alt+1 to Alt+3 point at a plan, Enter chooses it: it is checked, judged and put to you"

@@ -27,11 +27,11 @@ from pa_console.tui.composing.templates import templates
 from pa_console.tui.controllers.browsing import BrowsingController
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.settings import SettingsController
+from pa_console.tui.status_words import KIND_WORDS
 from pa_console.tui.widgets.alarms import AlarmPane
 from pa_console.tui.widgets.assets import AssetTable
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
 from pa_console.tui.widgets.row_views import VirtualRows
-from pa_console.tui.words import KIND_WORDS
 
 TEMPLATE, FAVOURITE = "template", "favourite"
 

@@ -14,12 +14,11 @@ from textual.widgets import Input, TextArea
 
 from pa_console.tui.actions.keymap import ALT_DIGITS, first_own_key
 from pa_console.tui.actions.registry import ConsoleAction, key_text, with_call
+from pa_console.tui.approval.inputs import DECISION_KEYS, REASON
+from pa_console.tui.approval.panel import ApprovalPanel
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.settings import SettingsController
 from pa_console.tui.typed_text import TypedText
-from pa_console.tui.widgets.approval.decision_buttons import DECISION_KEYS
-from pa_console.tui.widgets.approval.given_fields import REASON
-from pa_console.tui.widgets.approval.panel import ApprovalPanel
 from pa_console.tui.widgets.key_line import KeyLine
 
 CHOSEN_S = 5.0

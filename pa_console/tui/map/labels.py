@@ -9,8 +9,8 @@ from itertools import pairwise, product
 from math import inf
 from typing import NamedTuple
 
-from pa_console.tui.map.barriers import Barriers
 from pa_console.tui.map.canvas import Canvas, Cell, Run, Spot
+from pa_console.tui.map.ground import Barriers
 
 Block = Sequence[Sequence[Run]]
 """Lines of a name, one below the other."""

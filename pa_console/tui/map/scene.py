@@ -1,25 +1,166 @@
-"""Draws the picture over the ground: routes, cover of gates, cameras, assets and tracks."""
+"""Draws the picture over the ground: routes, gates, cameras, assets, tracks, reported contacts."""
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
+from math import floor, inf
+from typing import NamedTuple
+
+from rich.cells import cell_len
 
 from pa_console.schema.base import Point
 from pa_console.schema.events.session import ReportedContact
 from pa_console.schema.telemetry import AssetTelemetry, Picture
-from pa_console.schema.world import World
-from pa_console.tui.map.canvas import FREE, Canvas, Cell, Spot
-from pa_console.tui.map.contacts import Contacts
-from pa_console.tui.map.frames import Frames
-from pa_console.tui.map.ground import Ground, draw_ground
+from pa_console.schema.world import Frame, World
+from pa_console.tui.map.canvas import FREE, Canvas, Cell, Run, Spot, Strokes
+from pa_console.tui.map.ground import FRAME_GLYPHS, Ground, draw_ground
 from pa_console.tui.map.labels import Labels
-from pa_console.tui.map.markers import Marker, Markers
+from pa_console.tui.map.markers import (
+    Marker,
+    Markers,
+    Symbol,
+    asset_symbol,
+    camera_symbol,
+    edge_arrow,
+    track_symbol,
+)
 from pa_console.tui.map.plan_layer import PlanLayer, dimmed
 from pa_console.tui.map.projection import Projection
 from pa_console.tui.map.sensor_fields import Sensors, asset_fields, camera_fields
-from pa_console.tui.map.strokes import Strokes
-from pa_console.tui.map.symbols import Symbol, asset_symbol, camera_symbol, track_symbol
-from pa_console.tui.report_condition import Reliance
-from pa_console.tui.words import short_names, track_names
+from pa_console.tui.report_condition import Reliance, cover_state
+from pa_console.tui.status_words import short_names, term, track_names
+
+_ADJOINING = 2.0
+"""The discount of a place right beside a marker, if it hides nothing."""
+
+
+class Frames:
+    """Draws the frames of a picture; a gate shows whether it is covered, uncovered or unknown.
+
+    A marker on a frame goes before the frame's sign, which then stands beside it.
+    """
+
+    def __init__(
+        self,
+        canvas: Canvas,
+        labels: Labels,
+        view: Projection,
+        picture: Picture,
+        involved: Collection[str] | None = None,
+    ) -> None:
+        """Covered gates that are not among those `involved` are dimmed, None dims nothing."""
+        self._canvas, self._labels, self._view = canvas, labels, view
+        self._covers, self._involved = picture.gates, involved
+        self._displaced: list[tuple[Frame, Run]] = []
+
+    def draw(self, frames: Mapping[str, Frame], places: Mapping[str, Cell]) -> None:
+        """Draw signs, and those names that must be seen or have no marker in their way."""
+        shown = {name: frame for name, frame in frames.items() if self._view.shows(frame.at)}
+        for name in sorted(shown, key=lambda name: not self._urgent(name)):
+            frame, at = shown[name], places.get(name)
+            cell, sign = self._view.cell(frame.at), self._sign(name, frame)
+            urgent, role = self._urgent(name), "label"
+            if urgent:
+                role = sign[1].replace("gate", "label")
+            line = [(name, role)]
+            if cell in self._canvas.marks:
+                line.insert(0, sign)
+            else:
+                self._canvas.put(cell, *sign)
+                self._labels.keep(cell)
+            start = at and (at[0] + 1 - len(line), at[1])
+            if start and self._labels.write(start, line, keep=urgent):
+                continue
+            if urgent:
+                _ = self._place(frame, line) or self._place(frame, line[:1])
+            elif at is not None:
+                self._displaced.append((frame, line[-1]))
+                if len(line) > 1:
+                    self._place(frame, line[:1], most=_ADJOINING)
+
+    def name_displaced(self) -> None:
+        """Write the other names where assets have left room for them."""
+        for frame, name in self._displaced:
+            self._place(frame, [name])
+
+    def _urgent(self, name: str) -> bool:
+        return name in self._covers and not self._covers[name].covered
+
+    def _sign(self, name: str, frame: Frame) -> Run:
+        if name not in self._covers:
+            return FRAME_GLYPHS[frame.kind], "frame"
+        state = cover_state(self._covers[name])
+        if state == "covered" and self._involved is not None and name not in self._involved:
+            return term("gate", state).glyph, "dimmed"
+        return term("gate", state).glyph, f"gate-{state}"
+
+    def _place(self, frame: Frame, line: list[Run], most: float = inf) -> list[Cell]:
+        gap = int(line[0][1].startswith("label"))
+        cell, spots = self._view.cell(frame.at), [self._view.spot(frame.at)]
+        return self._labels.place(cell, spots, [line], gap=gap, most=most)
+
+
+GLYPH, ROLE = "◌", "contact"
+MOST_NAME = 14
+"""A longer call sign is cut on the map; the event list has it whole."""
+
+_FREE = FREE | {"wall"}
+
+
+class _Drawn(NamedTuple):
+    at: Cell
+    spot: Spot
+    contact: ReportedContact
+
+
+class Contacts:
+    """The contacts that are in sight; where `whole` is, those beyond it are at its edge."""
+
+    def __init__(
+        self,
+        canvas: Canvas,
+        view: Projection,
+        contacts: Collection[ReportedContact],
+        *,
+        whole: bool,
+    ) -> None:
+        self._drawn: list[_Drawn] = []
+        for contact in contacts:
+            if whole or view.shows(contact.at):
+                column, row = spot = view.spot(contact.at)
+                at = (
+                    min(max(floor(column), 0), canvas.width - 1),
+                    min(max(floor(row), 0), canvas.height - 1),
+                )
+                self._drawn.append(_Drawn(at, spot, contact))
+
+    def draw(self, canvas: Canvas, labels: Labels | None) -> None:
+        """Draw each on an empty cell, and with `labels` its name if that hides nothing."""
+        for at, (column, row), _ in self._drawn:
+            if canvas.role(at) in _FREE:
+                way = floor(column) - at[0], floor(row) - at[1]
+                canvas.put(at, GLYPH if way == (0, 0) else edge_arrow(*way), ROLE)
+        if labels is None or not self._drawn:
+            return
+        self._keep_what_is_there(canvas, labels)
+        for at, spot, contact in self._drawn:
+            hidden = "" if canvas.role(at) == ROLE else GLYPH
+            name = f"{hidden}TAK {short_name(contact.name)}"
+            for text in (f"{name} {contact.affiliation}?", name):
+                if labels.place(at, [spot], [[(text, ROLE)]], gap=len(hidden)):
+                    break
+
+    def _keep_what_is_there(self, canvas: Canvas, labels: Labels) -> None:
+        for row, roles in enumerate(canvas.roles):
+            for column, role in enumerate(roles):
+                if role not in FREE:
+                    labels.keep((column, row))
+
+
+def short_name(name: str) -> str:
+    """Return `name` for a row of cells: short, and each of its characters one cell wide."""
+    plain = "".join(each if cell_len(each) == 1 else "?" for each in name)
+    return plain if len(plain) <= MOST_NAME else f"{plain[: MOST_NAME - 1]}…"
+
 
 ROLES = (
     "lane", "zone", "zone-label", "wall", "frame", "label", "leader", "gate-covered",

@@ -16,16 +16,15 @@ from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
 from pa_console.session.state import MissionTrace, SessionState
 from pa_console.tui.actions.keymap import READING_KEYS, KeysHost, first_own_key
+from pa_console.tui.approval.inputs import DECISION_KEYS
+from pa_console.tui.approval.panel import ApprovalPanel
+from pa_console.tui.approval.plan_text import PlanSchedule
 from pa_console.tui.composing.examples import example_orders
 from pa_console.tui.composing.names import OrderNames
 from pa_console.tui.kept_input import History
-from pa_console.tui.plan_preview.playback import Playback
-from pa_console.tui.plan_preview.preview import PlanPreview, waiting_plan
+from pa_console.tui.plan_preview import PlanPreview, Playback, waiting_plan
 from pa_console.tui.protocols import Clock, JoinedTo
 from pa_console.tui.widgets.alarms import AlarmBar, AlarmPane
-from pa_console.tui.widgets.approval.decision_buttons import DECISION_KEYS
-from pa_console.tui.widgets.approval.panel import ApprovalPanel
-from pa_console.tui.widgets.approval.plan_schedule import PlanSchedule
 from pa_console.tui.widgets.assets import AssetPane
 from pa_console.tui.widgets.bars import VIEWS, KeyFooter, StatusBar, ViewBar
 from pa_console.tui.widgets.event_list import EventList

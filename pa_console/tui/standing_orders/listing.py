@@ -7,8 +7,7 @@ from pa_console.session.state import StandingTrace
 from pa_console.tui.standing_orders.rows import order_rows
 from pa_console.tui.status_words import BAD, GOOD, QUIET, WARN
 from pa_console.tui.trace.rows import Row, row
-from pa_console.tui.widgets.assets import Cells, Layout
-from pa_console.tui.widgets.pointed_rows import PointedRows
+from pa_console.tui.widgets.row_views import Cells, Layout, PointedRows
 
 _LEAST = Layout(
     "id",

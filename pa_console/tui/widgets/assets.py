@@ -14,49 +14,12 @@ from textual.widgets import Input
 from pa_console.schema.telemetry import AssetTelemetry, CameraReport, Identity, Picture, Track
 from pa_console.schema.text import few
 from pa_console.schema.world import World
-from pa_console.tui.map.symbols import arrow
+from pa_console.tui.map.markers import arrow
 from pa_console.tui.refresh import retitle
 from pa_console.tui.report_condition import FINE, Reliance, track_rank
-from pa_console.tui.status_words import BAD, QUIET, WARN, term
-from pa_console.tui.trace.rows import column
+from pa_console.tui.status_words import BAD, KIND_WORDS, QUIET, WARN, short_names, term
 from pa_console.tui.widgets.fields import LineField
-from pa_console.tui.widgets.row_views import VirtualRows
-from pa_console.tui.words import KIND_WORDS, short_names
-
-Cells = Mapping[str, tuple[str, str]]
-"""Text and style by column."""
-
-NOTES = "notes"
-"""The column that takes the room that is left."""
-
-
-class Layout(NamedTuple):
-    """Columns of one group of rows with their widths, and which go first when room is short."""
-
-    title: str
-    columns: tuple[tuple[str, int], ...]
-    dropped_first: tuple[str, ...]
-
-    def fitting(self, width: int) -> tuple[tuple[str, int], ...]:
-        """Return the columns that fit into `width` cells."""
-        columns = list(self.columns)
-        for name in self.dropped_first:
-            if sum(cells + 1 for _, cells in columns) - 1 <= width:
-                break
-            columns = [item for item in columns if item[0] != name]
-        return tuple(columns)
-
-    def heading(self, width: int, note: str = "") -> Content:
-        """Return the names of the columns; the first has the group's title."""
-        words = [column(name, cells, QUIET) for name, cells in self.fitting(width)[1:]]
-        first = column(self.title, self.columns[0][1], f"bold {QUIET}")
-        return Content.assemble(first, *words, (note, QUIET)).truncate(width)
-
-    def line(self, cells: Cells, width: int) -> Content:
-        """Return a row; `notes` get the room that is left."""
-        fields = [column(cells[n][0], room, cells[n][1]) for n, room in self.fitting(width)]
-        return Content.assemble(*fields, cells.get(NOTES, "")).truncate(width, ellipsis=True)
-
+from pa_console.tui.widgets.row_views import NOTES, Cells, Layout, VirtualRows
 
 ASSETS = Layout(
     "",

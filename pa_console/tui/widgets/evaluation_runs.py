@@ -14,8 +14,7 @@ from pa_console.evaluation.reporting.statistics import Table
 from pa_console.evaluation.runs.run_record import Opinion, RunRecord
 from pa_console.tui.evaluation_view.tables import tables_text
 from pa_console.tui.status_words import QUIET, WARN, term
-from pa_console.tui.widgets.assets import Cells, Layout
-from pa_console.tui.widgets.pointed_rows import PointedRows
+from pa_console.tui.widgets.row_views import Cells, Layout, PointedRows
 
 LEAST_WIDTH = 40
 

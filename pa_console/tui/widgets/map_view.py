@@ -1,7 +1,8 @@
 """The live map: only rows that changed are painted again; it can be zoomed and follow something."""
 
-from collections.abc import Collection
-from math import hypot
+from collections import deque
+from collections.abc import Collection, Iterator
+from math import dist, hypot
 
 from rich.segment import Segment
 from rich.style import Style
@@ -20,9 +21,51 @@ from pa_console.tui.map.plan_layer import PlanLayer
 from pa_console.tui.map.projection import Projection
 from pa_console.tui.map.scene import ROLES, MapScene, Window
 from pa_console.tui.map.sensor_fields import Sensors
-from pa_console.tui.map.trails import Trails
-from pa_console.tui.plan_preview.preview import PlanPreview
+from pa_console.tui.plan_preview import PlanPreview
 from pa_console.tui.refresh import retitle
+
+TRAIL_S = 20.0
+"""The length of a trail, simulated seconds."""
+
+GAP_S = 6.0
+"""The gap between two pictures after which the way is unknown, seconds."""
+
+STEP_M = 0.5
+"""Less than this is noise of a position."""
+
+MOST_THINGS = 200
+"""A larger team gets no trails: they would cover the map."""
+
+
+class Trails:
+    """Remembers the last positions of everything that moves."""
+
+    def __init__(self) -> None:
+        self._seen: dict[str, deque[tuple[float, Point]]] = {}
+        self._time_s = 0.0
+
+    def add(self, picture: Picture | None) -> None:
+        """Take in another picture; one from before, or from much later, starts anew."""
+        time_s = picture.time_s if picture is not None else 0.0
+        if not self._time_s <= time_s <= self._time_s + GAP_S:
+            self._seen.clear()
+        self._time_s = time_s
+        if picture is None or len(picture.assets) > MOST_THINGS:
+            return
+        things = {**picture.assets, **picture.tracks}
+        for name in self._seen.keys() - things.keys():
+            del self._seen[name]
+        for name, thing in things.items():
+            seen = self._seen.setdefault(name, deque())
+            if not seen or dist(seen[-1][1], thing.position) >= STEP_M:
+                seen.append((time_s, thing.position))
+            while len(seen) > 1 and seen[1][0] < time_s - TRAIL_S:
+                seen.popleft()
+
+    def __iter__(self) -> Iterator[list[Point]]:
+        """Yield the way of everything that has moved, oldest position first."""
+        yield from ([point for _, point in seen] for seen in self._seen.values() if len(seen) > 1)
+
 
 LEGEND = (
     ("⠤", "planned way", "ghost"), ("◎", "arrives", "arrival"), ("1→2", "guards", "gate-gains"),

@@ -1,6 +1,7 @@
-"""Rows at whatever width there is: as text to select, or laid out only where in view."""
+"""Rows at whatever width there is: text to select, or a list laid out only where in view."""
 
-from typing import ClassVar
+from collections.abc import Mapping
+from typing import ClassVar, NamedTuple
 
 from textual import events
 from textual.binding import Binding, BindingType
@@ -12,7 +13,42 @@ from textual.strip import Strip
 from textual.visual import Visual
 from textual.widget import Widget
 
-from pa_console.tui.trace.rows import Row, layout
+from pa_console.tui.status_words import NOTE, QUIET
+from pa_console.tui.trace.rows import Row, column, layout
+
+Cells = Mapping[str, tuple[str, str]]
+"""Text and style by column."""
+
+NOTES = "notes"
+"""The column that takes the room that is left."""
+
+
+class Layout(NamedTuple):
+    """Columns of one group of rows with their widths, and which go first when room is short."""
+
+    title: str
+    columns: tuple[tuple[str, int], ...]
+    dropped_first: tuple[str, ...]
+
+    def fitting(self, width: int) -> tuple[tuple[str, int], ...]:
+        """Return the columns that fit into `width` cells."""
+        columns = list(self.columns)
+        for name in self.dropped_first:
+            if sum(cells + 1 for _, cells in columns) - 1 <= width:
+                break
+            columns = [item for item in columns if item[0] != name]
+        return tuple(columns)
+
+    def heading(self, width: int, note: str = "") -> Content:
+        """Return the names of the columns; the first has the group's title."""
+        words = [column(name, cells, QUIET) for name, cells in self.fitting(width)[1:]]
+        first = column(self.title, self.columns[0][1], f"bold {QUIET}")
+        return Content.assemble(first, *words, (note, QUIET)).truncate(width)
+
+    def line(self, cells: Cells, width: int) -> Content:
+        """Return a row; `notes` get the room that is left."""
+        fields = [column(cells[n][0], room, cells[n][1]) for n, room in self.fitting(width)]
+        return Content.assemble(*fields, cells.get(NOTES, "")).truncate(width, ellipsis=True)
 
 
 class TextRows(Widget):
@@ -187,3 +223,64 @@ class VirtualRows(ScrollView):
     def text(self) -> str:
         """Every row as plain text, those out of view included."""
         return "\n".join(self.row(i, self._room).plain for i in range(len(self.keys)))
+
+
+MARK = 2
+"""Cells of the pointer in front of a row."""
+
+
+class PointedRows(VirtualRows):
+    """The pointer stays on its row when others come; subclasses say what a row's cells are."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("pageup", "page(-1)", "Page up", show=False),
+        Binding("pagedown", "page(1)", "Page down", show=False),
+        Binding("home", "end(0)", "First", show=False),
+        Binding("end", "end(-1)", "Last", show=False),
+    ]
+
+    class Pointed(Message):
+        """The pointer was moved to a row."""
+
+    def layout_of(self, width: int) -> Layout:
+        """Return the columns for `width` cells."""
+        raise NotImplementedError
+
+    def cells(self, key: str) -> Cells:
+        """Return the cells of the row `key`."""
+        raise NotImplementedError
+
+    def row(self, index: int, width: int) -> Content:
+        """Return a row with the pointer in front."""
+        key = self.keys[index]
+        mark = ("▸ ", f"bold {NOTE}") if key == self.cursor else "  "
+        line = self.layout_of(width - MARK).line(self.cells(key), width - MARK)
+        return Content.assemble(mark, line)
+
+    def heading(self) -> Content:
+        """Return the names of the columns at the list's own width."""
+        width = max(20, self.scrollable_content_region.width or self.size.width) - MARK
+        return Content.assemble("  ", self.layout_of(width).heading(width))
+
+    def point_at(self, key: str) -> None:
+        """Move the pointer to a row and post that."""
+        super().point_at(key)
+        self.post_message(self.Pointed())
+
+    def action_page(self, by: int) -> None:
+        """Move the pointer by what fits into the view."""
+        self.action_cursor(by * max(1, self.size.height - 1))
+
+    def action_end(self, index: int) -> None:
+        """Move the pointer to the first or the last row."""
+        if self.keys:
+            self.point_at(self.keys[index])
+
+    def on_click(self, event: events.Click) -> None:
+        """Point at a row with one click, choose it with two."""
+        event.prevent_default()
+        index = event.y + self.scroll_offset.y
+        if index < len(self.keys):
+            self.point_at(self.keys[index])
+            if event.chain > 1:
+                self.action_choose()

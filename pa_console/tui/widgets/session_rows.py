@@ -9,8 +9,7 @@ from pa_console.schema.text import clock_text
 from pa_console.session.past_sessions import SessionSummary, Soundness
 from pa_console.tui.status_words import QUIET, term
 from pa_console.tui.trace.rows import Row, row
-from pa_console.tui.widgets.assets import Cells, Layout
-from pa_console.tui.widgets.pointed_rows import PointedRows
+from pa_console.tui.widgets.row_views import Cells, Layout, PointedRows
 from pa_console.views.status_words import outcomes_in_words
 
 _LEAST = Layout(

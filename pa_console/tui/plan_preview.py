@@ -1,4 +1,7 @@
-"""A rehearsed plan as it is looked at: ways, arrivals, cover of gates, the picture at a moment."""
+"""A rehearsed plan as it is looked at: ways, arrivals, cover of gates, the picture at a moment.
+
+Its playback goes at a pace at which one can follow it.
+"""
 
 from bisect import bisect_right
 from collections.abc import Iterator, Mapping
@@ -13,6 +16,7 @@ from pa_console.schema.rehearsal import Rehearsal, TimedPoint
 from pa_console.schema.telemetry import GateCover, Picture
 from pa_console.schema.world import World
 from pa_console.session.mission_trace import MissionTrace
+from pa_console.tui.protocols import Clock
 
 MOVED_M = 1.0
 """An asset that ends within this distance of its start has not moved, metres."""
@@ -192,3 +196,38 @@ def _heading(way: tuple[TimedPoint, ...], time_s: float) -> float:
         if time_s < to_s or to_s == way[-1][0]:
             return degrees(atan2(far_y - y, far_x - x))
     return 0.0
+
+
+LONGEST_S = 8.0
+"""The longest time that a rehearsal is played, seconds."""
+
+STAYS_S = 1.5
+"""The time that its end is shown, seconds."""
+
+
+@dataclass(frozen=True)
+class Playback:
+    """The rehearsal of `preview`, played since `began_s` on the `clock`."""
+
+    preview: PlanPreview
+    clock: Clock
+    began_s: float
+
+    @property
+    def _played_s(self) -> float:
+        return self.clock() - self.began_s
+
+    @property
+    def _plays_s(self) -> float:
+        return min(self.preview.duration_s, LONGEST_S)
+
+    @property
+    def time_s(self) -> float:
+        """The moment of the plan that is shown, in seconds from its start."""
+        share = self._played_s / self._plays_s if self._plays_s else 1.0
+        return min(share, 1.0) * self.preview.duration_s
+
+    @property
+    def is_over(self) -> bool:
+        """True if its end has been shown for long enough."""
+        return self._played_s >= self._plays_s + STAYS_S

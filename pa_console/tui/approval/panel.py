@@ -14,25 +14,29 @@ from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.actions.keymap import READING_KEYS
-from pa_console.tui.plan_preview.approval_rows import approval_rows, looked_at_rows
-from pa_console.tui.plan_preview.preview import PlanPreview
-from pa_console.tui.protocols import Clock, JoinedTo
-from pa_console.tui.status_words import term
-from pa_console.tui.widgets.approval.choices import answering, decision_of, may_modify, reading_of
-from pa_console.tui.widgets.approval.decision_buttons import (
+from pa_console.tui.approval.choices import (
+    FocusAt,
+    answering,
+    blocked_reason,
+    decision_of,
+    may_modify,
+    next_key,
+    not_to_sign,
+    reading_of,
+)
+from pa_console.tui.approval.inputs import (
     DECISION_KEYS,
     Arming,
     DecisionButtons,
+    GivenFields,
+    ReasonField,
     is_free,
 )
-from pa_console.tui.widgets.approval.foot_line import (
-    FocusAt,
-    blocked_reason,
-    next_key,
-    not_to_sign,
-)
-from pa_console.tui.widgets.approval.given_fields import GivenFields, ReasonField
-from pa_console.tui.widgets.approval.plan_text import PlanText, panel_room
+from pa_console.tui.approval.plan_rows import approval_rows, looked_at_rows
+from pa_console.tui.approval.plan_text import PlanText, panel_room
+from pa_console.tui.plan_preview import PlanPreview
+from pa_console.tui.protocols import Clock, JoinedTo
+from pa_console.tui.status_words import term
 from pa_console.tui.widgets.fields import CheckBox
 
 ARM_DELAY_S = 0.6

@@ -1,0 +1,242 @@
+"""The text of a plan in the approval panel, how far it was on screen, and its schedule.
+
+The schedule is a Gantt chart: who is under way or at work when, who guards a gate.
+"""
+
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+from typing import NamedTuple
+
+from textual.app import ComposeResult
+from textual.containers import VerticalScroll
+from textual.content import Content
+from textual.geometry import Size
+from textual.widget import Widget
+
+from pa_console.tui.approval.plan_rows import place_words
+from pa_console.tui.plan_preview import PlanPreview
+from pa_console.tui.status_words import BAD, CALM, GOOD, NOTE, QUIET
+from pa_console.tui.widgets.row_views import Row, TextRows
+
+MOST_LABEL = 12
+LEAST_BARS = 12
+"""The number of columns below which a chart's bars mean nothing."""
+
+MOST_AGENTS = 8
+"""The number of agents with a bar of their own; the schedule of a larger team is that of its
+last."""
+
+_GOES, _WORKS, _DONE, _FAILS, _NOW = "━", "─", "✔", "✘", "▼"
+_DIGITS = 9
+
+
+def schedule_lines(preview: PlanPreview, width: int, now_s: float | None = None) -> list[Content]:
+    """Return the chart, `width` cells wide: a time axis, a bar an agent, a line a gate.
+
+    A bar is thick while its agent goes and thin while it works at the place. A gate's line tells
+    the number of its guards. With `now_s` the axis points at that moment.
+    """
+    agents = [a for a in dict.fromkeys(preview.plan.agents) if a in preview.ways]
+    agents.sort(key=lambda name: preview.arrival_s(name) or 0.0)
+    gates = [gate for gate in preview.before.gates if gate in preview.involved]
+    labels = [*agents[:MOST_AGENTS], *map(place_words, gates)]
+    lead = min(max((len(label) for label in labels), default=0), MOST_LABEL) + 1
+    columns = width - lead
+    if not labels or columns < LEAST_BARS or preview.duration_s <= 0.0:
+        return []
+    chart = _Chart(preview, columns)
+    lines = [Content(" " * lead) + chart.axis(now_s)]
+    shown = agents if len(agents) <= MOST_AGENTS else agents[-MOST_AGENTS:]
+    lines += [_label(name, lead) + chart.bar(name) for name in shown]
+    lines += [_label(place_words(gate), lead) + chart.guards(gate) for gate in gates]
+    return lines
+
+
+def _label(text: str, width: int) -> Content:
+    cut = text if len(text) < width else f"{text[: width - 2]}…"
+    return Content.styled(f"{cut:<{width}}", QUIET)
+
+
+class _Chart:
+    """Maps the seconds of a plan to columns."""
+
+    def __init__(self, preview: PlanPreview, columns: int) -> None:
+        self._preview, self._columns = preview, columns
+
+    def _column(self, time_s: float) -> int:
+        share = time_s / self._preview.duration_s
+        return min(max(int(share * self._columns), 0), self._columns - 1)
+
+    def _time_s(self, column: int) -> float:
+        return (column + 0.5) / self._columns * self._preview.duration_s
+
+    def axis(self, now_s: float | None) -> Content:
+        """Return where the plan begins and ends, or what moment it is now."""
+        if now_s is None:
+            end = f"{self._preview.duration_s:.0f} s"
+            return Content.styled(f"0 s{end:>{self._columns - 3}}", QUIET)
+        at, words = self._column(now_s), f"{now_s:.0f} s"
+        if at + len(words) + 1 < self._columns:
+            text = f"{' ' * at}{_NOW} {words}"
+        else:
+            text = f"{words} {_NOW}".rjust(at + 1)
+        return Content.styled(text.ljust(self._columns), NOTE)
+
+    def bar(self, agent: str) -> Content:
+        """Return when an agent goes and works, and at its end whether it was done."""
+        motion, preview = self._preview.rehearsal.motion, self._preview
+        ended_s = motion.ended_s.get(agent, preview.duration_s)
+        arrived_s = motion.arrived_s.get(agent, ended_s)
+        there, end = self._column(arrived_s), self._column(ended_s)
+        done = preview.finished(agent)
+        mark = (_DONE, GOOD) if done else (_FAILS, BAD)
+        bar = (_GOES * there, CALM), (_WORKS * (end - there), CALM), mark
+        return Content.assemble(*bar, " " * (self._columns - end - 1))
+
+    def guards(self, gate: str) -> Content:
+        """Return how many guards a gate has in each column."""
+        counts = [
+            len(self._preview.guards_at(gate, self._time_s(column)))
+            for column in range(self._columns)
+        ]
+        return Content.assemble(*_runs(counts))
+
+
+def _runs(counts: Sequence[int]) -> Iterator[tuple[str, str]]:
+    """Yield the number of guards where it changes, and a line as long as it stays."""
+    for count, columns in groupby(counts):
+        length = sum(1 for _ in columns)
+        digit = str(count) if count <= _DIGITS else "+"
+        line = "·" if count else " "
+        yield f"{digit}{line * (length - 1)}", "" if count else f"bold {BAD}"
+
+
+TITLE = "Schedule: ━ under way  ─ at the place  1 2 3 guards"
+
+LEAST_WIDTH = 40
+"""A chart is never narrower."""
+
+
+class PlanSchedule(Widget):
+    """Shows who does what when; hidden without a plan that was rehearsed."""
+
+    DEFAULT_CSS = "PlanSchedule { height: auto; width: 1fr; }"
+
+    def __init__(self, **kwargs: str) -> None:
+        super().__init__(id=kwargs.get("id"))
+        self._preview: PlanPreview | None = None
+        self._now_s: float | None = None
+        self.border_title = TITLE
+        self.add_class("-empty")
+
+    def show(self, preview: PlanPreview | None, now_s: float | None = None) -> None:
+        """Show another plan, or another moment of it."""
+        other = preview is not self._preview
+        if other or now_s != self._now_s:
+            self._preview, self._now_s = preview, now_s
+            self.set_class(not self.lines(LEAST_WIDTH), "-empty")
+            self.refresh(layout=other)
+
+    def lines(self, width: int) -> list[Content]:
+        """Return the lines of the chart, none without a plan."""
+        return schedule_lines(self._preview, width, self._now_s) if self._preview else []
+
+    def get_content_height(self, container: Size, viewport: Size, width: int) -> int:  # noqa: ARG002
+        """Return the number of lines at `width` cells."""
+        return len(self.lines(width))
+
+    def render(self) -> Content:
+        """Return the chart."""
+        return Content("\n").join(self.lines(self.content_size.width))
+
+
+ROWS_ELSEWHERE = 6
+"""The lines of the terminal that are neither map nor panel, about."""
+
+WIDE_SHARE, COMPACT_SHARE = 0.7, 0.62
+"""The share of the other lines that the panel may take, beside the map and below it."""
+
+LEAST_ROWS, LEAST_PLAN_ROWS = 13, 4
+
+
+class PanelRoom(NamedTuple):
+    """The largest numbers of rows: for the whole panel, and for the plan in it."""
+
+    panel: int
+    plan: int
+
+
+def panel_room(terminal: int, taken: int, *, compact: bool) -> PanelRoom:
+    """Return the room in a terminal of so many rows, of which the panel's other parts have `taken`.
+
+    `compact` says that the panel stands below the map and not beside it.
+    """
+    share = int((terminal - ROWS_ELSEWHERE) * (COMPACT_SHARE if compact else WIDE_SHARE))
+    most = max(share, LEAST_ROWS, taken + LEAST_PLAN_ROWS)
+    return PanelRoom(most, most - taken)
+
+
+class PlanText(VerticalScroll, can_focus=False):
+    """The lines of a plan and its schedule; it knows how far they have been read."""
+
+    def __init__(self) -> None:
+        super().__init__(id="approval-body")
+        self._seen = 0.0
+        """The number of lines that have been on screen, from the first on."""
+        self._seen_before_play = 0.0
+        self._rows = 0
+
+    def compose(self) -> ComposeResult:
+        """Yield the lines and the schedule."""
+        yield TextRows(id="approval-text")
+        yield PlanSchedule(id="approval-schedule")
+
+    def tell(self, rows: Sequence[Row]) -> None:
+        """Show these lines; what was on screen counts."""
+        self.query_one("#approval-text", TextRows).show(tuple(rows))
+
+    def schedule(self, preview: PlanPreview | None, now_s: float | None = None) -> None:
+        """Show who does what when; `now_s` while the rehearsal is played."""
+        self.query_one("#approval-schedule", PlanSchedule).show(preview, now_s)
+
+    def begin(self) -> None:
+        """Go to the first line; nothing has been read."""
+        self.scroll_home(animate=False)
+        self._seen = 0.0
+
+    def begin_anew(self) -> None:
+        """Count anew: the lines are others, or stand elsewhere."""
+        self._seen = 0.0
+
+    def fit(self, rows: int) -> bool:
+        """Take at most that many rows of the screen; returns whether their number has changed."""
+        if rows == self._rows:
+            return False
+        self._rows = self.styles.max_height = rows
+        if self.scroll_offset.y == 0:  # nothing has been read on yet
+            self._seen = 0.0
+        return True
+
+    def note_seen(self) -> None:
+        """Note which lines are on screen, as far as none before them was left out."""
+        if self.scroll_offset.y <= self._seen:
+            bottom = self.scroll_offset.y + self.scrollable_content_region.height
+            self._seen = max(self._seen, bottom)
+
+    @property
+    def read(self) -> bool:
+        """True if all lines have been on screen."""
+        return 0 < self.query_one("#approval-text").size.height <= self._seen
+
+    def keep(self) -> None:
+        """Keep what has been on screen, while a rehearsal is played in its place."""
+        self._seen_before_play = self._seen
+
+    def recall(self) -> None:
+        """Restore the kept count."""
+        self._seen = max(self._seen, self._seen_before_play)
+
+    def scroll_pages(self, pages: int) -> None:
+        """Show what follows, or what comes before."""
+        step = max(self.scrollable_content_region.height - 1, 1)
+        self.scroll_to(y=self.scroll_offset.y + pages * step, animate=False)

@@ -1,1 +1,0 @@
-"""The panel on which the operator decides about a plan."""
