@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from pa_console.policy.checks import rule_checks
-from pa_console.policy.ordering import monitor
+from pa_console.policy import monitor, rule_checks
 from pa_console.settings.schema import describe_settings
 from tests.fleets.broker import mosquitto
 from tests.quick_textual import quicken

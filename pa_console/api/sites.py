@@ -7,8 +7,8 @@ from datetime import UTC, datetime
 from pa_console.fleets.fleet import Outlook
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.mission.examine import examine
+from pa_console.policy.pinned_rules import RulesPins
 from pa_console.policy.rulebook import Rulebook
-from pa_console.policy.trust.pinned_rules import RulesPins
 from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan

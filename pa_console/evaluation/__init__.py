@@ -1,1 +1,1 @@
-"""Mission sets, benchmarks and their tables."""
+"""Mission sets, benchmarks and their tables; what changed rules would change."""

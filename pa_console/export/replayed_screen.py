@@ -13,7 +13,7 @@ from textual.drivers.headless_driver import HeadlessDriver
 from textual.pilot import Pilot
 
 import pa_console.tui
-from pa_console.policy.retrieval.retriever import Retriever
+from pa_console.policy.retriever import Retriever
 from pa_console.schema.text import visible_line
 from pa_console.session.recording import Player
 from pa_console.station.assembly import Site

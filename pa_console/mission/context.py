@@ -22,11 +22,11 @@ from pa_console.mission.gate import Authority, CommandGate
 from pa_console.mission.journal import Journal
 from pa_console.mission.spelling import question_back, read_words
 from pa_console.mission.standing import StandingOrders
-from pa_console.policy.checks.sightings import Sightings
-from pa_console.policy.ordering.monitor import Monitor
-from pa_console.policy.retrieval.retriever import DEFAULT_METHOD, Retriever
+from pa_console.policy.check_context import Sightings
+from pa_console.policy.core_rules import with_core
+from pa_console.policy.monitor import Monitor
+from pa_console.policy.retriever import DEFAULT_METHOD, Retriever
 from pa_console.policy.rulebook import Rulebook
-from pa_console.policy.trust.core_rules import with_core
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events.event import EventPayload, Noticed, ServerUse
 from pa_console.schema.mission import Metrics, Mission

@@ -26,7 +26,7 @@ from pa_console.mission.context import MissionContext
 from pa_console.mission.picture_text import digest_picture
 from pa_console.mission.tasking.fulfilment import gaps
 from pa_console.mission.tasking.moves import PlanMoves
-from pa_console.policy.checks.findings import ORDER_ID
+from pa_console.policy.findings import ORDER_ID
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Finding

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from pa_console.language.reading import read_reason
 from pa_console.mission.tasking.fulfilment import is_to_be_warned
 from pa_console.policy.expressions.deadlines import shared_deadline
-from pa_console.policy.ordering.monitor import Monitor
-from pa_console.policy.ordering.workflow import WorkflowRun
+from pa_console.policy.monitor import Monitor
+from pa_console.policy.orderings import WorkflowRun
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.command import ENCOUNTERS, Verb
 from pa_console.schema.events.event import WorkflowMoved

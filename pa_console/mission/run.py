@@ -38,8 +38,8 @@ from pa_console.mission.understand import (
     retrieve,
     understand,
 )
-from pa_console.policy.ordering.moments import moment
-from pa_console.policy.ordering.monitor import Monitor, halts
+from pa_console.policy.moments import moment
+from pa_console.policy.monitor import Monitor, halts
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import MAX_MISSION_TEXT, Alarm, Mission

@@ -9,7 +9,7 @@ from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.resolution import Answers
 from pa_console.mission.context import MissionContext
 from pa_console.mission.standing import example_subject, starts_now
-from pa_console.policy.checks.rule_checks import check_mission
+from pa_console.policy.rule_checks import check_mission
 from pa_console.policy.standing_conditions import StandingCondition
 from pa_console.schema.command import Verb
 from pa_console.schema.events import event as ev

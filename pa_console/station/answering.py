@@ -11,7 +11,7 @@ from pa_console.language.questions import Question, read_question
 from pa_console.language.references.scene import Scene
 from pa_console.mission.examine import CheckBasis
 from pa_console.mission.spelling import read_words
-from pa_console.policy.checks.plain_text import compatible_form
+from pa_console.policy.plain_text import compatible_form
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
 from pa_console.schema.events.intake import AnswerLine, QuestionAnswered

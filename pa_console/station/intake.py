@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 
 from pa_console.mission.standing import Due
-from pa_console.policy.checks.plain_text import compatible_form
+from pa_console.policy.plain_text import compatible_form
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import MAX_MISSION_TEXT, Alarm, Mission, QueueEntry
 from pa_console.schema.telemetry import Picture

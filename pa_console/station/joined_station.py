@@ -19,7 +19,7 @@ from pa_console.fleets.vda5050.vehicle import EXPIRY_S
 from pa_console.language.questions import Question
 from pa_console.mission.approval import inadmissible
 from pa_console.mission.stop import CONFIRM_S
-from pa_console.policy.retrieval.retriever import Retriever
+from pa_console.policy.retriever import Retriever
 from pa_console.schema.events import event as ev
 from pa_console.schema.events.event import CommandTaken, Event, SessionStarted
 from pa_console.schema.incident import Incident

@@ -10,11 +10,11 @@ from pathlib import Path
 
 from pa_console.mission.context import Services
 from pa_console.policy.authoring.differences import compare_rules
+from pa_console.policy.core_rules import with_core
 from pa_console.policy.expressions.deadlines import DEADLINE_S
+from pa_console.policy.pinned_rules import RulesPins, downgrade, pin_of
+from pa_console.policy.rule_seal import refuse_altered, signature_path
 from pa_console.policy.rulebook import Rulebook, load_rules
-from pa_console.policy.trust.core_rules import with_core
-from pa_console.policy.trust.pinned_rules import RulesPins, downgrade, pin_of
-from pa_console.policy.trust.rule_seal import refuse_altered, signature_path
 from pa_console.schema.document import DocumentError
 from pa_console.schema.events import event as ev
 from pa_console.schema.rule import SHORT, RuleSet

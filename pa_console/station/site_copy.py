@@ -9,9 +9,9 @@ from collections.abc import AsyncGenerator, Callable
 from pa_console.fleets.shown_picture import ShownPicture
 from pa_console.language.questions import Question
 from pa_console.language.references.scene import Scene
-from pa_console.policy.retrieval.retriever import Retriever
+from pa_console.policy.core_rules import with_core
+from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
-from pa_console.policy.trust.core_rules import with_core
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events.intake import AnswerLine, QuestionAnswered, QuestionTopic
 from pa_console.schema.mission import Mission

@@ -13,7 +13,7 @@ from pa_console.mission.dispatch import StepFeed
 from pa_console.mission.journal import Log
 from pa_console.mission.judge import OutcomeVerdicts
 from pa_console.mission.stop import EmergencyStop
-from pa_console.policy.retrieval.retriever import Retriever
+from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident

@@ -7,7 +7,7 @@ from pa_console.language.facts import is_free, sole_covers
 from pa_console.language.name_linking import named
 from pa_console.language.plain_words import plain_reading
 from pa_console.language.reading import asked_words, read_asked
-from pa_console.policy.checks.check_context import goes_to
+from pa_console.policy.check_context import goes_to
 from pa_console.schema.command import BUSY_TASKS, COMMANDS
 from pa_console.schema.events.intake import AnswerLine
 from pa_console.schema.plan import Action

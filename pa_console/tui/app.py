@@ -12,7 +12,7 @@ from textual.binding import Binding
 from textual.color import Color
 from textual.filter import LineFilter
 
-from pa_console.policy.retrieval.retriever import Retriever
+from pa_console.policy.retriever import Retriever
 from pa_console.schema.text import visible_line
 from pa_console.schema.world import World
 from pa_console.session.recording import Player

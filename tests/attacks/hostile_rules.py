@@ -15,7 +15,7 @@ from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any
 
-from pa_console.policy.checks.rule_checks import check_mission, check_plan
+from pa_console.policy.rule_checks import check_mission, check_plan
 from pa_console.policy.rulebook import load_rules
 from pa_console.schema.document import DocumentError
 from tests.policy.large import large_plan, large_rehearsal, large_world

@@ -18,8 +18,8 @@ from typing import NamedTuple
 
 from pa_console.cli.mission.session import read_event
 from pa_console.evaluation.runs.jobs import load_with_worlds
+from pa_console.policy.rule_seal import seal_of
 from pa_console.policy.rulebook import load_rules
-from pa_console.policy.trust.rule_seal import seal_of
 from pa_console.resources import find_data
 from pa_console.schema.document import DocumentError
 from pa_console.schema.rule import RuleSet

@@ -12,17 +12,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.mission import examine as safeguards
-from pa_console.policy.checks import rule_checks
+from pa_console.policy import rule_checks
 from pa_console.policy.expressions.deadlines import (
     DeadlineError,
     deadline,
     going_on,
     shared_deadline,
 )
-from pa_console.policy.expressions.expression import PLAN_VARIABLES, Expression, make_context
-from pa_console.policy.expressions.patterns import pattern
-from pa_console.policy.expressions.source_limits import MAX_TOKENS, Source
-from pa_console.policy.ordering.monitor import Monitor
+from pa_console.policy.expressions.expression import (
+    PLAN_VARIABLES,
+    Expression,
+    compiled_pattern,
+    make_context,
+)
+from pa_console.policy.expressions.syntax import MAX_TOKENS, Source
+from pa_console.policy.monitor import Monitor
 from pa_console.policy.rulebook import Compiler, Rulebook, load_rules
 from pa_console.schema.document import DocumentError
 from pa_console.schema.plan import Plan
@@ -137,8 +141,8 @@ def test_a_loop_that_is_out_of_time_goes_no_round_further() -> None:
 
 def test_a_pattern_that_takes_hours_elsewhere_has_an_answer_here() -> None:
     text = "a" * 2_000 + "!"
-    assert pattern(r"^(\w+\s?)+$").search(text) is False
-    assert pattern(r"^(\w+\s?)+$").cut("ab cd", "-") == "-"
+    assert compiled_pattern(r"^(\w+\s?)+$").search(text) is False
+    assert compiled_pattern(r"^(\w+\s?)+$").cut("ab cd", "-") == "-"
 
 
 def test_a_pattern_that_looks_ahead_is_broken_off_when_time_is_up(

@@ -11,20 +11,20 @@ from hypothesis import strategies as st
 
 from pa_console.cli.mission import session as mission_session
 from pa_console.llm.models.catalogue import LocalModel
-from pa_console.policy.authoring.example_situation import WORLD
 from pa_console.policy.authoring.examples import (
     MISSION_TEXT,
+    WORLD,
     example_plan,
     example_rehearsal,
     example_sightings,
 )
-from pa_console.policy.checks.rule_checks import check_mission, check_plan
-from pa_console.policy.ordering.monitor import Monitor
+from pa_console.policy.core_rules import CORE_IDS, shipped_source, with_core
+from pa_console.policy.monitor import Monitor
+from pa_console.policy.pinned_rules import RefusedRulesError, RulesPins, pin_of
+from pa_console.policy.rule_checks import check_mission, check_plan
+from pa_console.policy.rule_seal import content_sha256, seal_of, sign_rules, signature_path
 from pa_console.policy.rulebook import Rulebook, load_rules, read_rule_set
-from pa_console.policy.trust.core_rules import CORE_IDS, shipped_source, with_core
-from pa_console.policy.trust.pinned_rules import RefusedRulesError, RulesPins, pin_of
-from pa_console.policy.trust.rule_seal import content_sha256, seal_of, sign_rules, signature_path
-from pa_console.policy.trust.shipped_rules import CONTENT_SHA256, CORE
+from pa_console.policy.shipped_rules import CONTENT_SHA256, CORE
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Mission
 from pa_console.schema.rule import PRIORITIES, Rule, RuleExample, RulesSeal
@@ -317,7 +317,7 @@ def test_the_package_pins_the_shipped_file_and_its_core() -> None:
 
 
 def pin_module() -> str:
-    from pa_console.policy.trust import shipped_rules  # noqa: PLC0415
+    from pa_console.policy import shipped_rules  # noqa: PLC0415
 
     return shipped_rules.__file__
 

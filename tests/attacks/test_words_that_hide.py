@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.mission.spelling import respell
-from pa_console.policy.checks.rule_checks import check_mission
+from pa_console.policy.rule_checks import check_mission
 from pa_console.schema.mission import Mission
 from pa_console.station.assembly import Site, load_site
 from pa_console.station.intake import Intake

@@ -30,7 +30,7 @@ from pa_console.llm.roles.prompts import Prompt, paper_prompt
 from pa_console.mission.approval import standing_approver
 from pa_console.mission.picture_text import digest_picture, select
 from pa_console.mission.tasking.choices import commands_serving
-from pa_console.policy.retrieval.retriever import Retriever
+from pa_console.policy.retriever import Retriever
 from pa_console.resources import data_folder
 from pa_console.schema.events.event import Event, MissionVerified, Role
 from pa_console.schema.mission import ActionOutcome, Mission, Verification

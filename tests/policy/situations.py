@@ -4,8 +4,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from pa_console.policy.authoring.example_situation import WORLD
-from pa_console.policy.authoring.examples import example_rehearsal
+from pa_console.policy.authoring.examples import WORLD, example_rehearsal
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Rehearsal

@@ -7,9 +7,8 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.policy.authoring.example_situation import WORLD
-from pa_console.policy.authoring.examples import run_example
-from pa_console.policy.checks.rule_checks import check_mission
+from pa_console.policy.authoring.examples import WORLD, run_example
+from pa_console.policy.rule_checks import check_mission
 from pa_console.resources import data_folder
 from pa_console.schema.mission import Mission
 from pa_console.schema.rule import RuleExample

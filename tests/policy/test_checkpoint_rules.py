@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from pa_console.policy.authoring.example_situation import WORLD
-from pa_console.policy.authoring.examples import run_example
-from pa_console.policy.checks.rule_checks import check_mission
+from pa_console.policy.authoring.examples import WORLD, run_example
+from pa_console.policy.rule_checks import check_mission
 from pa_console.schema.mission import Mission
 from pa_console.schema.rule import Rule, RuleExample
 from tests.policy.book import checkpoint_rules

@@ -8,10 +8,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pa_console.policy.authoring.example_situation import WORLD
-from pa_console.policy.authoring.examples import example_plan, example_rehearsal, run_example
-from pa_console.policy.checks.findings import MAX_OFFENDERS
-from pa_console.policy.checks.rule_checks import check_mission, check_plan
+from pa_console.policy.authoring.examples import WORLD, example_plan, example_rehearsal, run_example
+from pa_console.policy.findings import MAX_OFFENDERS
+from pa_console.policy.rule_checks import check_mission, check_plan
 from pa_console.policy.rulebook import load_rules
 from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission

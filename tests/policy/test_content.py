@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.policy.authoring.differences import compare_rules, word_changes
-from pa_console.policy.trust.rule_seal import content_sha256
+from pa_console.policy.rule_seal import content_sha256
 from pa_console.schema.document import Document
 from pa_console.schema.rule import RuleSet
 from tests.policy.sets import WORDS, as_set, edited, rule_sets, shuffled, texts

@@ -6,9 +6,9 @@ from collections.abc import Generator
 
 import pytest
 
-from pa_console.policy.authoring.example_situation import WORLD
-from pa_console.policy.checks.rule_checks import check_mission
+from pa_console.policy.authoring.examples import WORLD
 from pa_console.policy.expressions.deadlines import deadline
+from pa_console.policy.rule_checks import check_mission
 from tests.policy.book import checkpoint_rules
 from tests.policy.test_checks import MISSION
 

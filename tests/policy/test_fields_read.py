@@ -7,8 +7,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pa_console.policy.authoring.example_situation import WORLD
-from pa_console.policy.checks.check_context import (
+from pa_console.policy.authoring.examples import WORLD
+from pa_console.policy.check_context import (
     PLAN_SHAPES,
     plan_variables,
 )

@@ -7,7 +7,13 @@ from typing import Any
 
 import pytest
 
-from pa_console.policy.authoring.lint import LintFinding, lint_rules, search_rules, search_steps
+from pa_console.policy.authoring.lint import (
+    LintFinding,
+    Paraphraser,
+    lint_rules,
+    search_rules,
+    search_steps,
+)
 from pa_console.policy.authoring.lint_search import Conflicts
 from pa_console.policy.authoring.lint_states import (
     draw_plan,
@@ -16,7 +22,6 @@ from pa_console.policy.authoring.lint_states import (
     rehearsal_of,
     small_world,
 )
-from pa_console.policy.authoring.lint_text import Paraphraser
 from pa_console.policy.rulebook import read_rule_set
 from pa_console.resources import find_data
 from pa_console.schema.rehearsal import Rehearsal

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.policy.authoring.example_situation import WORLD, situation
-from pa_console.policy.ordering.moments import distinct, moment
+from pa_console.policy.authoring.examples import WORLD, situation
+from pa_console.policy.moments import distinct, moment
 from pa_console.schema.plan import Action
 from pa_console.schema.rehearsal import Moment, OrderMoment, TrackMoment
 from pa_console.schema.telemetry import Picture

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.policy.authoring.example_situation import WORLD
-from pa_console.policy.ordering.monitor import Monitor
+from pa_console.policy.authoring.examples import WORLD
+from pa_console.policy.monitor import Monitor
 from pa_console.policy.rulebook import Compiler, Rulebook, load_rules
 from pa_console.schema.rehearsal import Moment, TrackMoment
 from pa_console.schema.rule import Ordering, Rule

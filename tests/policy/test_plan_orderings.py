@@ -5,10 +5,14 @@ from typing import Any
 
 import pytest
 
-from pa_console.policy.authoring.example_situation import WORLD
-from pa_console.policy.authoring.examples import example_moments, example_plan, example_rehearsal
-from pa_console.policy.checks.rule_checks import check_plan
-from pa_console.policy.ordering.monitor import Monitor
+from pa_console.policy.authoring.examples import (
+    WORLD,
+    example_moments,
+    example_plan,
+    example_rehearsal,
+)
+from pa_console.policy.monitor import Monitor
+from pa_console.policy.rule_checks import check_plan
 from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission
 from pa_console.schema.rehearsal import Moment, Rehearsal

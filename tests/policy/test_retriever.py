@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.policy.retrieval.inverted_index import Floats
-from pa_console.policy.retrieval.related_words import Vocabulary
-from pa_console.policy.retrieval.retriever import DEFAULT_METHOD, METHODS, Retriever
+from pa_console.policy.related_words import Floats, Vocabulary
+from pa_console.policy.retriever import DEFAULT_METHOD, METHODS, Retriever
 from pa_console.schema.rule import Rule
 from tests.policy.book import checkpoint_rules
 

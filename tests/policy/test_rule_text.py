@@ -7,7 +7,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.policy.authoring.rule_file_text import RuleText
+from pa_console.policy.authoring.rule_save import RuleText
 from pa_console.resources import find_data
 from pa_console.schema.document import DocumentError
 

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.policy.rulebook import load_rules, read_rule_set
-from pa_console.policy.trust.rule_seal import (
+from pa_console.policy.rule_seal import (
     AlteredRulesError,
     refuse_altered,
     sign_rules,
     signature_path,
 )
+from pa_console.policy.rulebook import load_rules, read_rule_set
 from pa_console.schema.rule import RulesSeal
 from pa_console.signing import KEY_VARIABLE, KNOWN_FILE, SigningError, load_signer
 from tests.policy.book import write_rules

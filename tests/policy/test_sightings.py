@@ -7,11 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.policy.authoring.example_situation import WORLD
-from pa_console.policy.authoring.examples import example_plan, example_rehearsal, run_example
-from pa_console.policy.checks.rule_checks import check_plan
-from pa_console.policy.checks.sightings import KEPT_S, Sighting, Sightings
-from pa_console.policy.ordering.monitor import Monitor
+from pa_console.policy.authoring.examples import WORLD, example_plan, example_rehearsal, run_example
+from pa_console.policy.check_context import KEPT_S, Sighting, Sightings
+from pa_console.policy.monitor import Monitor
+from pa_console.policy.rule_checks import check_plan
 from pa_console.policy.rulebook import load_rules
 from pa_console.schema.mission import Mission
 from pa_console.schema.rule import RuleExample

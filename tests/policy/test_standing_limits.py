@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from pa_console.policy.rule_seal import content_sha256
 from pa_console.policy.rulebook import load_rules
-from pa_console.policy.trust.rule_seal import content_sha256
 from pa_console.resources import data_folder
 from pa_console.schema.document import DocumentError
 

@@ -1,8 +1,7 @@
 """A plan that cannot be started is refused with every reason; one that can is let through."""
 
-from pa_console.policy.authoring.example_situation import WORLD
-from pa_console.policy.authoring.examples import example_plan, example_rehearsal
-from pa_console.policy.checks.findings import problems
+from pa_console.policy.authoring.examples import WORLD, example_plan, example_rehearsal
+from pa_console.policy.findings import problems
 from pa_console.schema.rule import RuleExample
 
 

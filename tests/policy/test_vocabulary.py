@@ -6,13 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.policy.retrieval.inverted_index import ngrams, words_of
-from pa_console.policy.retrieval.related_words import (
+from pa_console.policy.related_words import (
     Groups,
     Spelling,
     Vocabulary,
     default_vocabulary,
     load_vocabulary,
+    ngrams,
+    words_of,
 )
 from pa_console.schema.document import DocumentError
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.policy.ordering.workflow import Move, WorkflowRun
+from pa_console.policy.orderings import Move, WorkflowRun
 from pa_console.policy.rulebook import Compiler, Rulebook, compile_rule
 from pa_console.schema.rehearsal import Moment, TrackMoment
 from pa_console.schema.rule import Phase, Rule, Workflow

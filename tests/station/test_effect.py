@@ -7,15 +7,15 @@ from typing import Any
 
 import pytest
 
-from pa_console.mission.approval import standing_approver
-from pa_console.policy.rulebook import CompiledRule, Rulebook, compile_rule, load_rules
-from pa_console.rule_analysis.changed_decisions import (
+from pa_console.evaluation.changed_decisions import (
     ChangedDecision,
     SessionEffect,
     decided_again,
     effect_on_session,
     rules_turned,
 )
+from pa_console.mission.approval import standing_approver
+from pa_console.policy.rulebook import CompiledRule, Rulebook, compile_rule, load_rules
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import SpawnTrack

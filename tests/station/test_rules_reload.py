@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from pa_console.policy.rule_seal import content_sha256, sign_rules
 from pa_console.policy.rulebook import load_rules, read_rule_set
-from pa_console.policy.trust.rule_seal import content_sha256, sign_rules
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan

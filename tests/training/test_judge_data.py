@@ -11,7 +11,7 @@ import pytest
 from pa_console.language.order import Ask, Order, Who
 from pa_console.language.reading import canonical_order
 from pa_console.llm.roles.judge import read_verdict
-from pa_console.policy.retrieval.retriever import Retriever
+from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import data_folder
 from pa_console.schema.incident import FailAsset

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pa_console.evaluation.scoring.success_conditions import compile_conditions
 from pa_console.language.order import Ask, Order, Who
 from pa_console.llm.roles.grammar import REASON_CHARS
-from pa_console.policy.checks.findings import problems
+from pa_console.policy.findings import problems
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import find_data
 from pa_console.schema.incident import FailAsset, Incident, PlaceAsset, SetBattery, SpawnTrack

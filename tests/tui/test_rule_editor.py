@@ -9,9 +9,9 @@ import pytest
 from textual.pilot import Pilot
 from textual.widgets import OptionList, Static, TextArea
 
-from pa_console.policy.retrieval.retriever import Retriever
+from pa_console.policy.retriever import Retriever
+from pa_console.policy.rule_seal import sign_rules
 from pa_console.policy.rulebook import Rulebook, load_rules, read_rule_set
-from pa_console.policy.trust.rule_seal import sign_rules
 from pa_console.schema.events.event import EventPayload, Noticed, RulesReplaced
 from pa_console.signing import KEY_VARIABLE, load_signer
 from pa_console.tui.app import ConsoleApp

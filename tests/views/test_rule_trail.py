@@ -1,7 +1,6 @@
 """What a rule did is found event by event, and a decision leads back to its telemetry."""
 
-from pa_console.policy.authoring.example_situation import WORLD
-from pa_console.policy.authoring.examples import example_plan, example_rehearsal
+from pa_console.policy.authoring.examples import WORLD, example_plan, example_rehearsal
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Finding, RuleOpinion, Verdict
 from pa_console.schema.mission import Decision, Mission

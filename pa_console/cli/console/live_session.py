@@ -14,7 +14,7 @@ from pa_console.cli.keys.site_keys import load_authority
 from pa_console.cli.output import errors
 from pa_console.llm.engine import Engine
 from pa_console.llm.servers.servers import NO_SERVERS, Servers
-from pa_console.policy.trust.pinned_rules import RefusedRulesError, RulesPins
+from pa_console.policy.pinned_rules import RefusedRulesError, RulesPins
 from pa_console.session.log.writer import LogWriter, default_folder
 from pa_console.settings.schema import Settings
 from pa_console.sim.worlds.scenario_file import open_scenario

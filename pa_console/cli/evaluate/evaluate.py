@@ -61,7 +61,7 @@ from pa_console.evaluation.runs.runner import Runner
 from pa_console.llm.engine import Engine
 from pa_console.llm.models.catalogue import LocalModel, find_model
 from pa_console.llm.worker.threads import physical_cores
-from pa_console.policy.trust.pinned_rules import RulesPins
+from pa_console.policy.pinned_rules import RulesPins
 from pa_console.schema.text import count
 from pa_console.station.assembly import load_site
 

@@ -30,7 +30,7 @@ from pa_console.llm.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.mission.approval import ApprovalMode, standing_approver
 from pa_console.observability.observers import Observer, unobserved
-from pa_console.policy.trust.pinned_rules import RulesPins
+from pa_console.policy.pinned_rules import RulesPins
 from pa_console.schema.document import Document
 from pa_console.schema.events.event import (
     ApprovalRequested,

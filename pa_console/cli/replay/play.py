@@ -29,7 +29,7 @@ def run_console(
     site: Site, recording: Recording, settings: Loaded, opening: "Opening | None" = None
 ) -> None:
     """Run the console over the recording, until it is left; `opening` shows other screens first."""
-    from pa_console.policy.retrieval.retriever import Retriever  # noqa: PLC0415 - only when it is shown
+    from pa_console.policy.retriever import Retriever  # noqa: PLC0415 - only when it is shown
     from pa_console.session.recording import Player  # noqa: PLC0415
     from pa_console.tui.app import ConsoleApp  # noqa: PLC0415
 

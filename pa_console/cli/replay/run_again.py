@@ -10,8 +10,8 @@ import typer
 from pa_console.cli.output import FAILED, errors, out, print_json
 from pa_console.cli.progress_bars import read_recording
 from pa_console.cli.replay.play import started_of
+from pa_console.evaluation.changed_decisions import SessionEffect, decided_again
 from pa_console.evaluation.runs.twin import Resimulation, resimulate
-from pa_console.rule_analysis.changed_decisions import SessionEffect, decided_again
 from pa_console.schema.document import DocumentError
 from pa_console.schema.events.event import Event, SessionStarted
 from pa_console.schema.incident import Scenario

@@ -9,9 +9,7 @@ import typer
 from pa_console.cli.export.source import ExportBar
 from pa_console.cli.output import BAD_INPUT, FAILED, JsonOption, errors, out, print_json
 from pa_console.cli.rules.session_logs import SessionEvents, find_logs
-from pa_console.policy.rulebook import Rulebook, load_rules
-from pa_console.resources import existing_data
-from pa_console.rule_analysis.changed_decisions import (
+from pa_console.evaluation.changed_decisions import (
     FLIP_KINDS,
     ChangedDecision,
     Gap,
@@ -19,6 +17,8 @@ from pa_console.rule_analysis.changed_decisions import (
     effect_on_session,
     rules_turned,
 )
+from pa_console.policy.rulebook import Rulebook, load_rules
+from pa_console.resources import existing_data
 from pa_console.schema.document import DocumentError
 from pa_console.station.assembly import SessionSites
 
@@ -122,8 +122,8 @@ def _sessions(logs: list[Path], new: Rulebook, sites: SessionSites, effects: Eff
 def _missions(
     name: str, new: Rulebook, was: str, world: str, tried: tuple[int, int], effects: Effects
 ) -> None:
+    from pa_console.evaluation.changed_decisions import effect_on_mission  # noqa: PLC0415
     from pa_console.evaluation.runs.jobs import load_with_worlds, mission_file  # noqa: PLC0415
-    from pa_console.rule_analysis.mission_probe import effect_on_mission  # noqa: PLC0415
     from pa_console.sim.worlds.world_file import open_world  # noqa: PLC0415
 
     own, own_path = open_world(world)

@@ -7,17 +7,17 @@ import typer
 from rich.text import Text
 
 from pa_console.cli.output import BAD_INPUT, FAILED, JsonOption, out, print_json
+from pa_console.policy import shipped_rules
 from pa_console.policy.authoring.differences import Change, FieldChange, compare_rules, word_changes
-from pa_console.policy.rulebook import load_rules, read_rule_set
-from pa_console.policy.trust import shipped_rules
-from pa_console.policy.trust.core_rules import shipped_source
-from pa_console.policy.trust.rule_seal import (
+from pa_console.policy.core_rules import shipped_source
+from pa_console.policy.rule_seal import (
     canonical,
     content_sha256,
     seal_of,
     sign_rules,
     signature_path,
 )
+from pa_console.policy.rulebook import load_rules, read_rule_set
 from pa_console.resources import find_data
 from pa_console.schema.rule import SHORT, RulesSeal
 from pa_console.signing import load_signer

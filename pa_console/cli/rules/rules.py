@@ -10,9 +10,9 @@ from pa_console.cli.output import JsonOption, RulesOption, errors, out, print_js
 from pa_console.cli.rules import effect, lint, rule_sets, trace
 from pa_console.cli.rules.rule_sets import seal_in_words
 from pa_console.policy.authoring.examples import run_example
-from pa_console.policy.retrieval.retriever import DEFAULT_METHOD, METHODS, Retriever
+from pa_console.policy.core_rules import differing_core
+from pa_console.policy.retriever import DEFAULT_METHOD, METHODS, Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
-from pa_console.policy.trust.core_rules import differing_core
 from pa_console.resources import existing_data
 from pa_console.schema.rule import Rule, approvals_in_words
 from pa_console.schema.text import count

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from difflib import SequenceMatcher
 from typing import Literal, cast
 
-from pa_console.policy.trust.rule_seal import (
+from pa_console.policy.rule_seal import (
     Plain,
     canonical,
     plain_head,

@@ -13,8 +13,8 @@ from pa_console.policy.authoring.lint_states import (
     mission_of,
     rehearsal_of,
 )
-from pa_console.policy.checks.rule_checks import check_plan
-from pa_console.policy.ordering.monitor import Monitor
+from pa_console.policy.monitor import Monitor
+from pa_console.policy.rule_checks import check_plan
 from pa_console.policy.rulebook import CompiledRule, Rulebook, compile_rule
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.plan import Action, Plan

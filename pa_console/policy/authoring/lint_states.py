@@ -12,15 +12,14 @@ from typing import NamedTuple
 
 from pydantic import ValidationError
 
-from pa_console.policy.authoring import example_situation
 from pa_console.policy.authoring.examples import (
     MISSION_TEXT,
+    WORLD,
     example_plan,
     example_rehearsal,
     example_sightings,
 )
-from pa_console.policy.checks.check_context import goes_to
-from pa_console.policy.checks.sightings import Sighting, Sightings
+from pa_console.policy.check_context import Sighting, Sightings, goes_to
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Action, Plan
@@ -264,7 +263,7 @@ def example_states(rules: Iterable[Rule]) -> Iterator[State]:
             except (ValidationError, AttributeError, KeyError, TypeError, ValueError):
                 continue  # `pa-console rules check` tells of it
             mission = mission_of(example.mission or MISSION_TEXT)
-            yield State(plan, rehearsal, mission, example_situation.WORLD, seen)
+            yield State(plan, rehearsal, mission, WORLD, seen)
 
 
 def drawn_states(world: World, texts: Sequence[str], count: int, seed: int) -> Iterator[State]:

@@ -8,8 +8,8 @@ from typing import cast
 import yaml
 
 from pa_console.policy.authoring.examples import run_example
+from pa_console.policy.rule_seal import Plain
 from pa_console.policy.rulebook import CompiledRule, ExpressionError, compile_rule
-from pa_console.policy.trust.rule_seal import Plain
 from pa_console.schema.document import Document, DocumentError, FieldPath
 from pa_console.schema.rule import Rule, RuleExample
 

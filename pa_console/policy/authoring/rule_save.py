@@ -1,18 +1,241 @@
-"""Opens one rule of a file and saves it: whole or not at all, and over nobody's work."""
+"""Opens one rule of a file and saves it: whole or not at all, and over nobody's work.
+
+The file is changed as text: one rule is taken out, put back, added or removed; all else stays.
+"""
 
 import hashlib
 import os
+import re
 import stat
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+import yaml
+
 from pa_console.policy.authoring.differences import compare_rules
-from pa_console.policy.authoring.rule_file_text import RuleText
 from pa_console.policy.rulebook import compile_rule_set, parse_rule_set
 from pa_console.schema.document import Document, DocumentError, read_bytes
+
+
+@dataclass(frozen=True)
+class _Block:
+    """The lines of one rule, as offsets into the file's text.
+
+    `start` is where the comments directly above it begin, `dash` the line of its dash, `body` its
+    first key, `end` the end of its last line, its own comments included.
+    """
+
+    id: str
+    start: int
+    dash: int
+    body: int
+    end: int
+
+
+class RuleText:
+    """The text of a rule file, cut into its rules; nothing is changed in place."""
+
+    def __init__(self, source: str, text: str) -> None:
+        """Cut `text`, the content of the file `source`.
+
+        Raises DocumentError when it is not YAML, or when its rules are not a list with one rule
+        below the other.
+        """
+        self.source, self.text = source, text
+        self._newline = "\r\n" if "\r\n" in text else "\n"
+        if "\r" in text.replace("\r\n", ""):
+            raise self._error(0, "its lines end with CR alone; end them with LF to edit rules here")
+        listed = self._listed()
+        self._column = listed.start_mark.column
+        self._blocks: list[_Block] = []
+        for node in listed.value:
+            self._blocks.append(self._block(node))
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """The id of every rule, in order; '' for one that has none."""
+        return tuple(block.id for block in self._blocks)
+
+    def rule(self, rule_id: str) -> str:
+        """Return a rule as a YAML text of its own, with the comments directly above it.
+
+        Lines end in LF. Raises KeyError when the file has no such rule.
+        """
+        block = self._find(rule_id)
+        above = _outdented(self.text[block.start : block.dash], self._column)
+        indent = self._indent(block)
+        body = " " * indent + self.text[block.body : block.end]
+        return (above + _outdented(body, indent)).replace("\r\n", "\n")
+
+    def line(self, rule_id: str) -> int:
+        """Return the line of the file, from 1, on which the text of a rule begins."""
+        return self.text.count("\n", 0, self._find(rule_id).start) + 1
+
+    def put(self, rule_id: str, edited: str) -> str:
+        """Return the file's text with `edited` in the place of a rule; the same text changes none.
+
+        Raises KeyError when the file has no such rule.
+        """
+        block = self._find(rule_id)
+        if edited == self.rule(rule_id):
+            return self.text
+        above, body = _parts(edited)
+        head = self.text[block.dash : block.body]
+        new = self._written(above, self._column) + head
+        new += self._written(body, self._indent(block))[self._indent(block) :]
+        return self.text[: block.start] + self._ended(new, block.end) + self.text[block.end :]
+
+    def add(self, edited: str) -> str:
+        """Return the file's text with the new rule `edited` after the last one."""
+        last = self._blocks[-1]
+        above, body = _parts(edited)
+        dash = " " * self._column + "- "
+        new = self._written(above, self._column) + dash
+        new += self._written(body, self._column + 2)[self._column + 2 :]
+        before, after = self.text[: last.end], self.text[last.end :]
+        if not before.endswith("\n"):
+            before += self._newline
+        gap = self._newline if self._spaced() else ""
+        return before + gap + self._ended(new, last.end) + after
+
+    def remove(self, rule_id: str) -> str:
+        """Return the file's text without a rule and the empty lines after it.
+
+        Raises KeyError when the file has no such rule, ValueError when it is the only one.
+        """
+        block = self._find(rule_id)
+        if len(self._blocks) == 1:
+            raise ValueError(f"{rule_id} is the only rule: a rule set has at least one")
+        before, after = self.text[: block.start], self.text[block.end :]
+        gap = re.match(r"(?:[ \t]*\r?\n)*", after)
+        if block is not self._blocks[-1] and gap is not None:
+            after = after[gap.end() :]
+        else:
+            before = re.sub(r"(?:(?<=\n)[ \t]*\r?\n)+\Z", "", before)
+        return before + after
+
+    def _listed(self) -> yaml.SequenceNode:
+        """Return the node of the list `rules`."""
+        root = Document(self.source, self.text).root
+        fields = root.value if isinstance(root, yaml.MappingNode) else ()
+        node = next((value for key, value in fields if key.value == "rules"), None)
+        if not isinstance(node, yaml.SequenceNode) or not node.value:
+            raise self._error(1, "expected a list of rules under 'rules:'")
+        if node.flow_style:
+            where = node.start_mark.line + 1
+            raise self._error(where, "the rules stand in [ ]; write one below the other, with '- '")
+        return node
+
+    def _block(self, node: yaml.Node) -> _Block:
+        """Return where the rule `node` stands; the blocks before it are known."""
+        body = node.start_mark.index
+        dash = self._line_start(body)
+        while self.text[dash : dash + self._column].strip(" ") or (
+            self.text[dash + self._column : dash + self._column + 1] != "-"
+        ):
+            if dash == 0:
+                where = node.start_mark.line + 1
+                raise self._error(where, "where this rule begins cannot be told; edit the file")
+            dash = self._line_start(dash - 1)
+        floor = self._blocks[-1].end if self._blocks else 0
+        start = dash
+        while start > floor:
+            above = self._line_start(start - 1)
+            line = self.text[above:start]
+            if above < floor or not re.match(rf" {{{self._column}}}#", line):
+                break
+            start = above
+        return _Block(_id_of(node), start, dash, body, self._end(node))
+
+    def _end(self, node: yaml.Node) -> int:
+        """Return the end of the last line of a rule, with the comments that are set in below it."""
+        last = max(_ends(node))
+        content = len(self.text[:last].rstrip())
+        end = self._line_end(content)
+        place = end
+        while place < len(self.text):
+            following = self._line_end(place)
+            line = self.text[place:following]
+            if line.strip() and not re.match(rf" {{{self._column + 1},}}#", line):
+                break
+            if line.strip():
+                end = following
+            place = following
+        return end
+
+    def _line_start(self, place: int) -> int:
+        return self.text.rfind("\n", 0, place) + 1
+
+    def _line_end(self, place: int) -> int:
+        found = self.text.find("\n", place)
+        return len(self.text) if found < 0 else found + 1
+
+    def _indent(self, block: _Block) -> int:
+        return block.body - self._line_start(block.body)
+
+    def _spaced(self) -> bool:
+        """Return whether an empty line stands between the rules of the file."""
+        if len(self._blocks) < 2:
+            return True
+        last, before = self._blocks[-1], self._blocks[-2]
+        return not self.text[before.end : last.start].strip() and before.end < last.start
+
+    def _written(self, text: str, indent: int) -> str:
+        """Return `text` set in by `indent`, with the file's line ends; empty lines stay empty."""
+        lines = (" " * indent + line if line else line for line in text.split("\n"))
+        return self._newline.join(lines)
+
+    def _ended(self, new: str, end: int) -> str:
+        """Return `new` without empty lines at its end, and with a line end if one stood there."""
+        new = new.rstrip(" \t\r\n")
+        return (
+            new + self._newline if self.text[:end].endswith("\n") or end < len(self.text) else new
+        )
+
+    def _find(self, rule_id: str) -> _Block:
+        for block in self._blocks:
+            if block.id == rule_id:
+                return block
+        raise KeyError(rule_id)
+
+    def _error(self, line: int, problem: str) -> DocumentError:
+        return DocumentError(self.source, line, "rules" if line else "", problem)
+
+
+def _ends(node: yaml.Node) -> Iterator[int]:
+    """Yield where every value within `node` ends; that of a block collection is not exact."""
+    if isinstance(node, yaml.ScalarNode) or (
+        isinstance(node, yaml.CollectionNode) and node.flow_style
+    ):
+        yield node.end_mark.index
+    elif isinstance(node, yaml.SequenceNode):
+        for child in node.value:
+            yield from _ends(child)
+    elif isinstance(node, yaml.MappingNode):
+        for key, child in node.value:
+            yield from _ends(key)
+            yield from _ends(child)
+
+
+def _id_of(node: yaml.Node) -> str:
+    fields = node.value if isinstance(node, yaml.MappingNode) else ()
+    return next((str(value.value) for key, value in fields if key.value == "id"), "")
+
+
+def _parts(edited: str) -> tuple[str, str]:
+    """Return the comments at the beginning of a rule's text, and the rest of it."""
+    text = edited.replace("\r\n", "\n").strip("\n") + "\n"
+    found = re.match(r"(?:#[^\n]*\n|[ \t]*\n)*", text)
+    at = found.end() if found is not None else 0
+    return text[:at], text[at:]
+
+
+def _outdented(text: str, indent: int) -> str:
+    """Return `text` with up to `indent` spaces taken off each line."""
+    return re.sub(rf"(?m)^ {{0,{indent}}}", "", text)
 
 
 class RulesChangedError(ValueError):

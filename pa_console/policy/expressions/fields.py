@@ -11,12 +11,12 @@ known for certain everything counts as read.
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from pa_console.policy.expressions.source_limits import LOOPS
 from pa_console.policy.expressions.syntax import (
+    LOOPS,
     Call,
+    Constant,
     Index,
     Listing,
-    Literal,
     Node,
     Operation,
     Select,
@@ -135,7 +135,7 @@ class _Reader:
     def read(self, node: Node, bound: Mapping[str, _Value]) -> _Value:
         """Return the value of `node`; `bound` is what the loops around it go through."""
         match node:
-            case Literal():
+            case Constant():
                 return None
             case Variable(name):
                 return self._variable(name, bound)
@@ -216,7 +216,7 @@ class _Reader:
     def _operation(
         self, sign: str, operands: tuple[Node, ...], bound: Mapping[str, _Value]
     ) -> _Value:
-        if sign in ("==", "!=") and Literal("null") in operands:
+        if sign in ("==", "!=") and Constant("null") in operands:
             for operand in operands:
                 self.read(operand, bound)
             return None

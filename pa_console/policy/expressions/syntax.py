@@ -1,13 +1,259 @@
-"""The syntax tree of a CEL expression: what is done to which value, in CEL's precedence.
+"""The text of a CEL expression, its bounds, and its syntax tree in CEL's precedence.
 
-The library that evaluates expressions does not show its own. This one is for what is asked of a
-rule before it runs; nothing is evaluated by it. What it does not know it refuses.
+The parser recurses with its input and a running expression cannot be stopped from outside. So an
+expression that is too large, too deep, or whose values could grow too large is refused before the
+parser sees it, and every loop asks at each of its rounds whether there is time left.
+
+The library that evaluates expressions does not show its own tree. This one is for what is asked of
+a rule before it runs; nothing is evaluated by it. What it does not know it refuses.
 """
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
-from pa_console.policy.expressions.source_limits import Token
+import cel
+
+MAX_CHARACTERS = 32_768
+MAX_TOKENS = 800
+MAX_NESTING = 24
+MAXLOOPS = 4
+"""Loops inside each other; the shipped rules have at most three."""
+MAX_VALUE = 1_000_000
+"""The most characters or elements that a value which an expression builds could have."""
+INPUT_SIZE = 2_000
+"""Characters or elements of a value that is given: a mission has at most 2,000 characters."""
+
+GOING_ON = "__going_on"
+"""The function that a loop asks at each round whether there is time left."""
+
+Kind = Literal["space", "text", "number", "name", "sign"]
+
+LOOPS = {"all": "false", "exists": "true", "exists_one": "false", "existsOne": "false",
+          "filter": "false", "map": "null"}  # fmt: skip
+"""The macros that loop, and what a round yields for which there is no time: the loop then ends."""
+_PATTERNED = ("finds", "without", "matches")
+_OPEN, _CLOSE = "([{", ")]}"
+_TOKEN = re.compile(
+    r"""(?x)
+    (?P<space> (?: \s | //[^\n]* )+ )
+  | (?P<text> (?: [rR][bB]? | [bB][rR] ) (?: \"{3} (?s:.*?) \"{3} | '{3} (?s:.*?) '{3}
+        | "[^"\n\r]*" | '[^'\n\r]*' )
+      | [bB]? (?: \"{3} (?: \\(?s:.) | [^\\] )*? \"{3} | '{3} (?: \\(?s:.) | [^\\] )*? '{3}
+        | " (?: \\. | [^"\\\n\r] )* " | ' (?: \\. | [^'\\\n\r] )* ' ) )
+  | (?P<number> (?: 0[xX][0-9a-fA-F]+ | \.?[0-9] [0-9.]* (?: [eE][+-]?[0-9]+ )? ) [uU]? )
+  | (?P<name> [A-Za-z_][A-Za-z0-9_]* )
+  | (?P<sign> && | \|\| | == | != | <= | >= | [-+*/%<>!?:.,()\[\]{}] )
+    """
+)
+
+
+@dataclass(frozen=True)
+class Token:
+    """A piece of the source; `close` is the place of the bracket that closes this one."""
+
+    kind: Kind
+    text: str
+    close: int = -1
+
+
+@dataclass(frozen=True)
+class Loop:
+    """One loop: the place of its opening bracket, and of the first and last token of its body."""
+
+    name: str
+    variable: str
+    opening: int
+    first: int
+    last: int
+
+
+class Source:
+    """An expression's text, found to be within the limits; raises ValueError otherwise."""
+
+    def __init__(self, text: str) -> None:
+        """Read `text`; with brackets that do not match it is empty, and `problem` says so."""
+        if len(text) > MAX_CHARACTERS:
+            raise ValueError(
+                f"too long: {len(text):,} characters, at most {MAX_CHARACTERS:,}; split the rule"
+            )
+        self._tokens, self.problem = _matched(_tokens(text))
+        self._loops = tuple(self._find_loops())
+        self._refuse_nested_loops()
+        self._refuse_growth()
+
+    @property
+    def tokens(self) -> tuple[Token, ...]:
+        """The tokens in it."""
+        return tuple(self._tokens)
+
+    @property
+    def size(self) -> int:
+        """The number of its tokens."""
+        return len(self._tokens)
+
+    @property
+    def bound(self) -> frozenset[str]:
+        """The names that its loops bind."""
+        return frozenset(loop.variable for loop in self._loops)
+
+    def patterns(self) -> Iterator[str]:
+        """Yield every regular expression in it; raises ValueError for one that is not a literal."""
+        for place, token in enumerate(self._tokens):
+            if token.text not in _PATTERNED or not self._is_call(place):
+                continue
+            opening = place + 1
+            *_, (first, last) = self._arguments(opening)
+            if first != last or self._tokens[first].kind != "text":
+                raise ValueError(
+                    f"the pattern of {token.text}() must be written out as one text in quotes"
+                )
+            yield str(cel.evaluate(self._tokens[first].text))
+
+    def watched(self) -> str:
+        """Return the same expression, with loops that end when there is no time left."""
+        before: dict[int, str] = {}
+        after: dict[int, str] = {}
+        for loop in self._loops:
+            ended = LOOPS[loop.name]
+            before[loop.first] = before.get(loop.first, "") + f"{GOING_ON}() ? ("
+            after[loop.last] = f") : {ended}" + after.get(loop.last, "")
+        words: list[str] = []
+        for place, token in enumerate(self._tokens):
+            call = token.text == "matches" and self._is_call(place)
+            words += [before.get(place, ""), "finds" if call else token.text, after.get(place, "")]
+        return " ".join(word for word in words if word)
+
+    def _is_call(self, place: int) -> bool:
+        tokens = self._tokens
+        return tokens[place].kind == "name" and tokens[place + 1 : place + 2] != [] and (
+            tokens[place + 1].text == "("
+        )  # fmt: skip
+
+    def _arguments(self, opening: int) -> list[tuple[int, int]]:
+        """Return the first and last place of every argument in the brackets at `opening`."""
+        found: list[tuple[int, int]] = []
+        first = place = opening + 1
+        close = self._tokens[opening].close
+        while place <= close:
+            if place == close or self._tokens[place].text == ",":
+                found.append((first, place - 1))
+                first = place + 1
+            elif self._tokens[place].close > place:
+                place = self._tokens[place].close
+            place += 1
+        return found
+
+    def _find_loops(self) -> Iterator[Loop]:
+        for place, token in enumerate(self._tokens):
+            method = place > 0 and self._tokens[place - 1].text == "."
+            if not method or token.text not in LOOPS or not self._is_call(place):
+                continue
+            arguments = self._arguments(place + 1)
+            if len(arguments) not in ((2, 3) if token.text == "map" else (2,)):
+                continue
+            (name, name_end), (first, last) = arguments[:2]
+            if name != name_end or self._tokens[name].kind != "name":
+                raise ValueError(f"{token.text}() needs a plain name for what it goes through")
+            if last < first:
+                raise ValueError(f"not valid CEL: an argument of {token.text}() is missing")
+            kind = "filter" if len(arguments) == 3 else token.text
+            yield Loop(kind, self._tokens[name].text, place + 1, first, last)
+
+    def _refuse_nested_loops(self) -> None:
+        closes: list[int] = []
+        for loop in self._loops:
+            closes = [close for close in closes if close > loop.opening]
+            closes.append(self._tokens[loop.opening].close)
+            if len(closes) > MAXLOOPS:
+                raise ValueError(f"loops are nested deeper than {MAXLOOPS}; split the rule")
+
+    def _refuse_growth(self) -> None:
+        """Refuse what could build a huge value: each loop may go on with what another has built.
+
+        A value becomes larger by `+`, and by being named several times in a list or map. Between
+        two loops it can so grow by at most 1 + the number of those signs there.
+        """
+        signs = [0] * (len(self._loops) + 1)
+        within: list[tuple[int, int]] = []
+        starts = {loop.opening: number for number, loop in enumerate(self._loops, start=1)}
+        listing = [False]
+        for place, token in enumerate(self._tokens):
+            if place in starts:
+                within.append((token.close, starts[place]))
+            if token.close > place:
+                value = place == 0 or self._tokens[place - 1].text in _BEFORE_VALUE
+                listing.append(token.text == "{" or (token.text == "[" and value))
+            elif token.text in _CLOSE:
+                listing.pop()
+            if within and within[-1][0] == place:
+                within.pop()
+            if token.text == "+" or (token.text == "," and listing[-1] and not self._plain(place)):
+                signs[within[-1][1] if within else 0] += 1
+        texts = (len(token.text) for token in self._tokens if token.kind == "text")
+        size = INPUT_SIZE + max(texts, default=0)
+        for count in signs:
+            size *= 1 + count
+        if size > MAX_VALUE:
+            raise ValueError(
+                f"its values could grow to {size:,} characters, at most {MAX_VALUE:,}: "
+                "use fewer + in loops that follow each other, or split the rule"
+            )
+
+    def _plain(self, place: int) -> bool:
+        """Whether the list element before the comma at `place` is a text or number by itself."""
+        tokens = self._tokens
+        return tokens[place - 1].kind in ("text", "number") and tokens[place - 2].text in "[,"
+
+
+_BEFORE_VALUE = frozenset(("(", "[", "{", ",", ":", "?", "&&", "||", "!", "+", "-", "*", "/", "%",
+                           "==", "!=", "<", ">", "<=", ">=", "in"))  # fmt: skip
+
+
+def _tokens(text: str) -> list[Token]:
+    found: list[Token] = []
+    place = 0
+    while place < len(text):
+        match = _TOKEN.match(text, place)
+        if match is None:
+            line = text.count("\n", 0, place) + 1
+            column = place - text.rfind("\n", 0, place)
+            raise ValueError(f"not valid CEL: line {line}, column {column}: {text[place]!r}")
+        place = match.end()
+        kind = match.lastgroup
+        if kind != "space":
+            found.append(Token(kind, match[0]))  # pyright: ignore[reportArgumentType] - a group's
+            if len(found) > MAX_TOKENS:
+                raise ValueError(
+                    f"too large: more than {MAX_TOKENS} names, values and signs; split the rule"
+                )
+    return found
+
+
+def _matched(tokens: list[Token]) -> tuple[list[Token], str]:
+    """Return the tokens with the place of its partner in every opening bracket.
+
+    Where brackets do not match there are none, and it is said what is wrong.
+    """
+    matched = list(tokens)
+    waiting: list[int] = []
+    for place, token in enumerate(tokens):
+        if token.kind != "sign":
+            continue
+        if token.text in _OPEN:
+            waiting.append(place)
+            if len(waiting) > MAX_NESTING:
+                raise ValueError(f"brackets are nested deeper than {MAX_NESTING}; split the rule")
+        elif token.text in _CLOSE:
+            if not waiting or _OPEN.index(tokens[waiting[-1]].text) != _CLOSE.index(token.text):
+                return [], f"{token.text!r} closes nothing"
+            opening = waiting.pop()
+            matched[opening] = Token("sign", tokens[opening].text, place)
+    if waiting:
+        return [], f"{tokens[waiting[-1]].text!r} is not closed"
+    return matched, ""
+
 
 _LEVELS: tuple[frozenset[str], ...] = (
     frozenset(("||",)),
@@ -26,7 +272,7 @@ class SyntaxTreeError(Exception):
 
 
 @dataclass(frozen=True)
-class Literal:
+class Constant:
     """A text, a number, true, false or null."""
 
     text: str
@@ -80,7 +326,7 @@ class Listing:
     items: tuple["Node", ...]
 
 
-Node = Literal | Variable | Select | Index | Call | Operation | Listing
+Node = Constant | Variable | Select | Index | Call | Operation | Listing
 
 
 def syntax_tree(tokens: Sequence[Token]) -> Node:
@@ -149,7 +395,7 @@ class _Parser:
         token = self._tokens[self._at]
         self._at += 1
         if token.kind in ("text", "number") or token.text in ("true", "false", "null"):
-            return Literal(token.text)
+            return Constant(token.text)
         if token.kind == "name" and token.text not in _KEYWORDS:
             if self._sign() == "{":
                 raise SyntaxTreeError("messages are not known")

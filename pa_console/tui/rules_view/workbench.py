@@ -4,7 +4,7 @@ from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pa_console.rule_analysis.rule_trials import SessionCases
+from pa_console.evaluation.rule_trials import SessionCases
 from pa_console.schema.rule import RulesSeal
 from pa_console.schema.world import World
 from pa_console.session.mission_trace import MissionTrace

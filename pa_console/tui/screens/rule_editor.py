@@ -11,11 +11,11 @@ from textual.screen import Screen
 from textual.timer import Timer
 from textual.widgets import Static, TextArea
 
+from pa_console.evaluation.rule_trials import Trial, try_rule
 from pa_console.policy.authoring.rule_draft import RuleDraft, check_draft
 from pa_console.policy.authoring.rule_save import OpenRule, RulesChangedError, save_rule
+from pa_console.policy.rule_seal import sign_rules
 from pa_console.policy.rulebook import read_rule_set
-from pa_console.policy.trust.rule_seal import sign_rules
-from pa_console.rule_analysis.rule_trials import Trial, try_rule
 from pa_console.schema.document import DocumentError
 from pa_console.signing import load_signer
 from pa_console.tui.rules_view.rows import draft_line, draft_rows

@@ -15,8 +15,8 @@ from rich.progress import Progress
 from rich.table import Table
 
 from pa_console.cli.output import RulesOption, errors, out
-from pa_console.policy.retrieval.related_words import default_vocabulary
-from pa_console.policy.retrieval.retriever import METHODS, Retriever
+from pa_console.policy.related_words import default_vocabulary
+from pa_console.policy.retriever import METHODS, Retriever
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data
 from pa_console.schema.rule import Rule

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.policy.retrieval.retriever import METHODS
+from pa_console.policy.retriever import METHODS
 from tests.benchmarks.retrieval.distractors import MOST, distractors
 from tests.benchmarks.retrieval.quality import (
     QUERIES,

@@ -13,8 +13,8 @@ from pa_console.mission.judge import OutcomeCase, ask_about_outcome
 from pa_console.mission.plan import Unplanned, judge, plan, take
 from pa_console.mission.propose import Question, ask_for_plan
 from pa_console.mission.understand import Retrieved, retrieve
-from pa_console.policy.ordering.monitor import Monitor
-from pa_console.policy.retrieval.retriever import Retriever
+from pa_console.policy.monitor import Monitor
+from pa_console.policy.retriever import Retriever
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events.event import (
     EventPayload,

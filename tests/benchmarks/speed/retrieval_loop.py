@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rapidfuzz import fuzz, process
 
-from pa_console.policy.retrieval.retriever import Retriever
+from pa_console.policy.retriever import Retriever
 from pa_console.schema.rule import Rule
 from tests.benchmarks.speed.compare import Bench, Comparison, alternate, compare
 

@@ -4,9 +4,8 @@ from datetime import UTC, datetime
 
 import pytest
 
-from pa_console.policy.authoring.example_situation import WORLD
-from pa_console.policy.authoring.examples import example_plan, example_rehearsal
-from pa_console.policy.retrieval.retriever import Retriever
+from pa_console.policy.authoring.examples import WORLD, example_plan, example_rehearsal
+from pa_console.policy.retriever import Retriever
 from pa_console.schema.mission import Mission
 from pa_console.sim.worlds.world_generator import generate_world
 from pa_console.station.assembly import Site

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from functools import cache
 
 from pa_console.language.order import KIND_FOR, Ask, Order, Task, Who
-from pa_console.policy.ordering.moments import moment
-from pa_console.policy.ordering.workflow import WorkflowRun
+from pa_console.policy.moments import moment
+from pa_console.policy.orderings import WorkflowRun
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import find_data
 from pa_console.schema.command import Verb

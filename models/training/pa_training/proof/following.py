@@ -18,8 +18,8 @@ from pa_console.mission.premises import Premises, safe_state, way_to_safety
 from pa_console.mission.rehearse import order_moments
 from pa_console.mission.run import MAX_HALTS, MAX_TRIES, WATCH_S
 from pa_console.mission.verify import needs_more_evidence, verify_plan
-from pa_console.policy.ordering.moments import moment
-from pa_console.policy.ordering.monitor import Monitor
+from pa_console.policy.moments import moment
+from pa_console.policy.monitor import Monitor
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.mission import Mission, Verification

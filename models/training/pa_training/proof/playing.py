@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from pa_console.evaluation.scoring.score import RunRecorder
 from pa_console.mission.dispatch import Dispatch
 from pa_console.mission.rehearse import device_commands
-from pa_console.policy.checks.rule_checks import check_mission
+from pa_console.policy.rule_checks import check_mission
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.evaluation import MissionCase
 from pa_console.schema.finding import Finding

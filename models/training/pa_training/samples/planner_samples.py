@@ -9,7 +9,7 @@ from typing import NamedTuple
 from pa_console.language.order import Order
 from pa_console.llm.roles.compact_prompt import compact_planner_prompt, picture_prefix
 from pa_console.llm.roles.prompts import Prompt
-from pa_console.policy.retrieval.retriever import Retriever
+from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.command import Verb
 from pa_console.schema.evaluation import MissionCase

@@ -17,7 +17,7 @@ from typing import NamedTuple
 from pa_console.language.order import Order
 from pa_console.language.reading import canonical_meaning
 from pa_console.llm.roles.compact_prompt import compact_planner_prompt, picture_prefix
-from pa_console.policy.retrieval.retriever import Retriever
+from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.schema.mission import MAX_MISSION_TEXT, Mission
 from pa_console.schema.rule import Rule

@@ -11,18 +11,18 @@ from typing import Any, cast
 
 import cel
 
-from pa_console.policy.checks.check_context import (
+from pa_console.policy.check_context import (
+    Sightings,
     Values,
     mission_variables,
     mission_words,
     plan_variables,
     reworded,
 )
-from pa_console.policy.checks.findings import finding, undecided, violation
-from pa_console.policy.checks.sightings import Sightings
 from pa_console.policy.expressions.deadlines import shared_deadline
 from pa_console.policy.expressions.expression import make_context
-from pa_console.policy.ordering.monitor import Monitor
+from pa_console.policy.findings import finding, undecided, violation
+from pa_console.policy.monitor import Monitor
 from pa_console.policy.rulebook import CompiledRule, Rulebook
 from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission

@@ -39,11 +39,13 @@ Names, not positions on the map, are what policies speak of: routes and polygons
 `filter` and `map` copy what they have found so far at each hit: over `assets` use `exists`.
 """
 
-from collections.abc import Callable, Collection, Iterator, Mapping
-from typing import Any
+import math
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from functools import cached_property
+from typing import Any, NamedTuple
 
-from pa_console.policy.checks.plain_text import foldings, plain_words
-from pa_console.policy.checks.sightings import Sightings
+from shapely import Point, Polygon
+
 from pa_console.policy.expressions.expression import PLAN_VARIABLES
 from pa_console.policy.expressions.fields import (
     Fields,
@@ -56,15 +58,105 @@ from pa_console.policy.expressions.fields import (
     names_of,
     within,
 )
+from pa_console.policy.plain_text import foldings, plain_words
 from pa_console.schema.base import StrictModel
 from pa_console.schema.command import ATTENDING_TASKS, COMMANDS
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import AssetTimeline, GateTimeline, Rehearsal, TrackTimeline
-from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Track
+from pa_console.schema.telemetry import AssetTelemetry, GateCover, Identity, Intent, Picture, Track
 from pa_console.schema.world import World
 
 Values = dict[str, Any]
+
+
+KEPT_S = 3600.0
+"""The time that a sighting is remembered, simulated seconds."""
+
+
+class Sighting(NamedTuple):
+    """The last detection of a track at a place, in simulated seconds, and its known properties."""
+
+    track: str
+    place: str
+    gate: str
+    stamp_s: float
+    kind: str = "vehicle"
+    identity: Identity = "unknown"
+    intent: Intent = "unknown"
+    noncombatants: bool = False
+
+
+class Sightings:
+    """Remembers the last detection of each track at each place, for KEPT_S seconds.
+
+    What is found out about a track later holds for where it was seen before: a vehicle that turns
+    out to carry noncombatants carried them there too.
+    """
+
+    def __init__(self, world: World, past: Iterable[Sighting] = ()) -> None:
+        """Begin with the sightings of the `past`, oldest first."""
+        self._world = world
+        self._posts = [name for name in world.frames if name not in world.gates]
+        self._last = {(seen.track, seen.place): seen for seen in past}
+
+    @cached_property
+    def _zones(self) -> list[tuple[str, Polygon]]:
+        return [(name, Polygon(zone.polygon)) for name, zone in self._world.zones.items()]
+
+    def look(self, picture: Picture) -> None:
+        """Take in what `picture` shows: detections that are new, and new facts about tracks."""
+        for track in picture.tracks.values():
+            for place in self._places(track):
+                key = (track.id, place)
+                known = self._last.get(key)
+                if known is None or known.stamp_s < track.stamp_s:
+                    self._last.pop(key, None)  # the latest come last
+                    self._last[key] = _sighting(track, place, track.stamp_s)
+        for key, seen in self._last.items():
+            if (track := picture.tracks.get(seen.track)) is not None:
+                self._last[key] = _sighting(track, seen.place, seen.stamp_s)
+        old = [key for key, seen in self._last.items() if picture.time_s - seen.stamp_s > KEPT_S]
+        for key in old:
+            del self._last[key]
+
+    def at(self, picture: Picture) -> list[Values]:
+        """Return the `sightings` that checks see when `picture` is the present, as plain values.
+
+        `picture` counts as seen; nothing is remembered of it.
+        """
+        now = Sightings(self._world, self._last.values())
+        now.look(picture)
+        return [
+            seen._asdict() | {"age_s": picture.time_s - seen.stamp_s} for seen in now._last.values()
+        ]
+
+    def copy(self) -> "Sightings":
+        """Return a copy that stays as it is when this goes on."""
+        return Sightings(self._world, self._last.values())
+
+    def _places(self, track: Track) -> Iterator[str]:
+        """Yield where the track is: zones, its gate and frames that are no gates."""
+        found = [name for name, area in self._zones if area.covers(Point(track.position))]
+        for name in (track.gate, *self._posts):
+            frame = self._world.frames.get(name)
+            if frame is not None and math.dist(frame.at, track.position) <= frame.radius_m:
+                found.append(name)
+        yield from found or [""]
+
+
+def _sighting(track: Track, place: str, stamp_s: float) -> Sighting:
+    return Sighting(
+        track=track.id,
+        place=place,
+        gate=track.gate,
+        stamp_s=stamp_s,
+        kind=track.kind,
+        identity=track.identity,
+        intent=track.intent,
+        noncombatants=track.noncombatants,
+    )
+
 
 _ASSET = flat(
     ("id", "kind", "at", "post", "position", "speed_mps", "status", "task", "battery_pct",

@@ -8,13 +8,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from pa_console.mission.rehearse import order_moments
-from pa_console.policy.checks.findings import ORDER_ID, STRUCTURE_ID
-from pa_console.policy.checks.rule_checks import check_mission, check_plan
-from pa_console.policy.checks.sightings import Sightings
-from pa_console.policy.ordering.moments import moment
-from pa_console.policy.ordering.monitor import Monitor
+from pa_console.policy.check_context import Sightings
+from pa_console.policy.core_rules import with_core
+from pa_console.policy.findings import ORDER_ID, STRUCTURE_ID
+from pa_console.policy.moments import moment
+from pa_console.policy.monitor import Monitor
+from pa_console.policy.rule_checks import check_mission, check_plan
 from pa_console.policy.rulebook import Rulebook, compile_rule
-from pa_console.policy.trust.core_rules import with_core
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission

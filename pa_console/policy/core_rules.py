@@ -8,9 +8,9 @@ import hashlib
 from dataclasses import replace
 
 from pa_console.policy.expressions.deadlines import DEADLINE_S
+from pa_console.policy.rule_seal import canonical, content_sha256, plain_rule
 from pa_console.policy.rulebook import CompiledRule, Compiler, Rulebook
-from pa_console.policy.trust.rule_seal import canonical, content_sha256, plain_rule
-from pa_console.policy.trust.shipped_rules import CORE
+from pa_console.policy.shipped_rules import CORE
 from pa_console.schema.rule import Ordering, Rule, RuleSet
 
 _DECISIVE = ("priority", "applies", "check", "order")
@@ -72,7 +72,7 @@ CONTENT_SHA256 = "{content}"
 
 CORE: tuple[Rule, ...] = (
 {rules})
-"""Rules that no file can weaken, only add to (`core.py`)."""
+"""Rules that no file can weaken, only add to (`core_rules.py`)."""
 '''
 
 

@@ -4,10 +4,10 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple, Self
 
-from pa_console.policy.checks.findings import finding, undecided, violation
-from pa_console.policy.checks.sightings import Sightings
+from pa_console.policy.check_context import Sightings
 from pa_console.policy.expressions.deadlines import shared_deadline
-from pa_console.policy.ordering.ordering import (
+from pa_console.policy.findings import finding, undecided, violation
+from pa_console.policy.orderings import (
     START,
     Evaluator,
     OrderingProgress,

@@ -323,4 +323,4 @@ CORE: tuple[Rule, ...] = (
         message='the target is not a frame of this map',
     ),
 )
-"""Rules that no file can weaken, only add to (`core.py`)."""
+"""Rules that no file can weaken, only add to (`core_rules.py`)."""

@@ -5,7 +5,7 @@ import json
 import os
 from pathlib import Path
 
-from pa_console.policy.trust.shipped_rules import CONTENT_SHA256, NAME
+from pa_console.policy.shipped_rules import CONTENT_SHA256, NAME
 from pa_console.schema.document import Document, DocumentError
 from pa_console.schema.rule import SHORT, Rule, RuleSet, RulesSeal, RulesSignature, Workflow
 from pa_console.signing import Signer, fingerprint, is_signature, known_keys, named_keys

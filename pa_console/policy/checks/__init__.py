@@ -1,1 +1,0 @@
-"""The deterministic checks of a plan (paper, Section IV-F)."""

@@ -1,1 +1,0 @@
-"""Retrieval of the rules that concern a mission: rankings and fusion (paper, Steps 2 and 3)."""

@@ -1,1 +1,0 @@
-"""The trust in rule sets: the compiled core, the shipped set, a user's pin, the signature."""
