@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from pa_console import __version__
 from pa_console.cli.output import errors
-from pa_console.observability.observers import Observer, Observing, observed
+from pa_console.observability import Observer, Observing, observed
 from pa_console.settings.schema import Settings
 from pa_console.station.background import Outside
 

@@ -141,7 +141,7 @@ class EventStream:
 
 _PARSE = cast(Callable[..., Element], ElementTree.fromstring)
 _TYPE = re.compile(r"[A-Za-z0-9.-]{1,64}", re.ASCII)
-_AFFILIATIONS: dict[str, ClaimedAffiliation] = {
+AFFILIATIONS: dict[str, ClaimedAffiliation] = {
     "f": "friend",
     "a": "assumed friend",
     "n": "neutral",
@@ -195,7 +195,7 @@ class ReceivedEvent:
     @property
     def affiliation(self) -> ClaimedAffiliation:
         """The affiliation of the thing, as its sender claims it."""
-        return _AFFILIATIONS.get(self.type.split("-")[1], "other") if self.has_place else "other"
+        return AFFILIATIONS.get(self.type.split("-")[1], "other") if self.has_place else "other"
 
     @property
     def what(self) -> ClaimedKind:

@@ -1,14 +1,197 @@
-"""A session on a TAK map, drawn from its events without delaying it."""
+"""A session on a TAK map, drawn from its events without delaying it.
+
+An old report never looks fresh. The `time` of an event is that of the asset's report or the track's
+last detection, its `stale` is `stale_s` of the world later. A thing that falls silent is sent once
+more, stale already, and then not again until its next report.
+"""
 
 from collections.abc import Callable, Iterable
 from datetime import UTC, datetime, timedelta
 from threading import Condition, Thread
-from typing import Protocol, Self
+from typing import Literal, Protocol, Self
 
 from pa_console.schema.events.event import Event, SessionEnded, TelemetryReceived
-from pa_console.tak.cot_event import CotEvent
-from pa_console.tak.picture_on_map import PictureOnMap
+from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
+from pa_console.schema.world import PLAIN_KINDS, AssetKind
+from pa_console.tak.cot_event import AFFILIATIONS, UNKNOWN, CotEvent, deletion, element
 from pa_console.tak.site_on_map import SiteOnMap
+
+Affiliation = Literal["f", "n", "s", "u"]
+ASSET_TYPES: dict[AssetKind, str] = {
+    "uav": "a-f-A-M-H-Q",
+    "ugv": "a-f-G-E-V-U",
+    "robot": "a-f-G-E-V",
+}
+"""CoT types after MIL-STD-2525: a rotary-wing UAV, a utility vehicle, a ground vehicle.
+
+2525 has no unmanned ground vehicle.
+"""
+TRACK_FUNCTIONS = {"vehicle": "G-E-V", "person": "G-U"}
+
+
+def affiliation(track: Track) -> Affiliation:
+    """Return the affiliation of a track by its identification and the sensors.
+
+    Hostile (`h`) is never given: another user's map may show it as a target. The remarks of the
+    track have its intent in words.
+    """
+    if track.intent == "hostile":
+        return "s"
+    if track.noncombatants:
+        return "n"
+    if track.identity == "authorized":
+        return "f"
+    if track.identity == "unauthorized":
+        return "s"
+    return "n" if track.intent == "benign" else "u"
+
+
+def track_type(track: Track) -> str:
+    """Return the CoT type of a track."""
+    return f"a-{affiliation(track)}-{TRACK_FUNCTIONS[track.kind]}"
+
+
+YELLOW = 0xFFFFFF00
+
+
+class PictureOnMap:
+    """The state of the map: the things that are shown or stale on it."""
+
+    def __init__(self, site: SiteOnMap, pace: float = 1.0) -> None:
+        """`pace` is the number of seconds of the session in one second of the map."""
+        self._site, self._pace = site, pace
+        self._stale: set[str] = set()
+        self._shown: dict[str, str] = {}
+        """The type of every track and route on the map, by uid."""
+
+    def events(self, picture: Picture, now: datetime) -> list[CotEvent]:
+        """Return the events that bring the map to `picture`, which is of the time `now`."""
+        result: list[CotEvent] = []
+        seen: dict[str, str] = {}
+        for asset in picture.assets.values():
+            event, fresh = self._asset(asset, picture, now)
+            result += self._once_stale(event, fresh=fresh)
+            if asset.route and fresh:
+                route = self._route(asset, event)
+                seen[route.uid] = route.type
+                result.append(route)
+        for track in picture.tracks.values():
+            event, fresh = self._track(track, picture, now)
+            seen[event.uid] = event.type
+            result += self._once_stale(event, fresh=fresh)
+        gone = [deletion(uid, kind, now) for uid, kind in self._shown.items() if uid not in seen]
+        self._stale -= {event.subject for event in gone}
+        self._shown = seen
+        return [*gone, *result]
+
+    def deleted(self, now: datetime) -> list[CotEvent]:
+        """Return the events that remove every track and route from the map."""
+        gone = [deletion(uid, kind, now) for uid, kind in self._shown.items()]
+        self._shown = {}
+        return gone
+
+    def _once_stale(self, event: CotEvent, *, fresh: bool) -> list[CotEvent]:
+        """Return the event, or nothing if it is stale and was sent as such before."""
+        if fresh:
+            self._stale.discard(event.uid)
+            return [event]
+        if event.uid in self._stale:
+            return []
+        self._stale.add(event.uid)
+        return [event]
+
+    def _times(
+        self, stamp_s: float, picture: Picture, now: datetime, *, stale: bool
+    ) -> tuple[datetime, datetime, bool]:
+        """Return the time of a report, the end of its validity, and True while it is fresh."""
+        age_s = max(picture.time_s - stamp_s, 0.0) / self._pace
+        time = now - timedelta(seconds=age_s)
+        until = time + timedelta(seconds=self._site.world.stale_s)
+        fresh = until > now and not stale
+        return time, until if fresh else min(until, now), fresh
+
+    def _asset(
+        self, asset: AssetTelemetry, picture: Picture, now: datetime
+    ) -> tuple[CotEvent, bool]:
+        silent = asset.stale or asset.comms == "lost"
+        time, until, fresh = self._times(asset.stamp_s, picture, now, stale=silent)
+        site = self._site
+        course = site.geography.course(asset.heading_deg)
+        battery = f"{asset.battery_pct:.0f}"
+        detail = (
+            element("contact", {"callsign": site.callsign(asset.id)}),
+            element("status", {"battery": battery}),
+            element("track", {"course": f"{course:.1f}", "speed": f"{asset.speed_mps:.2f}"}),
+            element("remarks", {}, asset_words(asset, picture.time_s)),
+        )
+        at = site.point(asset.position, flies=asset.kind == "uav")
+        uid, kind = site.uid(asset.id), ASSET_TYPES[asset.kind]
+        return CotEvent(uid, kind, time, until, at, site.how, detail), fresh
+
+    def _track(self, track: Track, picture: Picture, now: datetime) -> tuple[CotEvent, bool]:
+        time, until, fresh = self._times(track.stamp_s, picture, now, stale=track.stale)
+        site = self._site
+        course = site.geography.course(track.heading_deg)
+        detail = (
+            element("contact", {"callsign": site.callsign(track.id)}),
+            element("track", {"course": f"{course:.1f}", "speed": f"{track.speed_mps:.2f}"}),
+            element("remarks", {}, track_words(track, picture.time_s)),
+        )
+        at = site.point(track.position, track.uncertainty_m or UNKNOWN)
+        uid, kind = site.uid("track", track.id), track_type(track)
+        return CotEvent(uid, kind, time, until, at, site.how, detail), fresh
+
+    def _route(self, asset: AssetTelemetry, event: CotEvent) -> CotEvent:
+        """Return the rest of an asset's route; it goes stale with the asset."""
+        return self._site.shape(
+            self._site.uid("route", asset.id),
+            f"{asset.id} route",
+            (asset.position, *asset.route),
+            YELLOW,
+            (event.time, event.stale),
+            remarks=f"{asset.id}, {asset.task}{f' to {asset.post}' if asset.post else ''}",
+        )
+
+
+def asset_words(asset: AssetTelemetry, now_s: float) -> str:
+    """Return an asset's task and its doubtful values in words."""
+    words = [PLAIN_KINDS[asset.kind], asset.task]
+    if asset.at:
+        words.append(f"at {asset.at}")
+    if asset.post and asset.post != asset.at:
+        words.append(f"posted to {asset.post}")
+    if asset.status != "ok":
+        words.append(asset.status)
+    if asset.low_battery:
+        words.append("battery low")
+    if asset.comms != "ok":
+        words.append(f"link {asset.comms}")
+    if asset.integrity == "suspect":
+        words.append("its position is in doubt")
+    if asset.stale or asset.comms == "lost":
+        words.append(f"no report for {max(now_s - asset.stamp_s, 0.0):.0f} s")
+    return ", ".join(words)
+
+
+def track_words(track: Track, now_s: float) -> str:
+    """Return the facts about a track in words, with their sources and age."""
+    words = [f"{AFFILIATIONS[affiliation(track)]} {track.kind}", f"{track.status}, {track.gate}"]
+    words.append(f"identity {track.identity}")
+    if track.dispute:
+        words.append(track.dispute)
+    if track.intent != "unknown":
+        by = f" by {', '.join(track.hostile_by)}" if track.hostile_by else ""
+        words.append(f"intent {track.intent}{by}")
+    if track.noncombatants:
+        words.append("noncombatants suspected")
+    if track.warned:
+        words.append("went on after a warning" if track.defiant else "warned")
+    if track.seen_by:
+        words.append(f"seen by {', '.join(track.seen_by)}")
+    if track.stale:
+        words.append(f"not detected for {max(now_s - track.stamp_s, 0.0):.0f} s")
+    return ", ".join(words)
+
 
 DRAWN_S = 600.0
 """The validity of the ground on the map; it is drawn again in half the time."""

@@ -12,7 +12,7 @@ import pytest
 from markdown_it import MarkdownIt
 from mcap.reader import make_reader
 
-from pa_console.export.replayed_screen import ReplayedScreen, picture_replay
+from pa_console.export.screen_files import ReplayedScreen, picture_replay
 from pa_console.export.source_log import whole_file, whole_folder
 from pa_console.schema.document import Document
 from pa_console.schema.incident import Scenario

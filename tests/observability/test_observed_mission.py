@@ -18,9 +18,8 @@ from opentelemetry.sdk.trace.export.in_memory_span_exporter import InMemorySpanE
 from prometheus_client import CollectorRegistry
 from prometheus_client.parser import text_string_to_metric_families
 
-from pa_console.observability import span_export
+from pa_console.observability import Observing, observed, span_export, unobserved
 from pa_console.observability.mission_spans import NUMBERS, MissionSpans
-from pa_console.observability.observers import Observing, observed, unobserved
 from pa_console.observability.session_metrics import MetricsServer, SessionMetrics
 from pa_console.observability.span_export import SpanExport
 from pa_console.schema.events import event as ev

@@ -8,10 +8,9 @@ from datetime import UTC, datetime, timedelta
 from pa_console.schema.base import Point
 from pa_console.schema.events.event import Event
 from pa_console.session.state import SessionState
-from pa_console.tak.connection import TakConnection
+from pa_console.tak.connection import TakConnection, TakServer
 from pa_console.tak.cot_event import CotEvent, element
 from pa_console.tak.reports import TakReports
-from pa_console.tak.server import TakServer
 from pa_console.tak.site_on_map import SiteOnMap
 from tests.tak.taky_server import LIMIT_S
 

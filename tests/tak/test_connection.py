@@ -22,9 +22,14 @@ from pa_console.schema.events.event import Event, SessionEnded, TelemetryReceive
 from pa_console.schema.incident import SpawnTrack
 from pa_console.schema.telemetry import Picture
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.tak.connection import Outbox, TakConnection
+from pa_console.tak.connection import (
+    PASSWORD_VARIABLE,
+    Certificate,
+    Outbox,
+    TakConnection,
+    TakServer,
+)
 from pa_console.tak.cot_event import DELETE, CotEvent, element
-from pa_console.tak.server import PASSWORD_VARIABLE, Certificate, TakServer
 from pa_console.tak.session_on_map import SessionOnMap
 from pa_console.tak.site_on_map import SiteOnMap
 from tests.fleets.broker import free_port
@@ -151,7 +156,7 @@ def test_a_server_that_is_not_there_is_told_of_once(site: SiteOnMap) -> None:
     with connected(f"tcp://{LOOPBACK}:{free_port()}") as session:
         session.says("it is tried again")
         session.shown(site)(sim.picture())
-        waiting = session.connection.waiting
+        waiting = len(session.connection.outbox)
     assert waiting > len(sim.picture().assets)
     assert not session.connection.sent
 
@@ -168,8 +173,8 @@ def test_a_server_that_reads_nothing_delays_nobody() -> None:
             for number in range(MANY):
                 session.connection.send((_event(f"thing-{number}", remarks),))
         connection = session.connection
-    assert connection.dropped > 0
-    assert MANY - connection.sent - connection.dropped - connection.waiting in (0, 1)
+    assert connection.outbox.dropped > 0
+    assert MANY - connection.sent - connection.outbox.dropped - len(connection.outbox) in (0, 1)
 
 
 def test_what_a_server_sends_is_thrown_away(site: SiteOnMap) -> None:

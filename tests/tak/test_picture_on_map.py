@@ -13,8 +13,13 @@ from pa_console.schema.incident import SetComms, SpawnTrack
 from pa_console.schema.telemetry import Identity, Intent, Picture, Track
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.tak.cot_event import DELETE, CotEvent, element
-from pa_console.tak.picture_on_map import PictureOnMap, affiliation, track_type
-from pa_console.tak.session_on_map import DRAWN_S, SessionOnMap
+from pa_console.tak.session_on_map import (
+    DRAWN_S,
+    PictureOnMap,
+    SessionOnMap,
+    affiliation,
+    track_type,
+)
 from pa_console.tak.site_on_map import SHAPE, SiteOnMap
 from tests.sim.running import order, run
 

@@ -19,7 +19,6 @@ from pa_console.schema.events.event import (
 )
 from pa_console.session.recording import Player
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.tak.contact_book import HOLDS_MOST, REPORTED_EVERY
 from pa_console.tak.cot_event import (
     MOST_BYTES,
     CotPoint,
@@ -28,7 +27,13 @@ from pa_console.tak.cot_event import (
     element,
     read_event,
 )
-from pa_console.tak.reports import MOST_IMPOSTORS, READ_A_SECOND, TakReports
+from pa_console.tak.reports import (
+    HOLDS_MOST,
+    MOST_IMPOSTORS,
+    READ_A_SECOND,
+    REPORTED_EVERY,
+    TakReports,
+)
 from pa_console.tak.session_on_map import SessionOnMap
 from pa_console.tak.site_on_map import SiteOnMap
 from tests.tak.heard import hearing, nothing, said

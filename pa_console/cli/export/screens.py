@@ -64,8 +64,14 @@ def svg(
     rules: SessionRules = None,
 ) -> None:
     """Write numbered SVG pictures of the replayed console: 0001-approval_requested.svg, ..."""
-    from pa_console.export.replayed_screen import ReplayedScreen, picture_replay  # noqa: PLC0415 - the screens load slowly
-    from pa_console.export.screen_files import KINDS, shots_at, shots_every, take  # noqa: PLC0415
+    from pa_console.export.screen_files import (  # noqa: PLC0415 - the screens load slowly
+        KINDS,
+        ReplayedScreen,
+        picture_replay,
+        shots_at,
+        shots_every,
+        take,
+    )
     from pa_console.session.recording import Player  # noqa: PLC0415
 
     known = [kind for kind in KINDS if kind != "telemetry"]
@@ -115,8 +121,12 @@ def cast(
 
     Play it with: asciinema play FILE
     """
-    from pa_console.export.replayed_screen import ReplayedScreen, picture_replay  # noqa: PLC0415
-    from pa_console.export.screen_files import CastWriter, positions  # noqa: PLC0415 - loads the screens
+    from pa_console.export.screen_files import (  # noqa: PLC0415 - loads the screens
+        CastWriter,
+        ReplayedScreen,
+        picture_replay,
+        positions,
+    )
     from pa_console.session.recording import Player  # noqa: PLC0415
 
     screen = size_of(size)

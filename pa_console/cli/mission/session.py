@@ -29,7 +29,7 @@ from pa_console.end_signals import EndableRun, end_signals, exit_code_of, leave_
 from pa_console.llm.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.mission.approval import ApprovalMode, standing_approver
-from pa_console.observability.observers import Observer, unobserved
+from pa_console.observability import Observer, unobserved
 from pa_console.policy.pinned_rules import RulesPins
 from pa_console.schema.document import Document
 from pa_console.schema.events.event import (

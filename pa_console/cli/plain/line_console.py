@@ -9,7 +9,7 @@ from time import monotonic
 from pa_console.cli.plain.answers import HOW, Answer, is_answer, is_stop, read_answer, reason_of
 from pa_console.cli.plain.asked_lines import AskedLines
 from pa_console.cli.plain.told_session import ToldSession
-from pa_console.observability.observers import Observer, unobserved
+from pa_console.observability import Observer, unobserved
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.session.state import MissionTrace, SessionState

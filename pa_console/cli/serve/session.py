@@ -19,7 +19,7 @@ from pa_console.http.served_session import ServedSession
 from pa_console.http.tokens import TokenBook
 from pa_console.llm.engine import Engine
 from pa_console.llm.models.catalogue import find_model
-from pa_console.observability.observers import Observer
+from pa_console.observability import Observer
 from pa_console.session.log.chain import LogError
 from pa_console.session.log.writer import LogWriter
 from pa_console.session.state import SessionState

@@ -5,12 +5,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from pa_console.cli.tak.placing import placed
-from pa_console.observability.observers import Observer
+from pa_console.observability import Observer
 from pa_console.settings.schema import Settings
 from pa_console.station.assembly import open_world
-from pa_console.tak.connection import TakConnection
+from pa_console.tak.connection import Certificate, TakConnection, TakServer
 from pa_console.tak.reports import TakReports
-from pa_console.tak.server import Certificate, TakServer
 from pa_console.tak.session_on_map import InBackground, SessionOnMap
 
 
@@ -58,5 +57,5 @@ def on_map(
             finally:
                 shown.end()
     finally:
-        if connection.waiting or connection.dropped:
+        if connection.outbox or connection.outbox.dropped:
             tell(f"TAK map: {state}; {connection.words}")

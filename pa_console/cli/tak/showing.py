@@ -10,8 +10,7 @@ from pa_console.cli.tak.followed import Followed, joined, recorded
 from pa_console.cli.tak.placing import placed
 from pa_console.end_signals import end_signals, exit_code_of
 from pa_console.settings.sources import Loaded
-from pa_console.tak.connection import TakConnection
-from pa_console.tak.server import Certificate, TakServer
+from pa_console.tak.connection import Certificate, TakConnection, TakServer
 from pa_console.tak.session_on_map import SessionOnMap
 from pa_console.tak.site_on_map import site_name
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from textual.message import Message
 
-from pa_console.observability.observers import Observer, unobserved
+from pa_console.observability import Observer, unobserved
 from pa_console.schema.events.event import Event
 from pa_console.tui.actions.registry import ActionContext
 from pa_console.tui.controllers.console_session import ConsoleSession
