@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import cast
 
 from pa_console.llm.backend import Chance, Completed, EngineError, Request
-from pa_console.llm.engine import Engine, OnState
+from pa_console.llm.local.engine import Engine, OnState
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.schema.events.event import Role
 from pa_console.schema.finding import Usage

@@ -15,10 +15,7 @@ FRONT = ("pa_console.cli", "pa_console.tui", "pa_console.export", "pa_console.__
 """The front ends, which may import Textual."""
 
 WORKER = (
-    *(
-        f"pa_console.llm.worker.{name}"
-        for name in ("answer", "candidates", "chat", "contexts", "decoding", "runtime", "worker")
-    ),
+    *(f"pa_console.llm.local.{name}" for name in ("answer", "decoding", "runtime", "worker")),
     "pa_console.llm.models.gguf_conversion",
 )
 """What runs in processes that hold a model; nothing else may import the model libraries."""

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Self
 from pydantic import TypeAdapter
 
 from pa_console.fleets.fleet import Fleet, Simulated
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import find_model
-from pa_console.llm.servers.servers import NO_SERVERS, Servers, session_models
+from pa_console.llm.remote.servers import NO_SERVERS, Servers, session_models
 from pa_console.mission.approval import standing_approver
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident

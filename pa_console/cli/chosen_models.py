@@ -1,6 +1,6 @@
 """The models of a session as its settings name them: the own one, and those on servers."""
 
-from pa_console.llm.servers.servers import Servers, SessionModels, session_models
+from pa_console.llm.remote.servers import Servers, SessionModels, session_models
 from pa_console.settings.schema import Settings
 
 

@@ -13,10 +13,10 @@ from pa_console.sim.worlds.world_file import open_world
 from pa_console.station.clock import Clock, DevicesClock, SteppedClock
 
 if TYPE_CHECKING:
-    from pa_console.fleets.bus.address import BrokerAddress, Credentials
-    from pa_console.fleets.bus.joining import Joined
-    from pa_console.fleets.bus.mqtt_fleet import MqttFleet
     from pa_console.fleets.station_authority import StationAuthority
+    from pa_console.fleets.vda5050.broker import BrokerAddress, Credentials
+    from pa_console.fleets.vda5050.joining import Joined
+    from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
     from pa_console.station.assembly import Site
 
 STATION, TELEMETRY, JOINED = "station", "telemetry", "joined"
@@ -40,7 +40,7 @@ class FoundFleet:
         """
         if self.joined is None:
             return None
-        from pa_console.fleets.bus.opening import fleet_of  # noqa: PLC0415
+        from pa_console.fleets.vda5050.site_fleet import fleet_of  # noqa: PLC0415
 
         return fleet_of(self.joined, site.world, self.world_sha256, authority)
 
@@ -66,9 +66,8 @@ def find_fleet(
     """
     if not url:
         return FoundFleet(world)
-    from pa_console.fleets.bus.address import BrokerAddress  # noqa: PLC0415
-    from pa_console.fleets.bus.joining import join  # noqa: PLC0415
-    from pa_console.fleets.bus.newcomers import with_newcomers  # noqa: PLC0415
+    from pa_console.fleets.vda5050.broker import BrokerAddress  # noqa: PLC0415
+    from pa_console.fleets.vda5050.joining import join, with_newcomers  # noqa: PLC0415
     from pa_console.sim.worlds.world_generator import world_yaml  # noqa: PLC0415
 
     if scenario:
@@ -96,7 +95,7 @@ def credentials_of(
     address: "BrokerAddress", certificates: Path | None, name: str
 ) -> "Credentials | None":
     """Return the certificates of `name`; raises ValueError when they are missing, or in vain."""
-    from pa_console.fleets.bus.address import Credentials  # noqa: PLC0415
+    from pa_console.fleets.vda5050.broker import Credentials  # noqa: PLC0415
 
     folder = _folder(address, certificates)
     return Credentials.of(folder, name) if folder is not None else None
@@ -109,7 +108,7 @@ def claim_credentials(
 
     Raises ValueError as `credentials_of` does, and when other programs use all of them.
     """
-    from pa_console.fleets.bus.address import Credentials  # noqa: PLC0415
+    from pa_console.fleets.vda5050.broker import Credentials  # noqa: PLC0415
 
     folder = _folder(address, certificates)
     return Credentials.claim(folder, role) if folder is not None else None

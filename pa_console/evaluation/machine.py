@@ -7,7 +7,7 @@ import sys
 from importlib.metadata import version
 from pathlib import Path
 
-from pa_console.llm.worker.threads import physical_cores
+from pa_console.llm.local.threads import physical_cores
 from pa_console.schema.base import StrictModel
 
 CPU_INFO = Path("/proc/cpuinfo")

@@ -152,7 +152,7 @@ class BackendOptions:
 
 
 GROUP = "pa_console.backends"
-OWN = EntryPoint("openai", "pa_console.llm.servers.engine:open_server", GROUP)
+OWN = EntryPoint("openai", "pa_console.llm.remote.engine:open_server", GROUP)
 
 
 @cache

@@ -11,13 +11,12 @@ from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.resolution import Answers, Resolved, resolve
 from pa_console.language.references.scene import Move, PastMission, Scene, after
 from pa_console.language.standing_orders import ReadStanding, read_standing
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.engine import Engine
+from pa_console.llm.remote.servers import NO_SERVERS, Servers
 from pa_console.llm.roles.clause_reader import ClauseReader
-from pa_console.llm.roles.dialect import DIALECTS, Dialect, dialect_in
 from pa_console.llm.roles.judge import Judge
 from pa_console.llm.roles.planner import Planner
-from pa_console.llm.roles.role_model import RoleModel
-from pa_console.llm.servers.servers import NO_SERVERS, Servers
+from pa_console.llm.roles.role_model import PROMPT_FORMATS, PromptFormat, RoleModel, format_in
 from pa_console.mission.gate import Authority, CommandGate
 from pa_console.mission.journal import Journal
 from pa_console.mission.spelling import question_back, read_words
@@ -98,7 +97,7 @@ class Services:
     engine: Engine
     planner: Planner
     judge: Judge
-    dialect: Dialect
+    prompt_format: PromptFormat
     variant: Variant
     journal: Journal
     gate: CommandGate
@@ -123,20 +122,20 @@ class Services:
         engine: Engine,
         variant: Variant | None = None,
         *,
-        dialect: Dialect | None = None,
+        prompt_format: PromptFormat | None = None,
         retriever: Retriever | None = None,
         authority: Authority | None = None,
         servers: Servers = NO_SERVERS,
     ) -> Self:
         """Begin without sightings or decisions, and with the core rules in force in any case.
 
-        Planner and judge are two roles on `engine`, in the `dialect` of its model unless one is
+        Planner and judge are two roles on `engine`, in its model's format unless another is
         given. A `retriever` that has read the rules already saves the time to index them. With an
         `authority`, people and the station sign approvals and commands. Models on `servers` are
         asked first, as long as they answer.
         """
         variant = variant or Variant()
-        dialect = dialect or DIALECTS[dialect_in(variant, engine.model.prompts)]
+        prompt_format = prompt_format or PROMPT_FORMATS[format_in(variant, engine.model.prompts)]
         if retriever is None:
             retriever = Retriever(rulebook.rules, variant.method or DEFAULT_METHOD)
         journal, standing = Journal(), StandingOrders()
@@ -145,9 +144,9 @@ class Services:
             rulebook=with_core(rulebook),
             retriever=retriever,
             engine=engine,
-            planner=Planner(engine, max_tokens=dialect.plan_tokens),
-            judge=Judge(engine, max_tokens=dialect.verdict_tokens),
-            dialect=dialect,
+            planner=Planner(engine, max_tokens=prompt_format.plan_tokens),
+            judge=Judge(engine, max_tokens=prompt_format.verdict_tokens),
+            prompt_format=prompt_format,
             variant=variant,
             journal=journal,
             gate=CommandGate(fleet, journal, authority, standing),
@@ -175,7 +174,7 @@ class Services:
 
     def _on_server(self, use: ServerUse) -> tuple[RoleModel, ...]:
         """Return the server's model for `use`, if it answers, followed by the own one."""
-        own = RoleModel(self.planner, self.judge, self.dialect)
+        own = RoleModel(self.planner, self.judge, self.prompt_format)
         server = self.servers.by_use.get(use)
         return (RoleModel.on(server), own) if server is not None and server.usable else (own,)
 
@@ -220,7 +219,7 @@ def _second_reader(engine: Engine) -> Judge | ClauseReader | None:
     second = engine.second_reader
     if second is None or second.model.prompts != "compact":
         return ClauseReader(second) if second is not None else None
-    return Judge(second, max_tokens=DIALECTS["compact"].verdict_tokens)
+    return Judge(second, max_tokens=PROMPT_FORMATS["compact"].verdict_tokens)
 
 
 @dataclass

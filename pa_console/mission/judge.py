@@ -16,11 +16,15 @@ from typing import NamedTuple
 from pa_console.language.clause_grammar import MOST_PLANNED, WORD, exactly
 from pa_console.language.reading import planned, read_asked
 from pa_console.llm.backend import CANCELLED
-from pa_console.llm.roles.answer_schema import verdict_schema
-from pa_console.llm.roles.dialect import Dialect
-from pa_console.llm.roles.grammar import COMPARED_CHARS, PLANNED, compact_judge_grammar, hinted
+from pa_console.llm.roles.grammar import (
+    COMPARED_CHARS,
+    PLANNED,
+    compact_judge_grammar,
+    hinted,
+    verdict_schema,
+)
 from pa_console.llm.roles.judge import Judgement, JudgeQuestion
-from pa_console.llm.roles.role_model import RoleModel, first_answer
+from pa_console.llm.roles.role_model import PromptFormat, RoleModel, first_answer
 from pa_console.mission.candidate import Candidate
 from pa_console.mission.context import MissionContext
 from pa_console.mission.picture_text import digest_picture
@@ -127,23 +131,25 @@ class OutcomeCase:
 
 
 def ask_about_plan(
-    dialect: Dialect, world: World, rulebook: Rulebook, case: PlanCase
+    prompt_format: PromptFormat, world: World, rulebook: Rulebook, case: PlanCase
 ) -> JudgeQuestion:
     """Step 6: return the question whether the plan serves the task within the rules.
 
     Raises KeyError when a rule that was retrieved or found broken is not in `rulebook`.
     """
     rules = [rulebook.get(id_) for id_ in judged_rules(case.hits, case.findings)]
-    prompt = dialect.judge(world, case.digest, rules, case.task, case.plan, case.rehearsal)
+    prompt = prompt_format.judge(world, case.digest, rules, case.task, case.plan, case.rehearsal)
     ids = tuple(rule.id for rule in rules)
-    if dialect.opening is None:
-        return JudgeQuestion("judge", prompt, dialect.verdict(ids), ids, schema=verdict_schema(ids))
+    if prompt_format.opening is None:
+        return JudgeQuestion(
+            "judge", prompt, prompt_format.verdict(ids), ids, schema=verdict_schema(ids)
+        )
     moves = PlanMoves(world, case.rehearsal.before, case.plan)
 
     def goes_on(opening: str) -> str:
         return compared_grammar(opening, moves, ids)
 
-    opening = dialect.opening(world, case.digest, case.task.text, case.asked)
+    opening = prompt_format.opening(world, case.digest, case.task.text, case.asked)
     return JudgeQuestion("judge", prompt, opening, ids, goes_on, hint=hinted(case.plan.reason))
 
 
@@ -180,7 +186,7 @@ async def _judged(
 ) -> Judgement:
     """Ask `model` for its verdict on the plan number `attempt`."""
     services, started = context.services, perf_counter()
-    question = ask_about_plan(model.dialect, services.fleet.world, services.rulebook, case)
+    question = ask_about_plan(model.prompt_format, services.fleet.world, services.rulebook, case)
     context.emit(
         ev.PromptBuilt(
             role="judge",
@@ -199,13 +205,15 @@ async def _judged(
         return await model.judge.judge(question, on_text)
 
 
-def ask_about_outcome(dialect: Dialect, world: World, case: OutcomeCase) -> JudgeQuestion:
+def ask_about_outcome(
+    prompt_format: PromptFormat, world: World, case: OutcomeCase
+) -> JudgeQuestion:
     """Step 7: return the question whether the task was accomplished."""
     digest = digest_picture(case.picture, world, case.selection)
-    prompt = dialect.outcome(world, digest, case.task, case.plan, case.verification)
-    if dialect.outcome_opening is None:
+    prompt = prompt_format.outcome(world, digest, case.task, case.plan, case.verification)
+    if prompt_format.outcome_opening is None:
         schema = verdict_schema([])
-        return JudgeQuestion("outcome", prompt, dialect.verdict([]), schema=schema)
+        return JudgeQuestion("outcome", prompt, prompt_format.verdict([]), schema=schema)
     moves = PlanMoves(world, case.before, case.plan)
 
     def goes_on(opening: str) -> str:
@@ -214,7 +222,7 @@ def ask_about_outcome(dialect: Dialect, world: World, case: OutcomeCase) -> Judg
     asked, compared, _ = case.said.partition(PLANNED)
     if compared and read_asked(asked) is not None:
         return JudgeQuestion("outcome", prompt, goes_on(f'{{"feedback": "{asked}{PLANNED}'))
-    return JudgeQuestion("outcome", prompt, dialect.outcome_opening, goes_on=goes_on)
+    return JudgeQuestion("outcome", prompt, prompt_format.outcome_opening, goes_on=goes_on)
 
 
 def judged_rules(hits: Sequence[RuleHit], findings: Sequence[Finding]) -> list[str]:
@@ -305,7 +313,7 @@ async def _verdict_on(asked: _Asked) -> ev.OutcomeJudged:
     services = asked.context.services
 
     async def ask(model: RoleModel) -> Judgement:
-        question = ask_about_outcome(model.dialect, services.fleet.world, asked.case)
+        question = ask_about_outcome(model.prompt_format, services.fleet.world, asked.case)
         return await model.judge.judge(question)
 
     try:

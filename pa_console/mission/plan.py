@@ -64,7 +64,9 @@ async def read_again(context: MissionContext, case: PlanCase, shown: Candidate) 
                 if isinstance(reader, ClauseReader):
                     read = await reader.read(ask_what_is_asked(world, case.digest, case.task))
                 else:
-                    question = ask_about_plan(services.dialect, world, services.rulebook, case)
+                    question = ask_about_plan(
+                        services.prompt_format, world, services.rulebook, case
+                    )
                     read = await reader.read(question)
         except TimeoutError:
             read = OrderRead("", f"no answer within {PATIENCE_S:.0f} s")
@@ -154,7 +156,9 @@ async def plan(
             reasons = sent_back.examination.faults if best.examination.blocked else ()
             answer = sent_back.examination.plan.answer
         again = not proposal.fatal and left > 0 and proposal.plan not in seen
-        if not (again and reasons) or (answered.model.dialect.served and proposal.plan is not None):
+        if not (again and reasons) or (
+            answered.model.prompt_format.served and proposal.plan is not None
+        ):
             break
         left -= 1
         if proposal.plan is not None:

@@ -12,14 +12,16 @@ from pa_console.language.exclusions import excluded_names
 from pa_console.language.facts import asset_state
 from pa_console.language.reading import asked_words, read_asked
 from pa_console.llm.backend import OnText
-from pa_console.llm.roles.answer_schema import Schema, plan_schema, slot_schema
 from pa_console.llm.roles.clause_reader import ReadingQuestion
 from pa_console.llm.roles.grammar import (
     ANY_TEXT,
     CommandSlot,
+    Schema,
     begun_grammar,
     plan_grammar,
+    plan_schema,
     slot_grammar,
+    slot_schema,
 )
 from pa_console.llm.roles.planner import Proposal
 from pa_console.llm.roles.prompts import Prompt, paper_prompt
@@ -139,7 +141,7 @@ def ask_for_plan(
 
     It is for `model`, by default for the session's own.
     """
-    dialect = model.dialect if model is not None else services.dialect
+    prompt_format = model.prompt_format if model is not None else services.prompt_format
     started = perf_counter()
     picture, world, task = services.fleet.picture(), services.fleet.world, retrieved.task
     rules = [services.rulebook.get(hit.rule_id) for hit in retrieved.hits]
@@ -149,16 +151,16 @@ def ask_for_plan(
     if services.variant.prompt == "paper":
         prompt = paper_prompt(world, digest, rules, task)
     else:
-        prompt = dialect.planner(world, digest, rules, task, reasons, previous)
+        prompt = prompt_format.planner(world, digest, rules, task, reasons, previous)
     grammar, stated, asked = ANY_TEXT, (), asked_now(world, digest, retrieved.chosen)
     schema: Schema | None = None
-    if dialect.served:
-        stated = tuple(dialect.reason(world, digest, task.text, asked))
+    if prompt_format.served:
+        stated = tuple(prompt_format.reason(world, digest, task.text, asked))
         grammar = begun_grammar(stated)
     elif services.variant.grammar:
         shown = (None, None) if selection is None else (selection.assets, selection.frames)
         if services.variant.grounded:
-            stated = tuple(dialect.reason(world, digest, task.text, asked))
+            stated = tuple(prompt_format.reason(world, digest, task.text, asked))
         grammar = plan_grammar(world, picture, *shown, retrieved.verbs, stated)
         if model is not None and model.server is not None:
             schema = plan_schema(world, picture, *shown, retrieved.verbs)
@@ -214,7 +216,7 @@ async def _answered(
         context.emit(ev.TextStreamed(role="planner", attempt=attempt, text=piece))
 
     with watch.time("planning_s"):
-        if model.dialect.served:
+        if model.prompt_format.served:
             proposal = await _served(context, model, retrieved, question, on_text)
         else:
             proposal = await model.planner.plan(
@@ -252,7 +254,7 @@ async def ask_for_others(
     told. There are none where the console makes the plan.
     """
     question, count = answered.question, context.services.variant.candidates - 1
-    if count < 1 or answered.model.dialect.served:
+    if count < 1 or answered.model.prompt_format.served:
         return []
     first = context.attempts
     with context.stopwatch.time("planning_s"):
@@ -353,7 +355,7 @@ async def _given_commands(
 ) -> Proposal:
     """Return a plan for the reading `asked` with the commands of `slots`."""
     model, question, task = answered.model, answered.question, answered.retrieved.task
-    if model.dialect.served:
+    if model.prompt_format.served:
         made = served_plan(asked, slots, question.digest)
         return Proposal(made.answer, made)
     world = context.services.fleet.world

@@ -114,7 +114,7 @@ def default_settings() -> Loaded:
 
 def unknown_variables() -> list[str]:
     """Return the PA_CONSOLE_... variables of the environment without a meaning."""
-    from pa_console.llm.servers.address import KEY_VARIABLES  # noqa: PLC0415 - rarely needed
+    from pa_console.llm.remote.address import KEY_VARIABLES  # noqa: PLC0415 - rarely needed
 
     known = {setting.variable for setting in describe_settings().values()}
     known |= {FILE_VARIABLE, PASSPHRASE_VARIABLE, *KEY_VARIABLES.values()}

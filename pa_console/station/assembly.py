@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 from pa_console import __version__
 from pa_console.fleets.fleet import Fleet, Simulated
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.engine import Engine
+from pa_console.llm.remote.servers import NO_SERVERS, Servers
 from pa_console.llm.roles.grammar import plan_grammar
-from pa_console.llm.servers.servers import NO_SERVERS, Servers
 from pa_console.mission.context import Services
 from pa_console.policy.core_rules import with_core
 from pa_console.policy.expressions.deadlines import DEADLINE_S

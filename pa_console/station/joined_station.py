@@ -12,9 +12,9 @@ from time import monotonic
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from pa_console.fleets.authorization import RefusedError, sign_approval
-from pa_console.fleets.bus.told import Told
 from pa_console.fleets.station_authority import StationAuthority, approval_of
-from pa_console.fleets.vda5050.session_messages import Countersignature, StopAsked
+from pa_console.fleets.vda5050.additions import Countersignature, StopAsked
+from pa_console.fleets.vda5050.station_link import Notices
 from pa_console.fleets.vda5050.vehicle import EXPIRY_S
 from pa_console.language.questions import Question
 from pa_console.mission.approval import inadmissible
@@ -326,7 +326,7 @@ class _ConnectionNews:
     """Reports each change of the connection, and of the station in command, once."""
 
     def __init__(self, log: SharedLog) -> None:
-        self._log, self._told = log, Told()
+        self._log, self._told = log, Notices()
         self._problem, self._takeover = "", log.trust.takeover
         self._heard = monotonic()
         self._silent = self._lacks = False

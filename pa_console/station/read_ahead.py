@@ -9,9 +9,8 @@ import asyncio
 from contextlib import suppress
 
 from pa_console.llm.backend import EngineError
-from pa_console.llm.engine import Engine
-from pa_console.llm.roles.clause_prompt import reading_prefix
-from pa_console.llm.roles.clause_reader import ClauseReader
+from pa_console.llm.local.engine import Engine
+from pa_console.llm.roles.clause_reader import ClauseReader, reading_prefix
 from pa_console.mission.context import Services
 from pa_console.mission.picture_text import digest_picture, is_small
 from pa_console.mission.spelling import prepare
@@ -92,11 +91,11 @@ class ReadAhead:
             prompt = reading_prefix(fleet.world, digest)
             await engine.warm(role, prompt.system, prompt.user)
             return
-        prompt = services.dialect.ahead(role, fleet.world, digest)
-        if services.dialect.typed is not None and digest is not None and words.strip():
+        prompt = services.prompt_format.ahead(role, fleet.world, digest)
+        if services.prompt_format.typed is not None and digest is not None and words.strip():
             hits = services.retriever.retrieve(words, services.top_k)
             rules = [services.rulebook.get(hit.rule_id) for hit in hits]
-            prompt = services.dialect.typed(role, fleet.world, digest, rules, words)
+            prompt = services.prompt_format.typed(role, fleet.world, digest, rules, words)
         await engine.warm(role, prompt.system, prompt.user)
 
 

@@ -7,13 +7,17 @@ from time import monotonic
 from typing import Any
 
 from pa_console.fleets.authorization import RefusedError, SignedMessages, Trust
-from pa_console.fleets.bus.client import Sent
-from pa_console.fleets.bus.station_link import Delivery, StationLink
-from pa_console.fleets.vda5050.additions import MANUFACTURER, SIGNED, TRUST, SignedMessage
-from pa_console.fleets.vda5050.numbers import Numbers
-from pa_console.fleets.vda5050.session_messages import RecordsAsked, SessionRecords
-from pa_console.fleets.vda5050.topics import Identity, Topic
-from pa_console.fleets.vda5050.wire import Header, UnreadableError
+from pa_console.fleets.vda5050.additions import (
+    MANUFACTURER,
+    SIGNED,
+    TRUST,
+    RecordsAsked,
+    SessionRecords,
+    SignedMessage,
+)
+from pa_console.fleets.vda5050.broker import Sent
+from pa_console.fleets.vda5050.station_link import Delivery, StationLink
+from pa_console.fleets.vda5050.wire import Header, Identity, Numbers, Topic, UnreadableError
 from pa_console.schema.events.event import Event
 from pa_console.session.log.chain import LogRecord, link_problem, parse
 

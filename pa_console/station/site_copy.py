@@ -6,7 +6,7 @@ over the last picture that has come; where this copy does not fit the session, t
 
 from collections.abc import AsyncGenerator, Callable
 
-from pa_console.fleets.shown_picture import ShownPicture
+from pa_console.fleets.simulated import ShownPicture
 from pa_console.language.questions import Question
 from pa_console.language.references.scene import Scene
 from pa_console.policy.core_rules import with_core

@@ -20,12 +20,12 @@ from pa_console.child_processes import isolated_workers
 from pa_console.cli.serve import web
 from pa_console.evaluation.runs.dask_sweep import Workers, cluster
 from pa_console.llm.backend import Completed, PullError, Request
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.confinement import try_out
+from pa_console.llm.local.engine import Engine
 from pa_console.llm.models import fetching
 from pa_console.llm.models.cache import CACHE_VARIABLE, hash_file
 from pa_console.llm.models.catalogue import HubSource, LocalModel, PackageSource
 from pa_console.llm.models.preparing import Preparation, prepare, silent
-from pa_console.llm.worker.confinement import try_out
 from pa_console.signing import KEY_VARIABLE
 from pa_console.tui.terminal import edit_outside, editor_command
 from tests.cli.inside import caller

@@ -18,13 +18,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.llm.backend import Completed, Request
-from pa_console.llm.engine import Engine
+from pa_console.llm.local import seccomp
+from pa_console.llm.local.confinement import Restriction, clean_environment, try_out
+from pa_console.llm.local.engine import Engine, Worker
+from pa_console.llm.local.messages import Load, PinnedFile
 from pa_console.llm.models.cache import hash_file
 from pa_console.llm.models.catalogue import LocalModel
-from pa_console.llm.worker import seccomp
-from pa_console.llm.worker.confinement import Restriction, clean_environment, try_out
-from pa_console.llm.worker.messages import Load, PinnedFile
-from pa_console.llm.worker_process import Worker
 from tests.attacks.dangerous_calls import DANGEROUS
 from tests.training.adapters.tiny import write_tiny
 
@@ -171,7 +170,7 @@ ATTEMPTS = {
 }
 SCRIPT = """\
 import ctypes, fcntl, mmap, os, platform, resource, socket, subprocess, sys, time
-from pa_console.llm.worker.confinement import confine, read_only
+from pa_console.llm.local.confinement import confine, read_only
 own = open(sys.executable, "rb")
 assert not any(item.missing for item in (read_only(()), *confine(0, 1)))
 libc = ctypes.CDLL(None, use_errno=True)
@@ -214,7 +213,7 @@ def test_what_a_process_that_was_taken_over_would_do_is_refused(tmp_path: Path) 
 def test_what_the_model_needs_is_not_refused() -> None:
     script = (
         "import threading, numpy\n"
-        "from pa_console.llm.worker.confinement import confine, read_only\n"
+        "from pa_console.llm.local.confinement import confine, read_only\n"
         "assert not any(item.missing for item in (read_only(()), *confine(0, 1)))\n"
         "said = []\n"
         "thread = threading.Thread(target=said.append, args=(1,)); thread.start(); thread.join()\n"
@@ -347,8 +346,8 @@ def test_no_call_of_another_abi_gets_through(
 READER = """\
 import os
 from threading import Thread
-from pa_console.llm.worker.messages import LoadFailed, encode
-from pa_console.llm.worker import worker
+from pa_console.llm.local.messages import LoadFailed, encode
+from pa_console.llm.local import worker
 def look(found):
     for path in (f"/proc/{os.getppid()}/mem", os.environ["HOME"]):
         try:
@@ -373,7 +372,7 @@ worker.main()
 async def test_the_worker_reads_the_weights_and_neither_its_parent_nor_its_user_s_files(
     tiny: LocalModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pa_console.llm.worker_process.COMMAND", ("-c", READER))
+    monkeypatch.setattr("pa_console.llm.local.engine.COMMAND", ("-c", READER))
     monkeypatch.setenv("HOME", str(tmp_path))
     worker = await Worker.spawn(loading(tiny), never_ready, lambda _: None)
     try:
@@ -410,7 +409,7 @@ while True:
 async def test_a_process_that_says_more_than_it_was_asked_for_is_ended(
     script: str, tiny: LocalModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pa_console.llm.worker_process.COMMAND", ("-c", script))
+    monkeypatch.setattr("pa_console.llm.local.engine.COMMAND", ("-c", script))
     ended: list[str] = []
     worker = await Worker.spawn(loading(tiny), never_ready, ended.append)
     try:

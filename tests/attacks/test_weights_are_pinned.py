@@ -14,7 +14,7 @@ import pytest
 
 from pa_console.cli.doctor.checks import check_model
 from pa_console.llm.backend import Completed, ModelError, ModelUnavailableError, Request
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.cache import CACHE_VARIABLE, hash_file
 from pa_console.llm.models.catalogue import Catalog, LocalAdapter, LocalModel
 from pa_console.signing import KEY_VARIABLE, load_signer

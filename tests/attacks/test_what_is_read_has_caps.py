@@ -9,10 +9,9 @@ import pytest
 
 from pa_console.llm.backend import PullError
 from pa_console.llm.models import fetching
-from pa_console.llm.models.cache import CACHE_VARIABLE
+from pa_console.llm.models.cache import CACHE_VARIABLE, run_watched
 from pa_console.llm.models.catalogue import ModelEntry, PackageSource
 from pa_console.llm.models.fetching import pull
-from pa_console.llm.models.large_files import run_watched
 from pa_console.session.log.chain import LogError, read_log
 from pa_console.session.log.verification import verify
 from pa_console.session.recording import Recording

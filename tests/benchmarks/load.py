@@ -16,9 +16,9 @@ from rich.table import Table
 
 from pa_console.cli.output import ModelOption, RulesOption, WorldOption, out
 from pa_console.evaluation.machine import describe_machine
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.engine import Engine
+from pa_console.llm.local.threads import physical_cores
 from pa_console.llm.models.catalogue import LocalModel, find_model
-from pa_console.llm.worker.threads import physical_cores
 from pa_console.schema.base import StrictModel
 from pa_console.schema.text import count
 from pa_console.station.assembly import Site, load_site

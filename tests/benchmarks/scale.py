@@ -14,7 +14,7 @@ from rich.table import Table
 
 from pa_console.cli.output import ModelOption, RulesOption, errors, out
 from pa_console.llm.backend import Completed, Request
-from pa_console.llm.engine import LOAD_LIMIT_S, WARM_GRAMMAR, Engine
+from pa_console.llm.local.engine import LOAD_LIMIT_S, WARM_GRAMMAR, Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.llm.roles.grammar import plan_grammar
 from pa_console.llm.roles.prompts import Prompt, planner_prompt

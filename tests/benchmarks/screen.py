@@ -20,7 +20,7 @@ from rich.table import Table
 
 from pa_console.cli.output import ModelOption, errors, out
 from pa_console.evaluation.machine import Machine, describe_machine
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import LocalModel, find_model
 from pa_console.schema.base import StrictModel
 from pa_console.sim.worlds.world_generator import generate_world

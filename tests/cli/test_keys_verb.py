@@ -11,7 +11,7 @@ import pytest
 from pa_console.cli.mission import session as mission_session
 from pa_console.fleets.authorization import Approval, Trust, UnsignedApproval
 from pa_console.fleets.key_folder import KeyFolder
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.schema.events import event as ev
 from pa_console.session.log.chain import read_log

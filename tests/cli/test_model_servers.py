@@ -8,7 +8,7 @@ import pytest
 from pa_console.cli.doctor.checks import Check
 from pa_console.cli.doctor.model_servers import check_server, check_servers, named_models
 from pa_console.cli.mission.steps import step_line
-from pa_console.llm.servers.address import KEY_VARIABLE
+from pa_console.llm.remote.address import KEY_VARIABLE
 from pa_console.schema.events import event as ev
 from pa_console.settings.schema import Settings
 from tests.llm.servers.fault_proxy import FaultProxy

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from pa_console.fleets.bus.address import NUMBERS
+from pa_console.fleets.vda5050.broker import NUMBERS
 from tests.cli.inside import Call
 from tests.fleets.broker import free_port
 

@@ -8,8 +8,7 @@ import time
 from pathlib import Path
 from typing import Protocol
 
-from pa_console.fleets.bus.address import BrokerAddress
-from pa_console.fleets.site.embedded_broker import LOOPBACK, EmbeddedBroker
+from pa_console.fleets.vda5050.broker import LOOPBACK, BrokerAddress, EmbeddedBroker
 
 UP_S = 10.0
 

@@ -10,15 +10,13 @@ from random import Random
 from statistics import quantiles
 from threading import Event, Thread
 
-from pa_console.fleets.bus.address import BrokerAddress
-from pa_console.fleets.bus.client import BusClient, Received, Sent
-from pa_console.fleets.bus.joining import join
-from pa_console.fleets.bus.mqtt_fleet import MqttFleet
 from pa_console.fleets.vda5050 import messages
 from pa_console.fleets.vda5050.asset_state import state_of
-from pa_console.fleets.vda5050.numbers import Numbers
-from pa_console.fleets.vda5050.topics import Identity, Topic
+from pa_console.fleets.vda5050.broker import BrokerAddress, BusClient, Received, Sent
+from pa_console.fleets.vda5050.joining import join
+from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
 from pa_console.fleets.vda5050.vehicle import Vehicle
+from pa_console.fleets.vda5050.wire import Identity, Numbers, Topic
 from pa_console.mission.approval import standing_approver
 from pa_console.schema.command import COMMANDS, FINAL_REPLIES, CommandReply, DeviceCommand
 from pa_console.schema.events import event as ev

@@ -8,13 +8,13 @@ from contextlib import contextmanager
 
 import pytest
 
-from pa_console.fleets.bus.address import BrokerAddress, Credentials
-from pa_console.fleets.bus.joining import join
-from pa_console.fleets.bus.mqtt_fleet import MqttFleet
-from pa_console.fleets.bus.opening import fleet_of
-from pa_console.fleets.bus.trust_topics import Keys
-from pa_console.fleets.site.simulated_site import SimulatedSite, SiteOptions
 from pa_console.fleets.vda5050.additions import SITE
+from pa_console.fleets.vda5050.broker import BrokerAddress, Credentials
+from pa_console.fleets.vda5050.joining import join
+from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
+from pa_console.fleets.vda5050.sharing import CommandAuthority
+from pa_console.fleets.vda5050.simulated_site import SimulatedSite, SiteOptions
+from pa_console.fleets.vda5050.site_fleet import fleet_of
 from pa_console.resources import find_data
 from pa_console.schema.incident import Scenario
 from pa_console.schema.world import World
@@ -97,7 +97,7 @@ def running(
 def joined(
     world: World,
     address: BrokerAddress,
-    keys: Keys | None = None,
+    keys: CommandAuthority | None = None,
     credentials: Credentials | None = None,
 ) -> Generator[MqttFleet]:
     """Yield the fleet of the site at `address`, once the site is there."""

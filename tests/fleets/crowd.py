@@ -17,13 +17,13 @@ from statistics import quantiles
 from paho.mqtt.client import Client, MQTTMessage
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 
-from pa_console.fleets.bus.address import BrokerAddress
-from pa_console.fleets.bus.joining import join
-from pa_console.fleets.bus.mqtt_fleet import MqttFleet
 from pa_console.fleets.vda5050 import messages
 from pa_console.fleets.vda5050.asset_state import state_of
-from pa_console.fleets.vda5050.topics import Identity, Topic
+from pa_console.fleets.vda5050.broker import BrokerAddress
+from pa_console.fleets.vda5050.joining import join
+from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
 from pa_console.fleets.vda5050.vehicle import Vehicle
+from pa_console.fleets.vda5050.wire import Identity, Topic
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.telemetry import AssetTelemetry

@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from paho.mqtt.client import Client, MQTTMessage
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 
-from pa_console.fleets.bus.address import BrokerAddress, Credentials
-from pa_console.fleets.vda5050.topics import MAJOR
+from pa_console.fleets.vda5050.broker import BrokerAddress, Credentials
+from pa_console.fleets.vda5050.wire import MAJOR
 
 UP_S = 10.0
 

@@ -22,7 +22,7 @@ from pa_console.evaluation.runs.jobs import (
 from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.run_record import RunRecord
 from pa_console.evaluation.scoring.score import idle_run
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.station.assembly import load_site
 from tests.fleets.broker import Broker, address_of, any_broker

@@ -25,12 +25,12 @@ from typing import Any
 from paho.mqtt.client import Client, MQTTMessage
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 
-from pa_console.fleets.bus.address import BrokerAddress
-from pa_console.fleets.bus.joining import join
-from pa_console.fleets.bus.mqtt_fleet import MqttFleet
-from pa_console.fleets.bus.opening import fleet_of
-from pa_console.fleets.site.gateway import Gateway
+from pa_console.fleets.vda5050.broker import BrokerAddress
+from pa_console.fleets.vda5050.gateway import Gateway
+from pa_console.fleets.vda5050.joining import join
 from pa_console.fleets.vda5050.messages import InstantActions
+from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
+from pa_console.fleets.vda5050.site_fleet import fleet_of
 from pa_console.fleets.vda5050.wire import Header
 from pa_console.mission.gate import CommandGate
 from pa_console.mission.journal import Journal

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from pa_console.fleets.bus.address import BrokerAddress
+from pa_console.fleets.vda5050.broker import BrokerAddress
 from pa_console.schema.command import DeviceCommand, Verb
 from pa_console.schema.world import World
 from tests.fleets.conftest import joined, running

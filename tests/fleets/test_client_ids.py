@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.fleets.bus.address import BrokerAddress, Credentials
-from pa_console.fleets.bus.station_link import StationLink
-from pa_console.fleets.site.site_files import CONFIGURATION, JOINED, STATION, write_site
 from pa_console.fleets.vda5050.additions import SIGNED
+from pa_console.fleets.vda5050.broker import BrokerAddress, Credentials
+from pa_console.fleets.vda5050.site_files import CONFIGURATION, JOINED, STATION, write_site
+from pa_console.fleets.vda5050.station_link import StationLink
 from pa_console.schema.world import World
 from pa_console.station.shared_log import HEARD
 from tests.fleets.broker import free_port, mosquitto, wait_open

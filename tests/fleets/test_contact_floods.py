@@ -9,15 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.fleets.bus.address import BrokerAddress
-from pa_console.fleets.bus.contact_limits import (
+from pa_console.fleets.vda5050.additions import MANUFACTURER, Detections, SeenContact
+from pa_console.fleets.vda5050.broker import BrokerAddress
+from pa_console.fleets.vda5050.reported_picture import (
     MOST_ALONE,
     MOST_CONTACTS,
     MOST_TRACKS,
+    ReportedPicture,
     SetAside,
 )
-from pa_console.fleets.bus.reported_picture import ReportedPicture
-from pa_console.fleets.vda5050.additions import MANUFACTURER, Detections, SeenContact
 from pa_console.resources import find_data
 from pa_console.schema.events.event import Noticed
 from pa_console.schema.mission import Alarm

@@ -8,14 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.fleets.bus.mqtt_fleet import zone_set
-from pa_console.fleets.site.factsheets import factsheet_of, offers
 from pa_console.fleets.vda5050 import commands, messages
 from pa_console.fleets.vda5050.asset_state import state_of, telemetry_of
-from pa_console.fleets.vda5050.factsheet import Factsheet
-from pa_console.fleets.vda5050.topics import Identity
+from pa_console.fleets.vda5050.gateway import factsheet_of, offers
+from pa_console.fleets.vda5050.messages import Factsheet
+from pa_console.fleets.vda5050.mqtt_fleet import zone_set
 from pa_console.fleets.vda5050.vehicle import Vehicle
-from pa_console.fleets.vda5050.wire import MOST_BYTES, Header, UnreadableError
+from pa_console.fleets.vda5050.wire import MOST_BYTES, Header, Identity, UnreadableError
 from pa_console.schema.command import COMMANDS, CommandReply, DeviceCommand
 from pa_console.schema.telemetry import AssetTelemetry
 from pa_console.schema.world import KINDS, World

@@ -12,10 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.fleets.bus.address import BrokerAddress
-from pa_console.fleets.bus.joining import Joined, join
-from pa_console.fleets.bus.mqtt_fleet import MqttFleet
-from pa_console.fleets.bus.newcomers import with_newcomers
+from pa_console.fleets.vda5050.broker import BrokerAddress
+from pa_console.fleets.vda5050.joining import Joined, join, with_newcomers
+from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
 from pa_console.schema.command import CommandReply, DeviceCommand, Verb
 from pa_console.schema.world import World
 from pa_console.sim.worlds.world_file import load_world

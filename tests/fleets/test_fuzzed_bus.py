@@ -8,11 +8,10 @@ from random import Random
 
 import pytest
 
-from pa_console.fleets.bus.address import BrokerAddress
-from pa_console.fleets.bus.client import Received, Sent
-from pa_console.fleets.bus.joining import FROM_PEOPLE, TELEMETRY, Joined
-from pa_console.fleets.bus.mqtt_fleet import MqttFleet
-from pa_console.fleets.bus.station_link import StationLink
+from pa_console.fleets.vda5050.broker import BrokerAddress, Received, Sent
+from pa_console.fleets.vda5050.joining import FROM_PEOPLE, TELEMETRY, Joined
+from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
+from pa_console.fleets.vda5050.station_link import StationLink
 from pa_console.schema.events import event as ev
 from pa_console.schema.world import World
 from pa_console.station.assembly import Site, load_site, open_station

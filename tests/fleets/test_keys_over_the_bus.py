@@ -6,8 +6,8 @@ import pytest
 
 from pa_console.cli.keys.on_the_bus import on_bus
 from pa_console.fleets.authorization import EnrolledRules
-from pa_console.fleets.bus.address import BrokerAddress
 from pa_console.fleets.key_folder import KeyFolder
+from pa_console.fleets.vda5050.broker import BrokerAddress
 from tests.fleets.broker import free_port
 from tests.fleets.keyring import RULES
 

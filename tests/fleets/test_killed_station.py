@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.fleets.bus.address import BrokerAddress
+from pa_console.fleets.vda5050.broker import BrokerAddress
 from pa_console.schema.world import World
 from tests.fleets.conftest import running
 from tests.fleets.intruder import intruder
@@ -17,9 +17,9 @@ import asyncio, os, sys
 from datetime import UTC, datetime
 from pathlib import Path
 
-from pa_console.fleets.bus.address import BrokerAddress
-from pa_console.fleets.bus.joining import join
-from pa_console.fleets.bus.opening import fleet_of
+from pa_console.fleets.vda5050.broker import BrokerAddress
+from pa_console.fleets.vda5050.joining import join
+from pa_console.fleets.vda5050.site_fleet import fleet_of
 from pa_console.mission.gate import CommandGate
 from pa_console.mission.rehearse import device_commands
 from pa_console.mission.journal import Journal

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from pa_console.fleets import authorization as auth
-from pa_console.fleets.bus.address import BrokerAddress
-from pa_console.fleets.bus.session_sharing import SharedSession
-from pa_console.fleets.bus.station_link import StationLink
 from pa_console.fleets.station_authority import Keys, StationAuthority, Vehicles
-from pa_console.fleets.vda5050.session_messages import StopAsked
+from pa_console.fleets.vda5050.additions import StopAsked
+from pa_console.fleets.vda5050.broker import BrokerAddress
+from pa_console.fleets.vda5050.sharing import SharedSession
+from pa_console.fleets.vda5050.station_link import StationLink
 from pa_console.fleets.vda5050.wire import Header
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision

@@ -2,9 +2,9 @@
 
 import pytest
 
-from pa_console.fleets.bus.address import BrokerAddress
 from pa_console.fleets.fleet import Fleet, Simulated
 from pa_console.fleets.simulated import SimulatedFleet
+from pa_console.fleets.vda5050.broker import BrokerAddress
 from pa_console.schema.command import DeviceCommand, Verb
 from pa_console.schema.incident import (
     FailAsset,

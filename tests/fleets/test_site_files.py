@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.fleets.bus.address import NUMBERS, BrokerAddress, Credentials
-from pa_console.fleets.site.site_files import ROBOT_READS, ROBOT_WRITES, access, write_site
+from pa_console.fleets.vda5050.broker import NUMBERS, BrokerAddress, Credentials
+from pa_console.fleets.vda5050.site_files import ROBOT_READS, ROBOT_WRITES, access, write_site
 from tests.fleets.broker import free_port, mosquitto, wait_open
 from tests.fleets.intruder import Intruder
 

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from pa_console.fleets.bus.address import BrokerAddress
-from pa_console.fleets.bus.mqtt_fleet import MqttFleet
+from pa_console.fleets.vda5050.broker import BrokerAddress
+from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
 from pa_console.mission.gate import CommandGate
 from pa_console.mission.journal import Journal
 from pa_console.mission.stop import EmergencyStop

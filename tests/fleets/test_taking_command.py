@@ -11,14 +11,13 @@ from typing import NamedTuple
 import pytest
 
 from pa_console.fleets import authorization as auth
-from pa_console.fleets.bus.address import BrokerAddress
-from pa_console.fleets.bus.mqtt_fleet import MqttFleet
-from pa_console.fleets.bus.session_sharing import SharedSession
-from pa_console.fleets.bus.station_link import StationLink
-from pa_console.fleets.bus.trust_topics import signed_messages
 from pa_console.fleets.station_authority import Keys, StationAuthority, Vehicles
 from pa_console.fleets.vda5050.additions import SIGNED, SignedTakeover
-from pa_console.fleets.vda5050.numbers import Numbers
+from pa_console.fleets.vda5050.broker import BrokerAddress
+from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
+from pa_console.fleets.vda5050.sharing import SharedSession, signed_messages
+from pa_console.fleets.vda5050.station_link import StationLink
+from pa_console.fleets.vda5050.wire import Numbers
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Scenario
 from pa_console.schema.mission import Decision

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.fleets.vda5050 import commands, messages
-from pa_console.fleets.vda5050.topics import Identity
 from pa_console.fleets.vda5050.vehicle import EXPIRY_S, Vehicle
+from pa_console.fleets.vda5050.wire import Identity
 from pa_console.schema.command import CommandReply, DeviceCommand, ReplyStatus, Verb
 
 ME, OTHER = Identity("acme", "Drone_T01"), Identity("acme", "Drone_T02")

@@ -16,8 +16,7 @@ from vda5050.validation.schema_validator import default_validator
 
 from pa_console.fleets.vda5050 import commands, messages
 from pa_console.fleets.vda5050.asset_state import telemetry_of
-from pa_console.fleets.vda5050.numbers import Numbers
-from pa_console.fleets.vda5050.topics import Identity
+from pa_console.fleets.vda5050.wire import Identity, Numbers
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.world import World
 from pa_console.sim.worlds.terrain import Terrain

@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from pa_console.fleets.bus.address import BrokerAddress
-from pa_console.fleets.bus.mqtt_fleet import MqttFleet
-from pa_console.fleets.bus.reported_picture import ReportedPicture
 from pa_console.fleets.fleet import Simulated
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.fleets.vda5050.additions import Detections, SeenContact
+from pa_console.fleets.vda5050.broker import BrokerAddress
+from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
+from pa_console.fleets.vda5050.reported_picture import ReportedPicture
 from pa_console.fleets.vda5050.wire import MOST_BYTES
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events.event import Noticed
@@ -160,7 +160,7 @@ def test_a_robot_that_is_gone_is_lost_at_once_and_commands_to_it_are_no_secret(
 def joined_without_site(world: World, address: BrokerAddress) -> Any:
     from contextlib import closing  # noqa: PLC0415
 
-    from pa_console.fleets.bus.joining import join  # noqa: PLC0415
+    from pa_console.fleets.vda5050.joining import join  # noqa: PLC0415
 
     return closing(MqttFleet(world, join(address)))
 

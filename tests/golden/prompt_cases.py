@@ -18,7 +18,6 @@ from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.language.clause_grammar import asked_pattern
 from pa_console.language.reading import asked_words, canonical_meaning, canonical_order, read_asked
 from pa_console.llm.backend import Completed, Request
-from pa_console.llm.roles.dialect import DIALECTS, Dialect, DialectName
 from pa_console.llm.roles.grammar import (
     PLANNED,
     CommandSlot,
@@ -27,6 +26,7 @@ from pa_console.llm.roles.grammar import (
     slot_grammar,
 )
 from pa_console.llm.roles.prompts import Prompt, paper_prompt
+from pa_console.llm.roles.role_model import PROMPT_FORMATS, PromptFormat, PromptFormatName
 from pa_console.mission.approval import standing_approver
 from pa_console.mission.picture_text import digest_picture, select
 from pa_console.mission.tasking.choices import commands_serving
@@ -164,29 +164,31 @@ def told(case: Case) -> Iterator[tuple[str, str]]:
     shown = (None, None) if selection is None else (selection.assets, selection.frames)
     yield "clauses with facts", asked_pattern(world, digest, case.text)
     yield "clauses", asked_pattern(world, digest, case.text, facts=False)
-    for name, dialect in DIALECTS.items():
-        first = dialect.planner(world, digest, rules, mission)
-        again = dialect.planner(world, digest, rules, mission, REPAIR, case.plan.answer)
+    for name, prompt_format in PROMPT_FORMATS.items():
+        first = prompt_format.planner(world, digest, rules, mission)
+        again = prompt_format.planner(world, digest, rules, mission, REPAIR, case.plan.answer)
         yield from _of(f"planner {name}", first)
         yield from _of(f"planner {name} repair", again)
         for role in ROLES:
-            yield from _of(f"ahead {name} {role}", dialect.ahead(role, world, digest))
-            yield from _of(f"ahead {name} {role} blind", dialect.ahead(role, world, None))
-            if dialect.typed is not None:
-                begun = dialect.typed(role, world, digest, rules, case.text[: len(case.text) // 2])
+            yield from _of(f"ahead {name} {role}", prompt_format.ahead(role, world, digest))
+            yield from _of(f"ahead {name} {role} blind", prompt_format.ahead(role, world, None))
+            if prompt_format.typed is not None:
+                begun = prompt_format.typed(
+                    role, world, digest, rules, case.text[: len(case.text) // 2]
+                )
                 yield from _of(f"typed {name} {role}", begun)
-        reasons = tuple(dialect.reason(world, digest, case.text, ""))
-        known = tuple(dialect.reason(world, digest, case.text, case.asked))
+        reasons = tuple(prompt_format.reason(world, digest, case.text, ""))
+        known = tuple(prompt_format.reason(world, digest, case.text, case.asked))
         yield f"grammar {name} plan", plan_grammar(world, picture, *shown, (), reasons)
         yield f"grammar {name} plan known", plan_grammar(world, picture, *shown, (), known)
         if reasons:
             yield f"grammar {name} reason", reason_grammar(reasons)
-        yield from _judged(case, name, dialect)
+        yield from _judged(case, name, prompt_format)
         for number, slots in enumerate(_slots(case), start=1):
             yield f"grammar {name} slots {number}", slot_grammar(slots, known or ("a",))
 
 
-def _judged(case: Case, name: str, dialect: Dialect) -> Iterator[tuple[str, str]]:
+def _judged(case: Case, name: str, prompt_format: PromptFormat) -> Iterator[tuple[str, str]]:
     """Yield what the judge is asked of an outcome, and the grammars of how verdicts begin."""
     world, digest, passed = case.situation.world, case.situation.digest, "telemetry shows it"
     outcomes = tuple(
@@ -206,14 +208,17 @@ def _judged(case: Case, name: str, dialect: Dialect) -> Iterator[tuple[str, str]
         ("fail", found),
         ("pass", Verification(outcome="pass", actions=outcomes[:1])),
     ):
-        prompt = dialect.outcome(world, digest, case.mission, case.plan, verification)
+        prompt = prompt_format.outcome(world, digest, case.mission, case.plan, verification)
         yield from _of(f"outcome {name} {how}", prompt)
-    yield f"grammar {name} verdict", dialect.verdict(("WF-03", "ROE-05"))
-    yield f"grammar {name} verdict of nothing", dialect.verdict(())
-    if dialect.opening is not None:
-        yield f"grammar {name} opening", dialect.opening(world, digest, case.text, "")
-        yield f"grammar {name} opening known", dialect.opening(world, digest, case.text, case.asked)
-    yield f"grammar {name} outcome opening", dialect.outcome_opening or ""
+    yield f"grammar {name} verdict", prompt_format.verdict(("WF-03", "ROE-05"))
+    yield f"grammar {name} verdict of nothing", prompt_format.verdict(())
+    if prompt_format.opening is not None:
+        yield f"grammar {name} opening", prompt_format.opening(world, digest, case.text, "")
+        yield (
+            f"grammar {name} opening known",
+            prompt_format.opening(world, digest, case.text, case.asked),
+        )
+    yield f"grammar {name} outcome opening", prompt_format.outcome_opening or ""
 
 
 def _slots(case: Case) -> Iterator[Sequence[CommandSlot]]:
@@ -230,7 +235,7 @@ def _of(name: str, prompt: Prompt) -> Iterator[tuple[str, str]]:
 class _Listening(ScriptedEngine):
     """Answers as a trained or an untrained model would, and keeps every request in order."""
 
-    def __init__(self, case: Case, prompts: DialectName) -> None:
+    def __init__(self, case: Case, prompts: PromptFormatName) -> None:
         super().__init__([case.plan.answer], others=[case.plan.answer])
         self.model = replace(self.model, prompts=prompts)
         self._opening = f'{{"feedback": "{case.asked}{PLANNED}'
@@ -263,7 +268,7 @@ class Heard:
         yield f"{self.name} rest", repr((asked.role, asked.deadline_s, *rest))
 
 
-def heard(case: Case, prompts: DialectName, *, carried_out: bool) -> Iterator[tuple[str, str]]:
+def heard(case: Case, prompts: PromptFormatName, *, carried_out: bool) -> Iterator[tuple[str, str]]:
     """Yield what an engine is asked for a mission at a station, and how the mission ends.
 
     Plans are approved where they are to be `carried_out`, and rejected otherwise.
@@ -306,12 +311,12 @@ def _plan_by_plan(heard: Sequence[Request], verified: Sequence[int]) -> list[Req
 def everything(case: Case) -> dict[str, str]:
     """Return all texts for a mission by name.
 
-    Those of the paper are carried out in every dialect; of the others, the field's and every fifth
+    Those of the paper are carried out in every format; of the others, the field's and every fifth
     of the generated ones are worked on at a station until a plan is put forward.
     """
     texts = dict(told(case))
     of_paper = case.name in PAPER
     at_station = not case.name.startswith("G") or int(case.name[1:]) % 5 == 0
-    for prompts in DIALECTS if of_paper else ("compact",) * at_station:
+    for prompts in PROMPT_FORMATS if of_paper else ("compact",) * at_station:
         texts.update(heard(case, prompts, carried_out=of_paper))
     return texts

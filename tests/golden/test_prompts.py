@@ -12,7 +12,7 @@ from functools import cache
 
 import pytest
 
-from pa_console.llm.roles.dialect import DIALECTS
+from pa_console.llm.roles.role_model import PROMPT_FORMATS
 from tests.golden.prompt_cases import LARGE, PAPER, REPAIR, Case, cases, everything
 from tests.golden.prompt_files import NAMED, fingerprints, readable
 from tests.golden.stored import HERE, compare, read, write, write_text
@@ -149,7 +149,7 @@ def test_every_planner_prompt_has_its_sections_in_order(name: str) -> None:
         assert not missing, case.name
 
 
-@pytest.mark.parametrize("name", DIALECTS)
+@pytest.mark.parametrize("name", PROMPT_FORMATS)
 def test_a_repair_adds_the_answer_and_each_objection_on_a_line(name: str) -> None:
     for case, again in prompts(f"planner {name} repair user"):
         mine = texts()[case.name]
@@ -160,7 +160,7 @@ def test_a_repair_adds_the_answer_and_each_objection_on_a_line(name: str) -> Non
         assert all(f"{objection.replace(chr(10), ' ')}" in added for objection in REPAIR)
 
 
-@pytest.mark.parametrize("name", DIALECTS)
+@pytest.mark.parametrize("name", PROMPT_FORMATS)
 def test_a_prompt_begins_with_all_that_is_read_ahead(name: str) -> None:
     for case in cases():
         mine = texts()[case.name]
@@ -178,7 +178,7 @@ def test_a_prompt_read_while_the_order_is_typed_begins_the_prompt_with_its_words
         assert words, case.name
 
 
-@pytest.mark.parametrize("name", DIALECTS)
+@pytest.mark.parametrize("name", PROMPT_FORMATS)
 def test_the_grammar_of_a_known_order_allows_its_plan_for_the_assets_it_lists(name: str) -> None:
     for case, grammar in prompts(f"grammar {name} plan known"):
         # An answer in clauses states the order alone; the others add the facts that matter.
@@ -193,7 +193,7 @@ def test_the_grammar_of_a_known_order_allows_its_plan_for_the_assets_it_lists(na
             assert not accepts(grammar, stranger), case.name
 
 
-@pytest.mark.parametrize("name", DIALECTS)
+@pytest.mark.parametrize("name", PROMPT_FORMATS)
 def test_a_station_asks_for_a_plan_then_for_verdicts_and_ends_in_words(name: str) -> None:
     for case in cases():
         mine = texts()[case.name]

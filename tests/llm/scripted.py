@@ -3,7 +3,7 @@
 from collections.abc import AsyncGenerator, Sequence
 
 from pa_console.llm.backend import Completed, EngineError, Request
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import LocalModel
 
 

@@ -12,7 +12,7 @@ import pytest_asyncio
 from pydantic import ValidationError
 
 from pa_console.llm.backend import Completed, ModelError, ModelUnavailableError, Request
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.cache import hash_file
 from pa_console.llm.models.catalogue import (
     AdapterFile,

@@ -10,8 +10,8 @@ import pytest
 from pa_console.llm import backend
 from pa_console.llm.backend import BackendOptions, Completed, ModelError, Request, names_backend
 from pa_console.llm.models.catalogue import Catalog, ServerEntry
-from pa_console.llm.servers.engine import ServerEngine
-from pa_console.llm.servers.servers import Servers, session_models
+from pa_console.llm.remote.engine import ServerEngine
+from pa_console.llm.remote.servers import Servers, session_models
 from pa_console.mission.approval import standing_approver
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Usage

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from llguidance import LLMatcher
 
-from pa_console.llm.worker.candidates import branch_points
+from pa_console.llm.local.decoding import branch_points
 from tests.llm.test_grammar import BYTES
 
 GRAMMAR = 'start: "go " ("north" | "south" | "norm" | "base") (" now" | " soon")'

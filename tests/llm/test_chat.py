@@ -2,10 +2,10 @@
 
 import pytest
 
+from pa_console.llm.local.decoding import ChatPrompt
+from pa_console.llm.local.runtime import Runtime
+from pa_console.llm.local.threads import FreeCores
 from pa_console.llm.models.catalogue import ChatFormat, LocalModel
-from pa_console.llm.worker.chat import ChatPrompt
-from pa_console.llm.worker.runtime import Runtime
-from pa_console.llm.worker.threads import FreeCores
 
 
 @pytest.fixture(scope="module")

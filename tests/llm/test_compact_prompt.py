@@ -12,8 +12,8 @@ from pa_console.llm.roles.compact_prompt import (
     compact_planner_prompt,
     picture_prefix,
 )
-from pa_console.llm.roles.dialect import DIALECTS
 from pa_console.llm.roles.prompts import Prompt
+from pa_console.llm.roles.role_model import PROMPT_FORMATS
 from pa_console.schema.mission import Verification
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import GateTimeline, Rehearsal, Timeline
@@ -84,6 +84,6 @@ def test_an_outcome_is_judged_by_telemetry_in_the_picture_afterwards():
 
 
 def test_in_a_world_too_large_to_be_told_only_the_fixed_part_is_read_ahead():
-    for dialect in DIALECTS.values():
+    for prompt_format in PROMPT_FORMATS.values():
         for role in ("planner", "judge", "outcome"):
-            assert dialect.ahead(role, WORLD, None).user == ""
+            assert prompt_format.ahead(role, WORLD, None).user == ""

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from pa_console.llm.worker import contexts
-from pa_console.llm.worker.contexts import AdapterSwitch
+from pa_console.llm.local import runtime
+from pa_console.llm.local.runtime import AdapterSwitch
 
 ADDRESS = 4096
 
@@ -28,7 +28,7 @@ def test_a_context_at_the_address_of_a_freed_one_gets_its_adapter(
             switched.append(context)
             return 0
 
-    monkeypatch.setattr(contexts, "_api", Api)
+    monkeypatch.setattr(runtime, "_api", Api)
     switch = AdapterSwitch(object(), {0: "planner.gguf"})
     switch.use(ADDRESS, 0)
     switch.use(ADDRESS, 0)

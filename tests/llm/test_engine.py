@@ -26,7 +26,7 @@ from pa_console.llm.backend import (
     PromptRefusedError,
     Request,
 )
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.cache import hash_file
 from pa_console.llm.models.catalogue import Catalog, LocalModel
 from pa_console.llm.roles.grammar import judge_grammar, plan_grammar
@@ -378,7 +378,7 @@ async def test_a_file_that_is_no_model_makes_the_engine_unavailable(
 PARENT = """\
 import asyncio, sys
 from pa_console.llm.models.catalogue import LocalModel
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.engine import Engine
 from pathlib import Path
 async def main():
     engine = Engine(LocalModel("m", Path(sys.argv[1]), sys.argv[2]))
@@ -445,7 +445,7 @@ for line in sys.stdin:
 async def test_the_engine_says_when_answers_are_slow_because_the_machine_is_busy(
     smallest_model: LocalModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pa_console.llm.worker_process.COMMAND", ("-c", SLOWED))
+    monkeypatch.setattr("pa_console.llm.local.engine.COMMAND", ("-c", SLOWED))
     states: list[tuple[str, str]] = []
     engine = Engine(smallest_model, lambda state, detail: states.append((state, detail)))
     try:

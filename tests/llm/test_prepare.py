@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from pa_console.llm.backend import ModelError, PullError
-from pa_console.llm.models import large_files
+from pa_console.llm.models import cache
 from pa_console.llm.models import preparing as module
 from pa_console.llm.models.cache import hash_file
 from pa_console.llm.models.catalogue import Catalog, ModelEntry, PathSource, fastest_type
@@ -99,7 +99,7 @@ def test_a_full_disk_is_named_before_anything_is_written(
     def full(_path: Path) -> object:
         return type("Usage", (), {"free": 7})
 
-    monkeypatch.setattr(large_files.shutil, "disk_usage", full)
+    monkeypatch.setattr(cache.shutil, "disk_usage", full)
     with pytest.raises(PullError, match="free some space"):
         made(source)
     assert left_over(empty_cache) == []

@@ -4,7 +4,7 @@ import pytest
 
 from pa_console.language.clauses import ASKED
 from pa_console.language.reading import read_asked
-from pa_console.llm.roles.taught_orders import nearest_orders, taught_orders, without_names
+from pa_console.llm.roles.clause_reader import nearest_orders, taught_orders, without_names
 from pa_training.samples.near_duplicates import NearDuplicates
 from pa_training.situations.worlds import shipped_missions
 

@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pa_console.llm.local.runtime import Runtime
+from pa_console.llm.local.threads import FreeCores
 from pa_console.llm.models.catalogue import LocalModel
-from pa_console.llm.worker.runtime import Runtime
-from pa_console.llm.worker.threads import FreeCores
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(1200)]
 

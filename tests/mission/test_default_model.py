@@ -8,11 +8,11 @@ import pytest_asyncio
 
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.language.reading import asked_words, read_asked
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import Catalog, find_model
 from pa_console.llm.models.fetching import pull
-from pa_console.llm.roles.dialect import DIALECTS
 from pa_console.llm.roles.planner import Planner
+from pa_console.llm.roles.role_model import PROMPT_FORMATS
 from pa_console.mission.approval import standing_approver
 from pa_console.mission.context import Services
 from pa_console.mission.propose import ask_for_plan
@@ -90,7 +90,7 @@ async def test_what_else_an_order_may_mean_can_be_read_and_planned_for(
     await engine.start()
     planner = Planner(engine, deadline_s=300.0)
     fleet = SimulatedFleet.start(site.world)
-    services = Services.open(fleet, site.rulebook, engine, dialect=DIALECTS["compact"])
+    services = Services.open(fleet, site.rulebook, engine, prompt_format=PROMPT_FORMATS["compact"])
     text = "Drone_T02 should go home unless NorthGate is empty"
     task = Mission(id="M1", text=text, created=datetime(2026, 1, 1, tzinfo=UTC))
     question = ask_for_plan(services, Retrieved(task, ()))

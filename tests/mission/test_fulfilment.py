@@ -9,7 +9,7 @@ from functools import cache
 import pytest
 
 from pa_console.language.reading import canonical_order, read_asked
-from pa_console.llm.roles.dialect import DIALECTS
+from pa_console.llm.roles.role_model import PROMPT_FORMATS
 from pa_console.mission.judge import (
     OutcomeCase,
     ask_about_outcome,
@@ -321,7 +321,7 @@ def test_of_an_outcome_what_was_asked_is_not_read_again() -> None:
     task = Mission(id="M1", text="One drone to EastGate.", created=datetime(2026, 1, 1, tzinfo=UTC))
     case = OutcomeCase(task, plan.before, plan.before, None, plan.plan, done)
     read = replace(case, said="asked: 1 drone to EastGate; planned: 1 drone to EastGate; it fits")
-    compact = DIALECTS["compact"]
+    compact = PROMPT_FORMATS["compact"]
     whole = answer(f"{read.said}; done", "Success")
     assert accepts(ask_about_outcome(compact, WORLD, read).grammar, whole)
     anew = ask_about_outcome(compact, WORLD, case)

@@ -7,10 +7,10 @@ from unittest.mock import AsyncMock
 
 import pytest
 
-from pa_console.llm.servers.address import ServerAddress, ServerKey
-from pa_console.llm.servers.client import ServerClient
-from pa_console.llm.servers.engine import ServerEngine
-from pa_console.llm.servers.servers import Servers
+from pa_console.llm.remote.address import ServerAddress, ServerKey
+from pa_console.llm.remote.client import ServerClient
+from pa_console.llm.remote.engine import ServerEngine
+from pa_console.llm.remote.servers import Servers
 from pa_console.mission.approval import standing_approver
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision

@@ -5,7 +5,7 @@ from contextlib import aclosing
 
 import pytest
 
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import Catalog
 from pa_console.llm.models.fetching import pull
 from pa_console.station.assembly import Site, open_station

@@ -13,10 +13,8 @@ from hypothesis import strategies as st
 from pa_console.fleets import authorization as auth
 from pa_console.fleets.fleet import Countersigned
 from pa_console.fleets.station_authority import approval_of
-from pa_console.fleets.vda5050.numbers import Numbers
-from pa_console.fleets.vda5050.session_messages import Countersignature
-from pa_console.fleets.vda5050.topics import Identity
-from pa_console.fleets.vda5050.wire import UnreadableError
+from pa_console.fleets.vda5050.additions import Countersignature
+from pa_console.fleets.vda5050.wire import Identity, Numbers, UnreadableError
 from pa_console.mission.context import Stopwatch
 from pa_console.mission.decide import answered, countersignature
 from pa_console.mission.rehearse import device_commands

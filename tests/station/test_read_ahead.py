@@ -4,7 +4,7 @@ import asyncio
 from dataclasses import replace
 
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.llm.roles.dialect import DIALECTS
+from pa_console.llm.roles.role_model import PROMPT_FORMATS
 from pa_console.mission.approval import standing_approver
 from pa_console.mission.context import Services
 from pa_console.schema.events.event import Event, Role
@@ -35,7 +35,9 @@ class SlowEngine(ScriptedEngine):
 
 def services(site: Site, engine: ScriptedEngine, sim: Checkpoint | None = None) -> Services:
     fleet = SimulatedFleet(sim or Checkpoint(site.world))
-    return Services.open(fleet, site.rulebook, engine.engine(), dialect=DIALECTS["compact"])
+    return Services.open(
+        fleet, site.rulebook, engine.engine(), prompt_format=PROMPT_FORMATS["compact"]
+    )
 
 
 async def typed(ahead: ReadAhead, text: str = "w") -> None:

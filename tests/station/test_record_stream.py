@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.fleets import authorization as auth
-from pa_console.fleets.bus.session_sharing import SharedSession
-from pa_console.fleets.vda5050.numbers import Numbers
-from pa_console.fleets.vda5050.session_messages import RecordsAsked, SessionRecords, pack
+from pa_console.fleets.vda5050.additions import RecordsAsked, SessionRecords, pack
+from pa_console.fleets.vda5050.sharing import SharedSession
+from pa_console.fleets.vda5050.wire import Numbers
 from pa_console.schema.events.event import Event, Noticed
 from pa_console.session.log.writer import LogWriter
 from pa_console.station.shared_log import NotBelievedError, RecordStream

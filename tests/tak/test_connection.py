@@ -16,8 +16,8 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
 from cryptography.hazmat.primitives.serialization import pkcs12
 
-from pa_console.fleets.bus.address import CA_FILE
-from pa_console.fleets.site.site_files import BROKER, STATION, write_site
+from pa_console.fleets.vda5050.broker import CA_FILE
+from pa_console.fleets.vda5050.site_files import BROKER, STATION, write_site
 from pa_console.schema.events.event import Event, SessionEnded, TelemetryReceived
 from pa_console.schema.incident import SpawnTrack
 from pa_console.schema.telemetry import Picture

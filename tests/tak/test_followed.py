@@ -7,9 +7,9 @@ from pathlib import Path
 
 from pa_console.cli.tak.followed import JoinedSession
 from pa_console.fleets import authorization as auth
-from pa_console.fleets.bus.session_sharing import SharedSession
-from pa_console.fleets.bus.station_link import StationLink
 from pa_console.fleets.station_authority import Keys, StationAuthority
+from pa_console.fleets.vda5050.sharing import SharedSession
+from pa_console.fleets.vda5050.station_link import StationLink
 from pa_console.schema.events import event as ev
 from pa_console.schema.world import World
 from pa_console.session.log.writer import LogWriter

@@ -37,7 +37,7 @@ from pa_console.cli.output import (
 )
 from pa_console.cli.settings_defaults import settings_of
 from pa_console.end_signals import exit_code_of
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.llm.models.preparing import Progress
 from pa_console.settings.sources import Loaded

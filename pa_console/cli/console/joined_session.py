@@ -14,10 +14,10 @@ from pa_console.cli.keys.site_keys import ask_passphrase
 from pa_console.cli.output import errors, require_keys
 from pa_console.cli.progress_bars import RecordsBar
 from pa_console.end_signals import end_signals, exit_code_of
-from pa_console.fleets.bus.address import BrokerAddress
-from pa_console.fleets.bus.station_link import StationLink
 from pa_console.fleets.key_folder import KeyFolder
 from pa_console.fleets.station_authority import StationAuthority
+from pa_console.fleets.vda5050.broker import BrokerAddress
+from pa_console.fleets.vda5050.station_link import StationLink
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events.event import Event, SessionStarted
 from pa_console.schema.world import World

@@ -12,8 +12,8 @@ from pa_console.cli.console.unclosed import choose_session
 from pa_console.cli.fleet import find_fleet
 from pa_console.cli.keys.site_keys import load_authority
 from pa_console.cli.output import errors
-from pa_console.llm.engine import Engine
-from pa_console.llm.servers.servers import NO_SERVERS, Servers
+from pa_console.llm.local.engine import Engine
+from pa_console.llm.remote.servers import NO_SERVERS, Servers
 from pa_console.policy.pinned_rules import RefusedRulesError, RulesPins
 from pa_console.session.log.writer import LogWriter, default_folder
 from pa_console.settings.schema import Settings
@@ -24,8 +24,8 @@ from pa_console.station.rules_in_force import RulesWatch
 from pa_console.station.station import Station
 
 if TYPE_CHECKING:
-    from pa_console.fleets.bus.mqtt_fleet import MqttFleet
     from pa_console.fleets.station_authority import StationAuthority
+    from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class LiveSession:
         """Share the session that `writer` logs with others on the bus, where the site has keys."""
         if self.fleet is None or self.authority is None or not self.authority.name:
             return
-        from pa_console.fleets.bus.session_sharing import SharedSession  # noqa: PLC0415 - on a bus
+        from pa_console.fleets.vda5050.sharing import SharedSession  # noqa: PLC0415 - on a bus
 
         authority = self.authority
         shared = SharedSession(writer.session, authority.name, writer.path, authority.vouch)

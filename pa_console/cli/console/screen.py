@@ -8,7 +8,7 @@ from pa_console.cli.console.live_session import LiveSession
 from pa_console.cli.output import out
 from pa_console.cli.session_log import open_log, tell_of_witness, usual_file
 from pa_console.end_signals import end_signals
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.engine import Engine
 from pa_console.observability import Observer
 from pa_console.session.log.chain import LogError
 from pa_console.settings.sources import Loaded

@@ -16,13 +16,13 @@ from typing import Literal
 from rich.console import Console
 
 from pa_console.child_processes import python_command
-from pa_console.fleets.site.site_files import CONFIGURATION, unbound
+from pa_console.fleets.vda5050.site_files import CONFIGURATION, unbound
 from pa_console.llm.backend import ModelError
+from pa_console.llm.local.confinement import Restriction, try_out
+from pa_console.llm.local.threads import idle_seconds, physical_cores
 from pa_console.llm.models.cache import cache_folder, hash_file
 from pa_console.llm.models.catalogue import Catalog, ModelEntry, check_adapters
 from pa_console.llm.models.preparing import Preparation, find_recorded
-from pa_console.llm.worker.confinement import Restriction, try_out
-from pa_console.llm.worker.threads import idle_seconds, physical_cores
 from pa_console.private_files import exposed, nearest_existing, unwritable
 from pa_console.schema.document import DocumentError
 from pa_console.schema.text import count

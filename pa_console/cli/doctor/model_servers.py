@@ -5,9 +5,9 @@ from collections.abc import Iterator
 
 from pa_console.cli.doctor.checks import Check
 from pa_console.llm.backend import BackendOptions, ModelError, open_backend
-from pa_console.llm.servers.address import KEY_VARIABLES, ServerKey
-from pa_console.llm.servers.engine import ServerEngine
-from pa_console.llm.servers.servers import SessionModels, session_models
+from pa_console.llm.remote.address import KEY_VARIABLES, ServerKey
+from pa_console.llm.remote.engine import ServerEngine
+from pa_console.llm.remote.servers import SessionModels, session_models
 from pa_console.schema.events.event import ServerUse
 from pa_console.settings.schema import Settings
 

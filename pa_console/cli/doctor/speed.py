@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pa_console.cli.doctor.checks import Check
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.backend import Completed, EngineError, ModelError, Request
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import LocalModel, find_model
 from pa_console.mission.context import Services
 from pa_console.mission.propose import ask_for_plan
@@ -78,7 +78,7 @@ async def _one_plan(model: LocalModel) -> Usage:
                 question.prompt.system,
                 question.prompt.user,
                 question.grammar,
-                services.dialect.plan_tokens,
+                services.prompt_format.plan_tokens,
                 LIMIT_S,
             )
             async with aclosing(engine.generate(request)) as items:

@@ -58,9 +58,9 @@ from pa_console.evaluation.runs.run_record import (
     read_runs,
 )
 from pa_console.evaluation.runs.runner import Runner
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.engine import Engine
+from pa_console.llm.local.threads import physical_cores
 from pa_console.llm.models.catalogue import LocalModel, find_model
-from pa_console.llm.worker.threads import physical_cores
 from pa_console.policy.pinned_rules import RulesPins
 from pa_console.schema.text import count
 from pa_console.station.assembly import load_site

@@ -23,12 +23,12 @@ def on_bus(folder: KeyFolder, url: str, certificates: Path | None) -> Generator[
     if not url:
         yield
         return
-    from pa_console.fleets.bus.address import BrokerAddress  # noqa: PLC0415 - with a bus only
-    from pa_console.fleets.bus.joining import take_retained  # noqa: PLC0415
-    from pa_console.fleets.bus.station_link import StationLink  # noqa: PLC0415
-    from pa_console.fleets.bus.trust_topics import signed_messages  # noqa: PLC0415
     from pa_console.fleets.vda5050.additions import SIGNED, TRUST, SignedMessage  # noqa: PLC0415
-    from pa_console.fleets.vda5050.numbers import Numbers  # noqa: PLC0415
+    from pa_console.fleets.vda5050.broker import BrokerAddress  # noqa: PLC0415 - with a bus only
+    from pa_console.fleets.vda5050.joining import take_retained  # noqa: PLC0415
+    from pa_console.fleets.vda5050.sharing import signed_messages  # noqa: PLC0415
+    from pa_console.fleets.vda5050.station_link import StationLink  # noqa: PLC0415
+    from pa_console.fleets.vda5050.wire import Numbers  # noqa: PLC0415
 
     address = BrokerAddress.parse(url)
     name = f"keys-{secrets.token_hex(4)}"

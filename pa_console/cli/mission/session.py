@@ -26,7 +26,7 @@ from pa_console.cli.output import (
 )
 from pa_console.cli.session_log import open_log, tell_of_witness, usual_file
 from pa_console.end_signals import EndableRun, end_signals, exit_code_of, leave_terminal
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.mission.approval import ApprovalMode, standing_approver
 from pa_console.observability import Observer, unobserved

@@ -17,7 +17,7 @@ from pa_console.http.connections import Listening, listen
 from pa_console.http.http_app import serving
 from pa_console.http.served_session import ServedSession
 from pa_console.http.tokens import TokenBook
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.observability import Observer
 from pa_console.session.log.chain import LogError

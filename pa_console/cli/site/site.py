@@ -21,12 +21,17 @@ from pa_console.cli.output import (
     out,
 )
 from pa_console.end_signals import EndableRun, end_signals, exit_code_of
-from pa_console.fleets.bus.address import INTERFACE, PORTS, BrokerAddress, Credentials
 from pa_console.fleets.key_folder import KeyFolder
-from pa_console.fleets.site.embedded_broker import EmbeddedBroker
-from pa_console.fleets.site.simulated_site import SimulatedSite, SiteOptions
-from pa_console.fleets.site.site_files import RESERVED, Machines, default_hosts, write_site
 from pa_console.fleets.station_authority import Vehicles
+from pa_console.fleets.vda5050.broker import (
+    INTERFACE,
+    PORTS,
+    BrokerAddress,
+    Credentials,
+    EmbeddedBroker,
+)
+from pa_console.fleets.vda5050.simulated_site import SimulatedSite, SiteOptions
+from pa_console.fleets.vda5050.site_files import RESERVED, Machines, default_hosts, write_site
 from pa_console.fleets.vda5050.vehicle import anybody
 from pa_console.schema.base import Name
 from pa_console.schema.document import read_bytes

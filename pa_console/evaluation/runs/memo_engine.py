@@ -10,7 +10,7 @@ from typing import Any, cast
 from pydantic import ValidationError
 
 from pa_console.llm.backend import Chance, Completed, Request
-from pa_console.llm.engine import Engine, OnState
+from pa_console.llm.local.engine import Engine, OnState
 from pa_console.schema.base import StrictModel
 from pa_console.schema.events.event import Role
 from pa_console.schema.finding import Usage

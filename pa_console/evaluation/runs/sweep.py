@@ -27,9 +27,9 @@ from pa_console.evaluation.runs.run_record import LOGS, EvaluationFolder, RunRec
 from pa_console.evaluation.runs.runner import enforced_rules, in_order, make_run
 from pa_console.evaluation.scoring.score import idle_run
 from pa_console.llm.backend import ModelError
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.engine import Engine
+from pa_console.llm.local.threads import physical_cores
 from pa_console.llm.models.catalogue import find_model
-from pa_console.llm.worker.threads import physical_cores
 from pa_console.schema.document import read_text
 from pa_console.schema.evaluation import MissionCase, Variant
 

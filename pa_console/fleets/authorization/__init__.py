@@ -26,6 +26,7 @@ from pa_console.fleets.authorization.messages import (
     RefusedError,
     Role,
     Roster,
+    UnsignedApproval,
     digest,
     public_of,
     sign_approval,
@@ -37,7 +38,6 @@ from pa_console.fleets.authorization.messages import (
     words,
 )
 from pa_console.fleets.authorization.trust import KINDS_OF_TRUST, SignedMessages, Takeover, Trust
-from pa_console.fleets.authorization.unsigned import UnsignedApproval
 from pa_console.fleets.authorization.verifier import Verifier
 
 __all__ = (

@@ -1,1 +1,1 @@
-"""VDA 5050, version 3: the messages between a fleet control and its robots, as typed values."""
+"""VDA 5050, version 3: fleets on a message bus, and the simulated site that is such a fleet."""

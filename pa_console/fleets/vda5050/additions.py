@@ -1,16 +1,32 @@
-"""The additions to the standard: detections of sensors, and messages of a simulated site.
+"""The additions to the standard: detections, a simulated site, trust, and shared sessions.
 
 Detections go to `<interface>/v3/<manufacturer>/<name>/detections`, from robots and from cameras. A
 simulated site describes itself on `site`, as `pa-console`/`site`, and takes `incident` and `clock`.
-The members of a site and the station in command are retained as `pa-console`/`trust`.
+The members of a site and the station in command are retained as `pa-console`/`trust`. A station
+publishes the records of its log on `<interface>/v3/pa-console/<station>/records`; consoles that
+have joined it send `recordsAsked`, `countersignature` and `stopAsked` to the same station.
 """
 
+import base64
+import binascii
+import zlib
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, StringConstraints
 
-from pa_console.fleets.vda5050.topics import Identity
-from pa_console.fleets.vda5050.wire import MOST_ITEMS, Count, Finite, Header, Id, Items, Text, Wire
+from pa_console.fleets.vda5050.wire import (
+    MOST_BYTES,
+    MOST_ITEMS,
+    Count,
+    Finite,
+    Header,
+    Id,
+    Identity,
+    Items,
+    Text,
+    UnreadableError,
+    Wire,
+)
 from pa_console.schema.base import Name
 from pa_console.schema.telemetry import Identity as ContactIdentity
 from pa_console.schema.telemetry import Intent, Weather
@@ -145,3 +161,68 @@ class SignedTakeover(SignedMessage):
 
 SIGNED: tuple[type[SignedMessage], ...] = (SignedRoster, SignedRevocation, SignedTakeover)
 """The signed messages, each after those that it is checked by."""
+
+MOST_UNPACKED = 4 << 20
+"""The largest size of the records in one message, bytes."""
+
+_Packed = Annotated[str, StringConstraints(max_length=MOST_BYTES)]
+_Signed = Annotated[str, StringConstraints(max_length=65_536)]
+
+
+class SessionRecords(Header):
+    """Records of a session log, one after another, for which the station vouches.
+
+    `packed` are their lines, each with its end, as zlib data in base64. `signature` is a JWT by the
+    station.
+    """
+
+    TOPIC: ClassVar[str] = "records"
+    session: Id
+    first: Count
+    last: Count
+    packed: _Packed
+    signature: _Signed
+
+    def lines(self) -> list[bytes]:
+        """Return the lines without their ends; raises UnreadableError for what holds none."""
+        unpacking = zlib.decompressobj()
+        try:
+            lines = unpacking.decompress(
+                base64.b64decode(self.packed, validate=True), MOST_UNPACKED
+            )
+        except (zlib.error, binascii.Error, ValueError) as error:
+            raise UnreadableError(f"its records cannot be unpacked: {error}") from None
+        if not unpacking.eof or not lines.endswith(b"\n"):
+            raise UnreadableError("its records are incomplete or too many")
+        return lines[:-1].split(b"\n")
+
+
+def pack(lines: bytes) -> str:
+    """Return whole lines as `SessionRecords.packed`."""
+    return base64.b64encode(zlib.compress(lines, 1)).decode()
+
+
+class RecordsAsked(Header):
+    """A joined console's request for the records of a session from `first` on."""
+
+    TOPIC: ClassVar[str] = "recordsAsked"
+    session: Id
+    first: Count
+
+
+class Countersignature(Header):
+    """A second person approves the plan that waits at a station; `approval` is the signed JWT."""
+
+    TOPIC: ClassVar[str] = "countersignature"
+    session: Id
+    request_id: Id
+    person: Id
+    approval: _Signed
+
+
+class StopAsked(Header):
+    """A joined console's request for a stop of all assets; a stop needs no signature."""
+
+    TOPIC: ClassVar[str] = "stopAsked"
+    session: Id
+    person: Id

@@ -1,13 +1,18 @@
-"""Our commands as orders and instant actions, and what a robot's state answers to them."""
+"""Commands as orders and instant actions, and what each robot on the bus answers to them."""
 
-from collections.abc import Sequence
+from collections import OrderedDict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import datetime
 from typing import Literal, NamedTuple
 
 from pa_console.fleets.vda5050.messages import (
     Action,
     ActionParameter,
     ActionState,
+    ConnectionState,
     Edge,
+    Factsheet,
     Node,
     Position,
     State,
@@ -20,8 +25,9 @@ from pa_console.fleets.vda5050.vehicle import (
     RESUME,
     TARGET,
 )
+from pa_console.fleets.vda5050.wire import Identity
 from pa_console.schema.base import Point
-from pa_console.schema.command import DeviceCommand, ReplyStatus
+from pa_console.schema.command import FINAL_REPLIES, DeviceCommand, ReplyStatus
 from pa_console.schema.world import World
 
 START = "start"
@@ -146,3 +152,76 @@ def _parameters(target: str | None, token: str | None) -> tuple[ActionParameter,
 
 def _position(at: Point | None) -> Position | None:
     return None if at is None else Position(x=at[0], y=at[1])
+
+
+MOST_ASKED = 512
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """A command as the station knows it, and what its robot answered last."""
+
+    command: DeviceCommand
+    said: Answer | None = None
+
+
+@dataclass
+class Robot:
+    """One robot of the fleet; `name` is its serial number and its name in the world."""
+
+    identity: Identity
+    factsheet: Factsheet | None = None
+    connection: ConnectionState = "OFFLINE"
+    state: State | None = None
+    latest: datetime | None = None
+    """When the state that was taken in last was sent."""
+    held: bool = False
+    """True if the robot got a hold after its last order."""
+    waiting: DeviceCommand | None = None
+    """An order that goes out once its running one is cancelled."""
+    asked: OrderedDict[str, _Asked] = field(default_factory=OrderedDict[str, _Asked])
+    """Commands sent, by action id on the wire."""
+
+    @property
+    def name(self) -> str:
+        """The name of the asset that it is."""
+        return self.identity.serial_number
+
+    @property
+    def busy(self) -> bool:
+        """True if the robot reports an order."""
+        if self.state is None:
+            return False
+        running = any(a.action_status not in ENDED for a in self.state.action_states)
+        return running or bool(self.state.node_states)
+
+    def cannot(self, command: DeviceCommand) -> str:
+        """Return why it cannot carry out `command` by its own factsheet, "" when it can."""
+        if command.verb == "hold" or self.factsheet is None:
+            return ""
+        if self.factsheet.offers(command.verb):
+            return ""
+        return f"its factsheet does not offer {command.verb}"
+
+    def ask(self, action_id: str, command: DeviceCommand) -> None:
+        """Note that `command` goes out as `action_id`; a repeated one is answered anew."""
+        self.asked[action_id] = _Asked(command)
+        self.asked.move_to_end(action_id)
+        if len(self.asked) > MOST_ASKED:
+            self.asked.popitem(last=False)
+
+    def command_id(self, action_id: str | None) -> str | None:
+        """Return the id of the command that went out as `action_id`, or an unknown one itself."""
+        asked = self.asked.get(action_id) if action_id is not None else None
+        return asked.command.command_id if asked is not None else action_id
+
+    def answers(self, state: State) -> Iterator[tuple[DeviceCommand, Answer]]:
+        """Take in `state`; yield what is new in it of the commands that were sent."""
+        self.state = state
+        for action_id, asked in list(self.asked.items()):
+            if asked.said is not None and asked.said.status in FINAL_REPLIES:
+                continue
+            said = answer_of(action_id, asked.command.verb, state)
+            if said is not None and said != asked.said:
+                self.asked[action_id] = replace(asked, said=said)
+                yield asked.command, said

@@ -23,8 +23,7 @@ from pa_console.fleets.vda5050.messages import (
     Order,
     Reference,
 )
-from pa_console.fleets.vda5050.topics import Identity
-from pa_console.fleets.vda5050.wire import Header, in_milliseconds
+from pa_console.fleets.vda5050.wire import Header, Identity, in_milliseconds
 from pa_console.schema.command import CommandReply, DeviceCommand, ReplyStatus, Verb
 
 Verify = Callable[[str | None, DeviceCommand], str]

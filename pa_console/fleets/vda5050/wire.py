@@ -1,7 +1,8 @@
-"""The wire format of messages: strict, limited in size, of this version."""
+"""The wire format of messages: strict, limited in size, of this version, on numbered topics."""
 
+from collections.abc import Mapping
 from datetime import UTC, datetime
-from typing import Annotated, ClassVar, Self, TypeVar
+from typing import Annotated, Any, ClassVar, NamedTuple, Self, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -12,6 +13,7 @@ from pydantic import (
     Field,
     PlainSerializer,
     StringConstraints,
+    TypeAdapter,
     ValidationError,
 )
 from pydantic.alias_generators import to_camel
@@ -108,3 +110,72 @@ class Header(Wire):
     def write(self) -> bytes:
         """Return the message as it goes on the bus; what is not set is left out."""
         return self.model_dump_json(exclude_none=True).encode()
+
+
+MAJOR = "v3"
+_TOKEN: TypeAdapter[str] = TypeAdapter(Annotated[str, Token])
+
+
+class Identity(NamedTuple):
+    """The manufacturer and serial number of a mobile robot."""
+
+    manufacturer: str
+    serial_number: str
+
+
+class Topic(NamedTuple):
+    """`<interface>/v3/<manufacturer>/<serial number>/<name>`."""
+
+    interface: str
+    identity: Identity
+    name: str
+
+    @classmethod
+    def of(cls, text: str) -> Self | None:
+        """Return the parts of a topic, None when it is not of this form."""
+        parts = text.split("/")
+        if len(parts) != 5 or parts[1] != MAJOR:
+            return None
+        try:
+            for part in parts:
+                _TOKEN.validate_python(part)
+        except ValidationError:
+            return None
+        return cls(parts[0], Identity(parts[2], parts[3]), parts[4])
+
+    def __str__(self) -> str:
+        return "/".join((self.interface, MAJOR, *self.identity, self.name))
+
+
+class Numbers:
+    """Counts messages by `<serial number>/<topic>`."""
+
+    def __init__(self) -> None:
+        self._sent: dict[str, int] = {}
+        self._seen: dict[str, int] = {}
+        self._fresh: dict[str, int] = {}
+
+    def header(self, identity: Identity, topic: str, sent: datetime) -> dict[str, Any]:
+        """Return the header of the next message to, or from, `identity` on a topic."""
+        key = f"{identity.serial_number}/{topic}"
+        number = self._sent[key] = self._fresh[key] = self._sent.get(key, 0) + 1
+        return {
+            "header_id": number,
+            "timestamp": sent,
+            "version": VERSION,
+            "manufacturer": identity.manufacturer,
+            "serial_number": identity.serial_number,
+        }
+
+    def fresh(self) -> dict[str, int]:
+        """Return the number of the last message by topic, of those sent since the last call."""
+        fresh, self._fresh = self._fresh, {}
+        return fresh
+
+    def saw(self, identity: Identity, topic: str, number: int) -> None:
+        """Note that the message of this number has come."""
+        self._seen[f"{identity.serial_number}/{topic}"] = number
+
+    def has_seen(self, numbers: Mapping[str, int]) -> bool:
+        """Return whether every one of the messages has come, or a later one of its topic."""
+        return all(self._seen.get(key, 0) >= number for key, number in numbers.items())

@@ -21,8 +21,8 @@ from pa_console.llm.models.preparing import (
     prepared_path,
     silent,
 )
-from pa_console.llm.roles.dialect import DialectName
-from pa_console.llm.servers.address import PREFIX, ServerAddress
+from pa_console.llm.remote.address import PREFIX, ServerAddress
+from pa_console.llm.roles.role_model import PromptFormatName
 from pa_console.resources import data_folder
 from pa_console.schema.base import StrictModel
 from pa_console.schema.document import Document
@@ -196,7 +196,7 @@ class ModelEntry(StrictModel):
         default={}, description="the SHA-256 of the prepared file of each type"
     )
     adapters: dict[Role, AdapterFile] = {}
-    prompts: DialectName = "clauses"
+    prompts: PromptFormatName = "clauses"
     n_ctx: int = Field(default=N_CTX, ge=512)
     second_reader: str = Field(
         default="",
@@ -319,7 +319,7 @@ class LocalModel:
     chat: ChatFormat = "template"
     description: str = ""
     adapters: tuple[LocalAdapter, ...] = ()
-    prompts: DialectName = "examples"
+    prompts: PromptFormatName = "examples"
     n_ctx: int = N_CTX
     second_reader: "LocalModel | None" = None
     """The second reader for orders of which this model is unsure."""

@@ -16,9 +16,15 @@ from zipfile import BadZipFile, ZipFile
 from filelock import FileLock, Timeout
 
 from pa_console.llm.backend import ModelError, PullError
-from pa_console.llm.models.cache import CACHE_VARIABLE, models_folder, partial_folder
+from pa_console.llm.models.cache import (
+    CACHE_VARIABLE,
+    models_folder,
+    most_bytes,
+    partial_folder,
+    require_room,
+    run_watched,
+)
 from pa_console.llm.models.catalogue import HubSource, ModelEntry, PackageSource
-from pa_console.llm.models.large_files import most_bytes, require_room, run_watched
 
 Progress = Callable[[int, int, str], None]
 

@@ -19,8 +19,14 @@ from filelock import FileLock
 from pydantic import Field, ValidationError
 
 from pa_console.llm.backend import PullError
-from pa_console.llm.models.cache import CACHE_VARIABLE, hash_file, models_folder, partial_folder
-from pa_console.llm.models.large_files import require_room, run_watched
+from pa_console.llm.models.cache import (
+    CACHE_VARIABLE,
+    hash_file,
+    models_folder,
+    partial_folder,
+    require_room,
+    run_watched,
+)
 from pa_console.schema.base import StrictModel
 from pa_console.signing import SigningError, fingerprint, is_signature, known_keys, load_signer
 

@@ -1,26 +1,162 @@
 """Lets a model that was not trained for orders read one: it says what is asked, in clauses alone.
 
-A model of this machine is held to the clauses of the present picture. One on a server cannot be, so
-what it says is read with their grammar afterwards, and is no reading otherwise.
+Its prompt has the forms of clauses, the picture, and those taught orders that are most like the one
+to read: with these a model reads far better than with the same few for every order. The answer is
+the beginning of a plan; the console makes the rest of it. A model of this machine is held to the
+clauses of the present picture. One on a server cannot be, so its answer is read with their grammar
+afterwards, and is no reading otherwise.
 """
 
 import json
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple
 
 import regex
+from rapidfuzz import fuzz, process
 
 from pa_console.language.clause_grammar import grounded_asked
 from pa_console.language.clauses import ASKED
+from pa_console.language.facts import told_assets, told_frames, tracks_of_digest
+from pa_console.language.name_linking import link_names
 from pa_console.llm.backend import Backend, OnText, Request, ask_model, confidence
-from pa_console.llm.roles.clause_prompt import MAX_TOKENS, SCHEMA, reading_prompt
-from pa_console.llm.roles.grammar import begun_grammar
+from pa_console.llm.roles.grammar import TEXT_SCHEMA, Schema, begun_grammar
 from pa_console.llm.roles.judge import OrderRead
-from pa_console.llm.roles.prompts import Prompt
+from pa_console.llm.roles.prompts import Prompt, mission_line
+from pa_console.resources import data_folder
+from pa_console.schema.document import DocumentError, read_text
 from pa_console.schema.events.event import Role
 from pa_console.schema.mission import Mission
+from pa_console.schema.rule import Rule
 from pa_console.schema.telemetry import Digest
-from pa_console.schema.world import World
+from pa_console.schema.world import KINDS, PLAIN_KINDS, World
+
+FILE = "taught_orders.tsv"
+"""Beside the catalogue of models: an order and its clauses on a line, parted by a tab."""
+_NAME = re.compile(r"\b\w*(?:_\w|\d|[a-z][A-Z])\w*\b")
+"""The form of a world's names: Drone_T04, EastGate."""
+
+
+class TaughtOrder(NamedTuple):
+    """An order with its world's names, and its reading."""
+
+    text: str
+    clauses: str
+
+
+def nearest_orders(text: str, count: int) -> list[TaughtOrder]:
+    """Return the `count` taught orders whose words are most like those of `text`, the nearest last.
+
+    Names count as names only: which asset or place is meant makes no order like another. Raises
+    DocumentError where the file is missing or broken.
+    """
+    orders, masked = taught_orders()
+    found = process.extract(
+        without_names(text), masked, scorer=fuzz.token_set_ratio, limit=count, processor=None
+    )
+    return [orders[place] for _, _, place in reversed(found)]
+
+
+def without_names(text: str) -> str:
+    """Return `text` in small letters, with one mark for every name in it."""
+    return _NAME.sub("#", text).lower()
+
+
+@cache
+def taught_orders() -> tuple[Sequence[TaughtOrder], Sequence[str]]:
+    """Return the taught orders, and their words without names; raises DocumentError."""
+    path = data_folder() / "models" / FILE
+    orders: list[TaughtOrder] = []
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
+        text, tab, clauses = line.partition("\t")
+        if not (text and tab and clauses):
+            raise DocumentError(str(path), number, "", "write an order, a tab, and its clauses")
+        orders.append(TaughtOrder(text, clauses))
+    return orders, [without_names(order.text) for order in orders]
+
+
+READER = """\
+Read an order to a team at a checkpoint and say what it asks, in these clauses and no other words.
+Do not plan it. Write one JSON object. Several clauses are separated by "; ".
+WHO to PLACE: be there, go there. WHO look at GATE: watch, see what is there.
+identify at GATE: find out who it is. warn at GATE: tell somebody to leave. block GATE: close it.
+unknown vehicle at GATE, unknown person at GATE: somebody is there, see to it.
+cover GATE: it has no guard. relieve ASSET at GATE, WHO relieves ASSET at GATE: another takes over.
+swap ASSET and ASSET. stand down GATE: too many are there. all free to GATE: everybody who can.
+WHO home: back to base. WHO hold, hold: stay, do nothing. report, report by WHO: tell, a question.
+use force, chase beyond the perimeter, leave GATE without guard: what nobody may do.
+Before a clause: "WHO ", or nothing where it is left open. After a clause, if the order says so:
+without identification, without warning, with noncombatants; at the end: others stay.
+if CONDITION: CLAUSE, else: CLAUSE or nothing.
+WHO is an asset's name, or a number with a kind: 1 drone, 2 vehicles, 1 robot, all drones.
+A place that does not exist is "unknown place".
+"""
+
+SCHEMA: Schema = {
+    "type": "object",
+    "properties": {"reason": TEXT_SCHEMA},
+    "required": ["reason"],
+    "additionalProperties": False,
+}
+MAX_TOKENS = 160
+"""The longest answer; room for it is kept in the context."""
+SHOWN = 8
+"""Taught orders that a prompt has."""
+
+
+def reading_prompt(
+    world: World,
+    digest: Digest,
+    _rules: Sequence[Rule],
+    mission: Mission,
+    repair: Sequence[str] = (),
+    previous: str = "",
+) -> Prompt:
+    """Return the prompt for reading an order: clauses, picture, orders like it, and its words.
+
+    It has no rules: they limit actions, not the meaning of an order. `repair` is why the `previous`
+    answer was none.
+    """
+    text = link_names(world, mission.text)
+    lines = ["Orders elsewhere"]
+    lines += [line for order in nearest_orders(text, SHOWN) for line in _example(order)]
+    lines += ["The order to read", mission_line(text)]
+    if repair:
+        lines.append(f"Previous answer: {previous}")
+        lines += [f"Wrong: {' '.join(reason.split())}" for reason in repair]
+    start = reading_prefix(world, digest)
+    return Prompt(start.system, start.user + "\n".join(lines))
+
+
+def reading_prefix(world: World, digest: Digest | None) -> Prompt:
+    """Return the beginning of every such prompt while the picture stays as it is.
+
+    Without a `digest`, that of a world too large to be told, it is what never changes.
+    """
+    if digest is None:
+        return Prompt(READER, "")
+    return Prompt(READER, "".join(f"{line}\n" for line in _there(world, digest)))
+
+
+def _there(world: World, digest: Digest) -> Iterator[str]:
+    """Yield what an order can be about: little more than names, as the clauses hold the rest."""
+    told = told_frames(world, digest)
+    yield f"Gates: {', '.join(name for name in told if world.frames[name].kind == 'gate')}"
+    others = [name for name in told if world.frames[name].kind != "gate"]
+    yield f"Places: {', '.join((*others, *world.zones))}"
+    for kind in KINDS:
+        names = [n for n in told_assets(world, digest) if world.assets[n].kind == kind]
+        if names:
+            yield f"{PLAIN_KINDS[kind].capitalize()}s: {', '.join(names)}"
+    for track in tracks_of_digest(digest.tracks):
+        yield f"{track.kind.capitalize()}: {track.id} at {track.gate}"
+
+
+def _example(order: TaughtOrder) -> tuple[str, str]:
+    return mission_line(order.text), json.dumps({"reason": f"{ASKED}{order.clauses}"})
+
 
 DEADLINE_S = 60.0
 

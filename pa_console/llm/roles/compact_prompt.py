@@ -9,13 +9,14 @@ from collections.abc import Iterator, Sequence
 
 from pa_console.language.facts import asset_state, standing
 from pa_console.language.name_linking import link_names
-from pa_console.llm.roles.prompt_facts import (
+from pa_console.llm.roles.prompts import (
     FEW_FRAMES,
+    Prompt,
     line_if_any,
+    mission_line,
     plan_facts,
     verification_facts,
 )
-from pa_console.llm.roles.prompts import Prompt, mission_line
 from pa_console.schema.events.event import Role
 from pa_console.schema.mission import Mission, Verification
 from pa_console.schema.plan import Plan

@@ -7,8 +7,7 @@ from typing import Literal
 from pydantic import Field, ValidationError
 
 from pa_console.llm.backend import Backend, ModelAnswer, OnText, Request, ask_model, confidence
-from pa_console.llm.roles.answer_schema import Schema
-from pa_console.llm.roles.grammar import COMPARED_CHARS, PLANNED
+from pa_console.llm.roles.grammar import COMPARED_CHARS, PLANNED, Schema
 from pa_console.llm.roles.prompts import Prompt
 from pa_console.schema.base import StrictModel
 from pa_console.schema.finding import JudgeOpinion, RuleOpinion, Usage, Verdict

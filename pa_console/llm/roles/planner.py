@@ -8,9 +8,8 @@ from pydantic import ValidationError
 
 from pa_console.language.reading import asked_words
 from pa_console.llm.backend import Backend, OnText, Request, ask_model, confidence
-from pa_console.llm.roles.answer_schema import Schema
 from pa_console.llm.roles.clause_reader import ClauseReader
-from pa_console.llm.roles.grammar import READ, begun_reason, reason_grammar
+from pa_console.llm.roles.grammar import READ, Schema, begun_reason, reason_grammar
 from pa_console.llm.roles.prompts import Prompt
 from pa_console.schema.finding import Usage
 from pa_console.schema.plan import Action, Plan

@@ -1,32 +1,174 @@
-"""A model in the roles of planner and judge, and how it is spoken to."""
+"""A model in the roles of planner and judge, and the format of its prompts.
+
+A model without adapters needs instructions and examples in every prompt. It writes a reading of an
+order alone (`clauses`), or the plan itself (`examples`). One with adapters was trained on short
+prompts and short verdicts (`compact_prompt.py`).
+"""
 
 from collections.abc import Awaitable, Callable, Sequence
-from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from dataclasses import dataclass, replace
+from typing import Literal, Protocol, TypeVar
 
+from pa_console.language.clause_grammar import ASKED_ONCE, grounded_asked, grounded_reason
 from pa_console.llm.backend import CANCELLED, Backend
-from pa_console.llm.roles.dialect import DIALECTS, Dialect
+from pa_console.llm.roles.clause_reader import MAX_TOKENS, reading_prefix, reading_prompt
+from pa_console.llm.roles.compact_prompt import (
+    compact_fixed,
+    compact_judge_prompt,
+    compact_outcome_prompt,
+    compact_planner_prompt,
+    picture_prefix,
+    typed_prefix,
+)
+from pa_console.llm.roles.grammar import (
+    compact_judge_grammar,
+    compact_opening_grammar,
+    judge_grammar,
+)
 from pa_console.llm.roles.judge import Judge
 from pa_console.llm.roles.planner import Planner
+from pa_console.llm.roles.prompts import (
+    Prompt,
+    fixed_part,
+    judge_prompt,
+    outcome_prompt,
+    planner_prompt,
+)
+from pa_console.schema.evaluation import Variant
+from pa_console.schema.events.event import Role
+from pa_console.schema.rule import Rule
+from pa_console.schema.telemetry import Digest
+from pa_console.schema.world import World
+
+PromptFormatName = Literal["examples", "clauses", "compact"]
+
+
+@dataclass(frozen=True)
+class PromptFormat:
+    """The prompts of every role, the grammar of a verdict, and what can be read ahead of both."""
+
+    name: PromptFormatName
+    planner: Callable[..., Prompt]
+    judge: Callable[..., Prompt]
+    outcome: Callable[..., Prompt]
+    verdict: Callable[..., str]
+    reason: Callable[[World, Digest, str, str], Sequence[str]]
+    """The possible reasons of a plan for a mission in those words, as regular expressions that all
+    have to match; without any, anything. The last argument is the operator's reading, if there is
+    one."""
+    opening: Callable[[World, Digest, str, str], str] | None
+    """The grammar of how a verdict on a plan begins: with what a mission in those words asked, so
+    that the console can compare the plan with it; None: the judge compares on its own. The last
+    argument is as in `reason`."""
+    outcome_opening: str | None
+    """The beginning of a verdict on an outcome without an earlier verdict on the plan."""
+    ahead: Callable[[Role, World, Digest | None], Prompt]
+    """The beginning of a role's prompts that does not depend on a mission; without a picture, of
+    a world too large to be told whole."""
+    typed: Callable[[Role, World, Digest, Sequence[Rule], str], Prompt] | None
+    """The same with the rules and the words of a mission that is being typed; None where the
+    picture is not told first, so that nothing is gained."""
+    plan_tokens: int
+    verdict_tokens: int
+    """The longest answers; room for them is kept in the context."""
+    served: bool = False
+    """True if the planner writes a reading alone, and the console makes the plan."""
+
+
+def _fixed_only(role: Role, world: World, _digest: Digest | None) -> Prompt:
+    """Return the fixed part; with examples, the picture comes after the retrieved rules."""
+    return Prompt(fixed_part(role, world), "")
+
+
+def _compact_ahead(role: Role, world: World, digest: Digest | None) -> Prompt:
+    """Return fixed part and picture; outcomes are judged in a picture that is yet to come."""
+    if digest is None or role == "outcome":
+        return Prompt(compact_fixed(role, world), "")
+    return picture_prefix(role, world, digest)
+
+
+def _compact_opening(world: World, digest: Digest, words: str, asked: str) -> str:
+    return compact_opening_grammar(grounded_asked(world, digest, words, asked))
+
+
+def _reader_ahead(role: Role, world: World, digest: Digest | None) -> Prompt:
+    """Return the clauses and the picture for a planner; its verdicts are those of `examples`."""
+    if role == "planner":
+        return reading_prefix(world, digest)
+    return _fixed_only(role, world, digest)
+
+
+_EXAMPLES = PromptFormat(
+    "examples",
+    planner_prompt,
+    judge_prompt,
+    outcome_prompt,
+    judge_grammar,
+    lambda _world, _digest, _words, _asked: (),
+    None,
+    None,
+    _fixed_only,
+    None,
+    700,
+    900,
+)
+
+PROMPT_FORMATS: dict[PromptFormatName, PromptFormat] = {
+    "examples": _EXAMPLES,
+    "clauses": replace(
+        _EXAMPLES,
+        name="clauses",
+        planner=reading_prompt,
+        reason=grounded_asked,
+        ahead=_reader_ahead,
+        plan_tokens=MAX_TOKENS,
+        served=True,
+    ),
+    "compact": PromptFormat(
+        "compact",
+        compact_planner_prompt,
+        compact_judge_prompt,
+        compact_outcome_prompt,
+        compact_judge_grammar,
+        grounded_reason,
+        _compact_opening,
+        compact_opening_grammar((ASKED_ONCE,)),
+        _compact_ahead,
+        typed_prefix,
+        400,
+        200,
+    ),
+}
+"""The prompt formats by the name that a catalogue entry gives."""
+
+
+def format_in(variant: Variant, prompts: PromptFormatName) -> PromptFormatName:
+    """Return the prompt format of a model whose entry has `prompts`, in an evaluation's `variant`.
+
+    A trained model keeps its own; the paper's prompt asks for a plan.
+    """
+    if prompts == "compact":
+        return prompts
+    return "examples" if variant.prompt == "paper" else variant.dialect or prompts
 
 
 @dataclass(frozen=True)
 class RoleModel:
-    """Planner and judge of one model in its `dialect`; `server` is None for the session's own."""
+    """Planner and judge of one model; `server` is None for the session's own."""
 
     planner: Planner
     judge: Judge
-    dialect: Dialect
+    prompt_format: PromptFormat
     server: Backend | None = None
 
     @classmethod
     def on(cls, server: Backend) -> "RoleModel":
         """Return the roles of a model on a server, which needs instructions and examples."""
-        dialect = DIALECTS["examples"]
+        prompt_format = PROMPT_FORMATS["examples"]
         return cls(
-            Planner(server, max_tokens=dialect.plan_tokens),
-            Judge(server, max_tokens=dialect.verdict_tokens),
-            dialect,
+            Planner(server, max_tokens=prompt_format.plan_tokens),
+            Judge(server, max_tokens=prompt_format.verdict_tokens),
+            prompt_format,
             server,
         )
 

@@ -18,7 +18,7 @@ from pa_console.cli.output import (
     out,
 )
 from pa_console.evaluation.runs.memo_engine import MemoEngine
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.cache import cache_folder
 from pa_console.llm.models.catalogue import NO_READER, LocalModel, find_model
 from pa_console.schema.text import count

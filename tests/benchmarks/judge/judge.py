@@ -16,10 +16,10 @@ from pa_console.evaluation.reporting.statistics import Table, fraction_cell, sec
 from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.run_record import RunRecord, read_runs
 from pa_console.llm.backend import ModelUnavailableError
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import LocalModel, find_model
-from pa_console.llm.roles.dialect import DIALECTS
 from pa_console.llm.roles.judge import Judge
+from pa_console.llm.roles.role_model import PROMPT_FORMATS
 from pa_console.schema.events.event import WorkerState
 from pa_console.schema.text import count
 from tests.benchmarks.figures import JsonFileOption, keep
@@ -234,7 +234,7 @@ async def _ask(
     found: list[JudgedRun] = []
     right = 0
     try:
-        room = DIALECTS[model.prompts].verdict_tokens
+        room = PROMPT_FORMATS[model.prompts].verdict_tokens
         judge = Judge(engine.engine(), max_tokens=room)
         verdicts = judge_cases(cases, judge, model, outcomes=outcomes)
         async with aclosing(verdicts) as judged:
@@ -268,7 +268,7 @@ def _report(
     return JudgeReport(
         model=model.name,
         fingerprint=model.fingerprint,
-        dialect=model.prompts,
+        prompt_format=model.prompts,
         folder=str(folder),
         planners=tuple(dict.fromkeys(run.planner for run in runs)),
         left_out=dict(left_out.most_common()),

@@ -10,7 +10,7 @@ from pa_console.cli.output import out
 from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.run_record import EvaluationFolder
 from pa_console.evaluation.runs.runner import Runner
-from pa_console.llm.engine import Engine, OnState
+from pa_console.llm.local.engine import Engine, OnState
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.station.assembly import load_site
 from tests.benchmarks.inside import Measure

@@ -7,8 +7,8 @@ from dataclasses import replace
 from pa_console.evaluation.reporting.statistics import Confusion, Rate, spread
 from pa_console.evaluation.runs.run_record import Opinion
 from pa_console.llm.models.catalogue import LocalModel
-from pa_console.llm.roles.dialect import DIALECTS
 from pa_console.llm.roles.judge import Judge, JudgeQuestion
+from pa_console.llm.roles.role_model import PROMPT_FORMATS
 from pa_console.mission.judge import ask_about_outcome, ask_about_plan
 from pa_console.schema.base import StrictModel
 from pa_console.schema.finding import Verdict
@@ -51,13 +51,15 @@ async def judge_cases(
 
     Without `outcomes` it is not asked what came of the plans.
     """
-    dialect = DIALECTS[model.prompts]
+    prompt_format = PROMPT_FORMATS[model.prompts]
     for case in cases:
-        before = await _answer(judge, ask_about_plan(dialect, case.world, case.rulebook, case.plan))
+        before = await _answer(
+            judge, ask_about_plan(prompt_format, case.world, case.rulebook, case.plan)
+        )
         after = None
         if outcomes and case.after is not None:
             executed = replace(case.after, said=before.feedback)
-            after = await _answer(judge, ask_about_outcome(dialect, case.world, executed))
+            after = await _answer(judge, ask_about_outcome(prompt_format, case.world, executed))
         logged_plan, logged_outcome = map(_opinion, case.logged)
         yield JudgedRun(
             run=case.record.run,
@@ -137,7 +139,7 @@ class JudgeReport(StrictModel):
 
     model: str
     fingerprint: str
-    dialect: str
+    prompt_format: str
     folder: str
     planners: tuple[str, ...]
     left_out: dict[str, int]

@@ -3,9 +3,8 @@
 import asyncio
 from collections.abc import Sequence
 
-from pa_console.llm.engine import Engine
-from pa_console.llm.roles.dialect import DIALECTS
-from pa_console.llm.worker_process import ENVIRONMENT
+from pa_console.llm.local.engine import ENVIRONMENT, Engine
+from pa_console.llm.roles.role_model import PROMPT_FORMATS
 from pa_console.schema.base import StrictModel
 from tests.benchmarks.speed.child import Child, LoadWeights
 from tests.benchmarks.speed.compare import Bench, Comparison, compare
@@ -92,7 +91,7 @@ async def _passes(bench: Bench) -> list[Pass]:
             system=question.prompt.system,
             user=question.prompt.user,
             grammar=question.grammar,
-            max_tokens=DIALECTS[model.prompts].plan_tokens,
+            max_tokens=PROMPT_FORMATS[model.prompts].plan_tokens,
         )
         for question in questions
     ]

@@ -5,8 +5,8 @@ from datetime import UTC, datetime
 from time import perf_counter
 
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.llm.engine import Engine
-from pa_console.llm.roles.prompt_facts import plan_facts
+from pa_console.llm.local.engine import Engine
+from pa_console.llm.roles.prompts import plan_facts
 from pa_console.mission.candidate import Candidate
 from pa_console.mission.context import MissionContext, Services
 from pa_console.mission.judge import OutcomeCase, ask_about_outcome
@@ -176,7 +176,9 @@ class OurWay:
         done = Verification(outcome="pass", actions=())
         picture = mission.sim.picture()
         case = OutcomeCase(_task(mission), picture, picture, None, _report(self._site.world), done)
-        await services.judge.judge(ask_about_outcome(services.dialect, self._site.world, case))
+        await services.judge.judge(
+            ask_about_outcome(services.prompt_format, self._site.world, case)
+        )
 
     def _services(self, sim: Checkpoint) -> Services:
         variant = Variant(repairs=0, workflows=False)

@@ -4,8 +4,8 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from pa_console.llm.roles.dialect import DialectName
 from pa_console.llm.roles.grammar import FEEDBACK_CHARS, MOST_VIOLATED, REASON_CHARS
+from pa_console.llm.roles.role_model import PromptFormatName
 from pa_console.schema.base import StrictModel
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.plan import MAX_ACTIONS
@@ -46,14 +46,14 @@ def plan_schema(world: World, picture: Picture) -> str:
     return json.dumps(_object(reason=reason, actions=actions))
 
 
-def verdict_schema(dialect: DialectName, rule_ids: Sequence[str]) -> str:
+def verdict_schema(prompt_format: PromptFormatName, rule_ids: Sequence[str]) -> str:
     """Return the JSON schema of a verdict: an opinion on each of `rule_ids`, or the violated ones.
 
-    The latter is how verdicts are told in the dialect that adapters learnt.
+    The latter is how verdicts are told in the prompt format that adapters learnt.
     """
     feedback = {"type": "string", "minLength": 1, "maxLength": FEEDBACK_CHARS}
     overall = {"enum": ["Success", "Failure"]}
-    if dialect == "compact":
+    if prompt_format == "compact":
         violated = {"type": "array", "items": {"enum": list(rule_ids)}, "maxItems": MOST_VIOLATED}
         return json.dumps(_object(feedback=feedback, violated=violated, verdict=overall))
     opinion = _object(

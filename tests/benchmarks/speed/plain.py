@@ -11,7 +11,7 @@ from typing import Any
 import llama_cpp
 from llama_cpp.llama_chat_format import Jinja2ChatFormatter
 
-from pa_console.llm.worker.chat import FORMATS
+from pa_console.llm.local.decoding import FORMATS
 from pa_console.schema.base import StrictModel
 from tests.benchmarks.speed.child import LoadWeights, serve
 from tests.benchmarks.speed.messages import PlainAnswer, PlainAsk

@@ -3,7 +3,7 @@
 from typing import Self
 
 from pa_console.llm.models.catalogue import LocalModel
-from pa_console.llm.roles.dialect import DIALECTS
+from pa_console.llm.roles.role_model import PROMPT_FORMATS
 from pa_console.schema.events.event import Role
 from tests.benchmarks.speed.child import Child, LoadWeights
 from tests.benchmarks.speed.measured_missions import BenchMission, Pair
@@ -27,7 +27,7 @@ class PlainWay:
 
     def __init__(self, model: LocalModel) -> None:
         self._model = model
-        self._dialect = DIALECTS[model.prompts]
+        self._prompt_format = PROMPT_FORMATS[model.prompts]
         files = {adapter.role: str(adapter.path) for adapter in model.adapters}
         self._adapters = {role: files.get(role, "") for role in ROLES}
         self._children: dict[str, Child] = {}
@@ -55,7 +55,7 @@ class PlainWay:
                 system=pair.planner.system,
                 user=pair.planner.user,
                 answer_schema=plan_schema(world, picture),
-                max_tokens=most or self._dialect.plan_tokens,
+                max_tokens=most or self._prompt_format.plan_tokens,
             ),
         )
         told = pair.judged_plan in pair.judge.user
@@ -65,8 +65,8 @@ class PlainWay:
             PlainAsk(
                 system=pair.judge.system,
                 user=user,
-                answer_schema=verdict_schema(self._dialect.name, pair.judged_rules),
-                max_tokens=most or self._dialect.verdict_tokens,
+                answer_schema=verdict_schema(self._prompt_format.name, pair.judged_rules),
+                max_tokens=most or self._prompt_format.verdict_tokens,
             ),
         )
         return plan, verdict

@@ -9,7 +9,7 @@ import asyncio
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.engine import Engine
 from pa_console.llm.roles.judge import read_verdict
 from pa_console.llm.roles.planner import read_plan
 from tests.benchmarks.speed.compare import Bench, Comparison, compare

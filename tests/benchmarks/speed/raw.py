@@ -15,12 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pa_console.llm.backend import Request
-from pa_console.llm.worker.chat import ChatPrompt
-from pa_console.llm.worker.contexts import AdapterSwitch
-from pa_console.llm.worker.decoding import Decoder
-from pa_console.llm.worker.runtime import CHUNK, Runtime
-from pa_console.llm.worker.threads import FreeCores, decoding_threads, physical_cores
-from pa_console.llm.worker.worker import SEQUENCES
+from pa_console.llm.local.decoding import ChatPrompt, Decoder
+from pa_console.llm.local.runtime import CHUNK, AdapterSwitch, Runtime
+from pa_console.llm.local.threads import FreeCores, decoding_threads, physical_cores
+from pa_console.llm.local.worker import SEQUENCES
 from pa_console.schema.base import StrictModel
 from tests.benchmarks.speed.child import LoadWeights, serve
 from tests.benchmarks.speed.messages import MeasureSpeed, Speed, Written

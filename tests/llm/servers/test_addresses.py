@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 
 from pa_console.llm.backend import ModelError, names_backend
 from pa_console.llm.models.catalogue import Catalog
-from pa_console.llm.servers.address import ServerAddress
-from pa_console.llm.servers.servers import Servers, session_models
+from pa_console.llm.remote.address import ServerAddress
+from pa_console.llm.remote.servers import Servers, session_models
 
 LOCAL = "openai:http://127.0.0.1:8080/v1#qwen"
 ELSEWHERE = "openai:http://10.0.0.5:8000/v1#qwen"

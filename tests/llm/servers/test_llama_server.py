@@ -6,11 +6,10 @@ from contextlib import aclosing
 import pytest
 
 from pa_console.llm.backend import ServerError
-from pa_console.llm.roles.answer_schema import Schema, plan_schema
-from pa_console.llm.servers.address import ServerAddress, ServerKey
-from pa_console.llm.servers.client import ServerClient
-from pa_console.llm.servers.constraints import WAYS, Way, probe
-from pa_console.llm.servers.engine import read_answer
+from pa_console.llm.remote.address import ServerAddress, ServerKey
+from pa_console.llm.remote.client import ServerClient
+from pa_console.llm.remote.engine import WAYS, Way, probe, read_answer
+from pa_console.llm.roles.grammar import Schema, plan_schema
 from tests.llm.servers.fault_proxy import FaultProxy
 from tests.llm.site import WORLD, picture
 

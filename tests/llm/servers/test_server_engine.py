@@ -11,13 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pa_console.llm.backend import Completed, Request, ServerError
-from pa_console.llm.roles.answer_schema import plan_schema, verdict_schema
+from pa_console.llm.remote.address import KEY_VARIABLE, ServerAddress, ServerKey
+from pa_console.llm.remote.client import ServerClient
+from pa_console.llm.remote.engine import WAYS, ServerEngine, Way, read_answer
+from pa_console.llm.roles.grammar import plan_schema, verdict_schema
 from pa_console.llm.roles.planner import Planner, read_plan
 from pa_console.llm.roles.prompts import Prompt
-from pa_console.llm.servers.address import KEY_VARIABLE, ServerAddress, ServerKey
-from pa_console.llm.servers.client import ServerClient
-from pa_console.llm.servers.constraints import WAYS, Way
-from pa_console.llm.servers.engine import ServerEngine, read_answer
 from pa_console.schema.events.event import ServerState
 from tests.llm.servers.fault_proxy import FaultProxy
 from tests.llm.site import WORLD, picture

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from llguidance import LLMatcher
 from llguidance.llamacpp import lltokenizer_from_vocab
 
+from pa_console.llm.local.runtime import Runtime
+from pa_console.llm.local.threads import FreeCores
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.llm.roles.grammar import compact_judge_grammar, plan_grammar
-from pa_console.llm.worker.runtime import Runtime
-from pa_console.llm.worker.threads import FreeCores
 from pa_console.schema.command import COMMANDS
 from pa_training.adapters.material import NOT_LEARNT, Tokeniser
 from pa_training.samples.sample import Sample

@@ -25,7 +25,7 @@ from pa_console.language.reading import (
     read_asked,
     read_reason,
 )
-from pa_console.llm.engine import Engine
+from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.llm.roles.grammar import slot_grammar
 from pa_console.llm.roles.judge import Judge, JudgeQuestion, OrderRead
@@ -177,11 +177,11 @@ def _orders(plan: Plan) -> frozenset[tuple[str, str]]:
 async def _reads(
     judge: Judge, services: Services, question: Question, task: Mission, hits: Sequence[RuleHit]
 ) -> OrderRead:
-    world, dialect = services.fleet.world, services.dialect
+    world, prompt_format = services.fleet.world, services.prompt_format
     rules = [services.rulebook.get(hit.rule_id) for hit in hits]
-    prompt = dialect.judge(world, question.digest, rules, task, None, None)
-    assert dialect.opening is not None
-    opening = dialect.opening(world, question.digest, task.text, "")
+    prompt = prompt_format.judge(world, question.digest, rules, task, None, None)
+    assert prompt_format.opening is not None
+    opening = prompt_format.opening(world, question.digest, task.text, "")
     return await judge.read(JudgeQuestion("judge", prompt, opening))
 
 

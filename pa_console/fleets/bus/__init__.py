@@ -1,1 +1,0 @@
-"""Fleets on a message bus: the station's side, and the connection to an MQTT broker."""

@@ -1,1 +1,0 @@
-"""A simulated checkpoint as a service on a message bus."""

@@ -1,0 +1,507 @@
+"""A fleet on an MQTT broker, each of its robots a VDA 5050 vehicle.
+
+The clock is the station's own. A report is as old as its own time says, and never newer than its
+arrival; one from the future, or of a time before the last, is not believed.
+"""
+
+import math
+import secrets
+from datetime import UTC, datetime
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from pa_console.fleets.fleet import Countersigned, Forecast, Received
+from pa_console.fleets.vda5050 import additions, commands, messages
+from pa_console.fleets.vda5050.additions import Countersignature, RecordsAsked, StopAsked
+from pa_console.fleets.vda5050.asset_state import telemetry_of
+from pa_console.fleets.vda5050.broker import Sent
+from pa_console.fleets.vda5050.commands import Robot
+from pa_console.fleets.vda5050.joining import Joined
+from pa_console.fleets.vda5050.messages import Factsheet
+from pa_console.fleets.vda5050.reported_picture import ReportedPicture
+from pa_console.fleets.vda5050.sharing import CommandAuthority, SharedSession, signed_messages
+from pa_console.fleets.vda5050.station_link import Delivery, Notices
+from pa_console.fleets.vda5050.vehicle import EXPIRY_S, STATE_REQUEST
+from pa_console.fleets.vda5050.wire import Header, Identity, Numbers, Topic, UnreadableError
+from pa_console.schema.command import CommandReply, DeviceCommand
+from pa_console.schema.events.event import IncidentHappened, Level, Noticed
+from pa_console.schema.telemetry import Picture, Weather
+from pa_console.schema.world import World
+from pa_console.sim import picture as station_side
+
+AHEAD_S = 2.0
+"""A message that claims to be from so far in the future comes from a wrong clock."""
+
+BEHIND_S = 10.0
+"""Older detections, in real seconds, are set aside: a track is of what sensors see now."""
+
+RETAIN_AGAIN_S = 1.0
+"""An older roster, revocation or takeover is replaced on the bus so soon, and no more often."""
+SUBJECT, KEYS_SUBJECT = "bus", "keys"
+_HAPPENED: TypeAdapter[IncidentHappened | Noticed] = TypeAdapter(IncidentHappened | Noticed)
+
+
+class MqttFleet:
+    """Drives the robots of one site; with `keys`, commands travel with tokens.
+
+    Then it tells the robots of the newest roster, revocation and takeover that it knows of, and
+    goes by newer ones that others tell of.
+    """
+
+    def __init__(self, world: World, joined: Joined, keys: CommandAuthority | None = None) -> None:
+        self._link, self._keys = joined.link, keys
+        self._rate = joined.site.rate if joined.site is not None else 1.0
+        self._known = ReportedPicture(world)
+        self._period = station_side.period_ticks(world)
+        self._robots: dict[str, Robot] = {}
+        self._numbers, self._signed_numbers = Numbers(), Numbers()
+        self._session, self._asked_states = secrets.token_hex(8), 0
+        """Begins every action id of this connection, so that no other sender can use one up."""
+        self._told, self._dropped = Notices(), 0
+        self._replies: list[CommandReply] = []
+        self._shared: SharedSession | None = None
+        self._countersigned: list[Countersigned] = []
+        self._stop_asked = ""
+        self._published_s, self._older_there = 0.0, False
+        self._published: set[str] = set()
+        """The messages that this station has retained itself: the broker sends them back."""
+        self._weather: Weather = joined.site.weather if joined.site is not None else "clear"
+        self._tick, self._connected, self._ready = 0, True, False
+        for delivery in joined.deliveries:
+            self._take_or_set_aside(delivery)
+        self._ready = True
+        self._request_states()
+        self.publish_signed()
+        self._show()
+
+    @property
+    def world(self) -> World:
+        """The world of the fleet."""
+        return self._known.world
+
+    @property
+    def tick(self) -> int:
+        """Steps taken since the session began."""
+        return self._tick
+
+    @property
+    def time_s(self) -> float:
+        """Seconds on the station's clock since the session began."""
+        return self._known.terrain.seconds(self._tick)
+
+    @property
+    def rate(self) -> float:
+        """Seconds on the robots' clock a second."""
+        return self._rate
+
+    @property
+    def paced(self) -> bool:
+        """True if the robots wait for the station's steps, as simulated ones may."""
+        return False
+
+    def picture(self) -> Picture:
+        """Return the picture as it was made last, every `world.telemetry_period_s`."""
+        return self._known.picture()
+
+    def forecast(self) -> Forecast:
+        """Return a simulation of what the picture shows, built from it and the world alone."""
+        return self._known.forecast()
+
+    def now(self) -> datetime:
+        """Return what time it is on the clock that the robots go by (UTC)."""
+        return datetime.now(UTC)
+
+    def send(self, command: DeviceCommand) -> None:
+        """Send `command` to its robot now; without a connection it is not sent at all.
+
+        What its robot's factsheet does not offer is refused here. To a robot that has never joined
+        nothing can be sent: whoever waits for its answer waits in vain.
+        """
+        robot = self._robots.get(command.agent)
+        if robot is None:
+            self._say("alarm", command.agent, "has not joined: nothing can be sent to it", "absent")
+            return
+        if why := robot.cannot(command):
+            self._reply(command, commands.Answer("refused", why))
+            return
+        on_wire = command.model_copy(update={"command_id": f"{self._session}.{command.command_id}"})
+        robot.ask(on_wire.command_id, command)
+        robot.waiting = None
+        if commands.is_order(on_wire):
+            self._order(robot, on_wire)
+        else:
+            token = None if command.verb == "hold" else self._token(on_wire)
+            robot.held = robot.held or command.verb == "hold"
+            self._send(robot, self._at_once(robot, *commands.actions_at_once(on_wire, token)))
+
+    def step(self) -> Received:
+        """Move the clock on by `world.dt_s`; return what came in since the last step."""
+        self._tick += 1
+        self._known.advance(self._tick)
+        self._look_after_link()
+        self._receive()
+        if self._older_there and self.time_s - self._published_s >= RETAIN_AGAIN_S:
+            self.publish_signed()
+        if self._tick % self._period == 0:
+            self._show()
+        self._share()
+        replies, self._replies = tuple(self._replies), []
+        countersigned, self._countersigned = tuple(self._countersigned), []
+        stop_asked, self._stop_asked = self._stop_asked, ""
+        return Received(replies, self._told.take(), countersigned, stop_asked)
+
+    def share(self, session: SharedSession) -> None:
+        """Publish the records of a session, and take what others sign for its plans."""
+        self._shared = session
+
+    def wait(self, seconds: float) -> bool:
+        """Wait until a message has come, for `seconds` at most; return whether one has."""
+        return self._link.wait_news(seconds)
+
+    def _token(self, command: DeviceCommand) -> str | None:
+        return self._keys.authorize(command) if self._keys is not None else None
+
+    def _receive(self) -> None:
+        """Take in what has come."""
+        for delivery in self._link.take():
+            self._take_or_set_aside(delivery)
+
+    def _take_or_set_aside(self, delivery: Delivery) -> None:
+        """Take one message in; no message ends the session that it reaches."""
+        try:
+            self._take(delivery)
+        except Exception as error:
+            name, topic = delivery.topic.identity.serial_number, delivery.topic.name
+            text = f"its message on {topic!r} is set aside: {type(error).__name__}: {error}"
+            self._say("alarm", name, text, f"fault {topic}")
+
+    def _show(self) -> None:
+        """Make the picture anew, and name those whose messages it had to be made without."""
+        for name in dict.fromkeys(self._known.show(self._weather)):
+            text = "what it reports cannot be shown in any picture and is set aside"
+            self._say("alarm", name, text, "fault picture")
+
+    def close(self) -> None:
+        """Let go of the bus; the robots do what they do without a station."""
+        self._share()
+        self._link.close()
+
+    def _order(self, robot: Robot, command: DeviceCommand) -> None:
+        """Send an order, after the end of the pause or of the order before, where that is due.
+
+        `command` has its id on the wire.
+        """
+        replaces = robot.factsheet is not None and robot.factsheet.replaces_orders
+        if robot.busy and not replaces and not self._has_order(robot, command):
+            robot.waiting = command
+            self._send(robot, self._at_once(robot, commands.cancel_before(command)))
+            return
+        out: list[Header] = []
+        paused = robot.state is not None and robot.state.paused
+        if robot.held or paused:
+            out.append(self._at_once(robot, commands.resume_for(command)))
+        place = robot.state.mobile_robot_position if robot.state is not None else None
+        nodes, edges = commands.order_of(
+            command,
+            self.world,
+            (place.x, place.y) if place is not None else None,
+            robot.state.last_node_id if robot.state is not None else "",
+            self._token(command),
+        )
+        header = self._header(robot.identity, messages.Order.TOPIC)
+        order = messages.Order(
+            **header, order_id=command.command_id, order_update_id=0, nodes=nodes, edges=edges
+        )
+        out.append(order)
+        if self._send(robot, *out):
+            robot.held = False
+
+    @staticmethod
+    def _has_order(robot: Robot, command: DeviceCommand) -> bool:
+        return robot.state is not None and robot.state.order_id == command.command_id
+
+    def _at_once(self, robot: Robot, *actions: messages.Action) -> messages.InstantActions:
+        header = self._header(robot.identity, messages.InstantActions.TOPIC)
+        return messages.InstantActions(**header, actions=actions)
+
+    def _header(self, identity: Identity, topic: str) -> dict[str, Any]:
+        """Return the header of the next message on a topic."""
+        return self._numbers.header(identity, topic, self.now())
+
+    def _send(self, robot: Robot, *out: Header) -> bool:
+        """Send messages to `robot` in order; return whether there was a connection."""
+        sent = [
+            Sent(
+                str(Topic(self._link.address.site, robot.identity, message.TOPIC)),
+                message.write(),
+                qos=1,
+                expiry_s=round(EXPIRY_S),
+            )
+            for message in out
+        ]
+        if self._link.publish(*sent):
+            return True
+        why = f"nothing reaches the broker: {self._link.problem}"
+        self._say("alarm", SUBJECT, why, "unsent")
+        return False
+
+    def _reply(self, command: DeviceCommand, answer: commands.Answer) -> None:
+        self._replies.append(
+            CommandReply(
+                command_id=command.command_id,
+                agent=command.agent,
+                status=answer.status,
+                tick=self._tick,
+                detail=answer.detail,
+            )
+        )
+
+    def _say(self, level: Level, subject: str, text: str, kind: str = "") -> None:
+        self._told.say(level, subject, text, self.time_s, kind)
+
+    def _look_after_link(self) -> None:
+        """Report a connection that breaks or is back, and messages that were left out."""
+        problem, dropped = self._link.problem, self._link.dropped
+        if bool(problem) == self._connected:
+            self._connected = not problem
+            if problem:
+                self._say("alarm", SUBJECT, f"no connection to the broker: {problem}", "down")
+            else:
+                self._say("info", SUBJECT, "connected to the broker again", "up")
+                self._request_states()
+                self.publish_signed()
+        for sender, count in self._link.take_flooded().items():
+            text = f"floods the bus: {count} messages were set aside unread"
+            self._say("alarm", sender.serial_number, text, "flood")
+        if dropped > self._dropped:
+            text = f"{dropped - self._dropped} messages came too fast and were dropped"
+            self._dropped = dropped
+            self._say("alarm", SUBJECT, text, "flood")
+
+    def _request_states(self) -> None:
+        """Ask every robot for its state, and send it the zones again."""
+        for robot in self._robots.values():
+            self._welcome(robot)
+
+    def _welcome(self, robot: Robot) -> None:
+        self._asked_states += 1
+        request = messages.Action(
+            action_id=f"{self._session}.state{self._asked_states}",
+            action_type=STATE_REQUEST,
+            blocking_type="NONE",
+        )
+        zones = zone_set(self.world, self._header(robot.identity, messages.ZoneSet.TOPIC))
+        self._send(robot, zones, self._at_once(robot, request))
+
+    @property
+    def connected(self) -> bool:
+        """True while there is a connection to the broker."""
+        return not self._link.problem
+
+    def publish_signed(self) -> None:
+        """Retain what robots go by on the bus: it may have got lost, or be older there."""
+        self._published_s, self._older_there = self.time_s, False
+        if self._keys is not None:
+            site, newest = self._link.address.site, self._keys.newest
+            self._published |= set(newest.values())
+            self._link.publish(*signed_messages(site, newest, self._signed_numbers, self.now()))
+
+    def _take_signed(self, message: additions.SignedMessage) -> None:
+        """Go by a signed message; say so when it changes whether this station may command."""
+        if self._keys is None:
+            return
+        before = self._keys.refusal
+        why, refusal = self._keys.take(message.message), self._keys.refusal
+        self._older_there |= bool(why)
+        if why and self._ready and message.message not in self._published:
+            text = f"a signed {message.TOPIC} changes nothing: {why}"
+            self._say("warning", KEYS_SUBJECT, text, message.TOPIC)
+        if refusal and refusal != before:
+            self._say("alarm", KEYS_SUBJECT, f"nothing is sent from here: {refusal}")
+        elif before and not refusal:
+            self._say("info", KEYS_SUBJECT, "this station is in command")
+
+    def _share(self) -> None:
+        """Publish the new records of the session, and those that were requested."""
+        if self._shared is not None:
+            self._link.publish(*self._shared.step(self._link.address.site, self.now()))
+
+    def _shares(self, station: Identity) -> bool:
+        """Return whether `station` is this one and its session is shared."""
+        return self._shared is not None and self._shared.identity == station
+
+    def _take_countersignature(self, message: Countersignature) -> None:
+        """Take in what a person has signed elsewhere, if that person may, for this session."""
+        request, person, signature = message.request_id, message.person, message.approval
+        if self._keys is None:
+            return
+        if why := self._keys.objection_to(request, person, signature):
+            text = f"a signature from elsewhere does not count: {why}"
+            self._say("warning", KEYS_SUBJECT, text, "countersignature")
+            return
+        self._countersigned.append(Countersigned(request, person, signature))
+
+    def _take(self, delivery: Delivery) -> None:
+        """Take in one message; what cannot be believed is told, and changes nothing."""
+        topic, message = delivery.topic, delivery.message
+        name = topic.identity.serial_number
+        if isinstance(message, UnreadableError):
+            text = f"its message on {topic.name!r} cannot be read: {message}"
+            self._say("alarm", name, text, f"unreadable {topic.name}")
+            return
+        self._numbers.saw(topic.identity, topic.name, message.header_id)
+        match message:
+            case messages.Connection():
+                self._take_connection(topic.identity, message)
+            case Factsheet():
+                if (robot := self._robot(topic.identity)) is not None:
+                    robot.factsheet = message
+            case messages.State():
+                self._take_state(delivery, message)
+            case additions.Detections():
+                self._take_detections(delivery, message)
+            case additions.SiteDescription() if topic.identity == additions.SITE:
+                self._weather = message.weather
+            case additions.Told() if topic.identity == additions.SITE:
+                self._take_told(message)
+            case additions.SignedMessage() if topic.identity == additions.TRUST:
+                self._take_signed(message)
+            case RecordsAsked() if self._shares(topic.identity):
+                if self._shared is not None:
+                    self._shared.ask(message)
+            case Countersignature() if self._shares(topic.identity):
+                self._take_countersignature(message)
+            case StopAsked() if self._shares(topic.identity):
+                if self._shared is not None and message.session == self._shared.session:
+                    self._stop_asked = f"{message.person} at another station"
+            case RecordsAsked() | Countersignature() | StopAsked():
+                pass
+            case _:
+                self._take_more(topic.identity, message)
+
+    def _take_more(self, identity: Identity, message: Header) -> None:
+        """Take in what only a simulated site sends; nobody else is believed to."""
+        self._say("alarm", identity.serial_number, f"sends {message.TOPIC!r}, which is not its own")
+
+    def _take_told(self, message: additions.Told) -> None:
+        try:
+            self._told.add(_HAPPENED.validate_json(message.event))
+        except ValidationError:
+            self._say("alarm", additions.SITE.serial_number, "tells of an event of no known kind")
+
+    def _robot(self, identity: Identity) -> Robot | None:
+        """Return the robot of this identity, None when the world has none of its name."""
+        name = identity.serial_number
+        robot = self._robots.get(name)
+        if robot is not None and robot.identity != identity:
+            text = f"a second robot calls itself so, of {identity.manufacturer}: not believed"
+            self._say("alarm", name, text)
+            return None
+        if robot is None and name in self.world.assets:
+            robot = self._robots[name] = Robot(identity)
+            if self._ready:
+                self._welcome(robot)
+        elif robot is None and name not in self.world.cameras:
+            text = "has joined; it can be commanded from the next session on"
+            self._say("warning", name, text, "stranger")
+        return robot
+
+    def _take_connection(self, identity: Identity, message: messages.Connection) -> None:
+        if identity.serial_number in self.world.cameras or identity == additions.SITE:
+            return
+        robot = self._robot(identity)
+        if robot is None:
+            return
+        before, robot.connection = robot.connection, message.connection_state
+        if robot.connection != "ONLINE":
+            self._known.break_link(robot.name)
+            if before == "ONLINE":
+                word = robot.connection.lower().replace("_", " ")
+                self._say(
+                    "warning",
+                    robot.name,
+                    f"says that it is {word}"
+                    if word != "connection broken"
+                    else "its connection is broken",
+                    word,
+                )
+        elif before != "ONLINE" and self._ready:
+            self._welcome(robot)
+
+    def _take_state(self, delivery: Delivery, state: messages.State) -> None:
+        robot = self._robot(delivery.topic.identity)
+        if robot is None:
+            return
+        stamp = self._stamp(delivery, state, robot.name)
+        if stamp is None:
+            return
+        if robot.latest is not None and state.timestamp < robot.latest:
+            text = "its state is older than the one before: not believed"
+            self._say("warning", robot.name, text, "old")
+            return
+        robot.latest = state.timestamp
+        for command, answer in robot.answers(state):
+            self._reply(command, answer)
+        if robot.waiting is not None and not robot.busy:
+            command, robot.waiting = robot.waiting, None
+            self._order(robot, command)
+        kind = self.world.assets[robot.name].kind
+        terrain = self._known.terrain
+        said = telemetry_of(state, robot.name, kind, terrain, terrain.seconds(max(stamp, 0)))
+        if said is None:
+            self._say("alarm", robot.name, "does not know where it is", "lost")
+            return
+        own = robot.command_id(said.command_id)
+        self._known.report(robot.name, stamp, said.model_copy(update={"command_id": own}))
+
+    def _take_detections(self, delivery: Delivery, seen: additions.Detections) -> None:
+        name = delivery.topic.identity.serial_number
+        if name not in self.world.cameras:
+            robot = self._robot(delivery.topic.identity)
+            if robot is None:
+                return
+        stamp = self._stamp(delivery, seen, name)
+        if stamp is None:
+            return
+        age_s = (self._tick - stamp) * self.world.dt_s
+        if age_s > BEHIND_S * self._rate:
+            text = f"its detections are {age_s:.0f} s old, or its clock is behind: set aside"
+            self._say("alarm", name, text, "behind")
+        elif stamp >= 0:  # what sensors saw before the session began, they report again by now
+            for aside in self._known.detect(name, stamp, seen):
+                self._say("alarm", aside.sensor, aside.text, aside.kind)
+
+    def _stamp(self, delivery: Delivery, message: Header, name: str) -> int | None:
+        """Return the tick at which a report was sent, None for one that is not believed."""
+        if delivery.retained:
+            text = f"its {message.TOPIC} was kept by the broker: it is none of now"
+            self._say("warning", name, text, f"retained {message.TOPIC}")
+            return None
+        stamp = self._tick_of(message.timestamp, delivery.at)
+        if stamp is None:
+            text = "its clock is ahead of ours: what it reports is not believed"
+            self._say("alarm", name, text, "ahead")
+        return stamp
+
+    def _tick_of(self, sent: datetime, arrived: datetime) -> int | None:
+        """Return the tick on the station's clock of a time; None for one in the future."""
+        if (sent - arrived).total_seconds() > AHEAD_S:
+            return None
+        age_s = (self.now() - sent).total_seconds() * self._rate
+        return self._tick - max(0, math.ceil(age_s / self.world.dt_s))
+
+
+def zone_set(world: World, header: dict[str, Any]) -> messages.ZoneSet:
+    """Return the restricted zones of `world` as a message: no robot may enter them by itself."""
+    zones = tuple(
+        messages.Zone(
+            zone_id=name,
+            zone_type="BLOCKED",
+            vertices=tuple(messages.Vertex(x=x, y=y) for x, y in zone.polygon),
+        )
+        for name, zone in world.zones.items()
+    )
+    return messages.ZoneSet(
+        **header, zone_set=messages.Zones(zone_set_id=f"{world.name}-restricted", zones=zones)
+    )

@@ -1,0 +1,385 @@
+"""The picture that the messages of a fleet on a bus add up to; nothing here knows any truth.
+
+It concludes as the station of a simulated fleet does: whether a report is stale, a link lost, a
+position doubtful, and what the detections of all sensors make of a contact.
+
+A sensor that errs or lies can report contacts without end. Each would become a track, an alarm and
+a mission, and hide the contacts that are there. So none counts beyond the sensor's range, and with
+a share for each sensor the contacts of the others always become tracks.
+"""
+
+import math
+import random
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import NamedTuple, TypeVar
+
+from pa_console.fleets.vda5050.additions import Detections, SeenContact
+from pa_console.schema.base import Point
+from pa_console.schema.telemetry import AssetTelemetry, Picture, Weather
+from pa_console.schema.text import count
+from pa_console.schema.world import World
+from pa_console.sim import integrity, tracker
+from pa_console.sim import picture as station_side
+from pa_console.sim.checkpoint import Checkpoint
+from pa_console.sim.integrity import NOISE_M, SPEED_MARGIN
+from pa_console.sim.scene import AssetState, Heard, Report, Said, Scene, StationState, Trust
+from pa_console.sim.sensing_state import Detection, TrackFile
+from pa_console.sim.worlds.terrain import Terrain
+
+MOST_CONTACTS = 64
+"""Most contacts of one message that are taken in; a busy gate has about ten."""
+
+MOST_ALONE = 32
+"""Most tracks that rest on one sensor alone: more than a crowd at a gate."""
+
+MOST_TRACKS = 128
+"""Most tracks in all: rules, rehearsal and map take in each of them at every picture. Three sensors
+that lie do not fill them. In a full picture, a contact of a sensor that reports few takes the place
+of one of a sensor that reports many."""
+
+SIGMAS = 5.0
+"""A measurement is off by more than so much of its sensor's noise once in 200,000 times."""
+
+
+class SetAside(NamedTuple):
+    """Contacts of `sensor` that were not taken in: the reason follows its name in `text`."""
+
+    sensor: str
+    text: str
+    kind: str
+
+
+class Reach(NamedTuple):
+    """The place of a sensor and its range; with its noise and movement, `doubt_m` more."""
+
+    at: Point
+    range_m: float
+    doubt_m: float
+
+    @classmethod
+    def of_camera(cls, world: World, name: str) -> "Reach":
+        """Return the reach of a fixed camera."""
+        camera = world.cameras[name]
+        return cls(camera.at, camera.sensor_range_m, SIGMAS * camera.position_noise_m)
+
+    @classmethod
+    def of_asset(cls, world: World, name: str, heard: Heard, stamp: int) -> "Reach":
+        """Return the reach of an asset at tick `stamp`, from where it reported itself last."""
+        platform = world.platforms[world.assets[name].kind]
+        elapsed_s = abs(stamp - heard.stamp) * world.dt_s
+        moved_m = SPEED_MARGIN * platform.speed_mps * elapsed_s + NOISE_M
+        doubt_m = moved_m + SIGMAS * platform.position_noise_m
+        return cls(heard.telemetry.like.position, platform.sensor_range_m, doubt_m)
+
+    def covers(self, at: Point) -> bool:
+        """Return whether a thing that was measured `at` a place may be in view."""
+        return math.dist(self.at, at) <= self.range_m + self.doubt_m
+
+
+def beyond(sensor: str, reach: Reach, number: int) -> SetAside:
+    """Return that `number` detections are of places beyond the reach of the sensor."""
+    text = (
+        f"reports {count(number, 'detection')} from beyond its range of {reach.range_m:.0f} m: "
+        "set aside"
+    )
+    return SetAside(sensor, text, "beyond range")
+
+
+def without_place(sensor: str) -> SetAside:
+    """Return that a sensor has not reported the place that its contacts are seen from."""
+    return SetAside(sensor, "reports contacts but not where it is: set aside", "no place")
+
+
+def within_share(
+    files: dict[str, TrackFile], sensor: str, found: Sequence[Detection]
+) -> tuple[list[Detection], list[SetAside]]:
+    """Return the detections that are taken in, and notes on those of any sensor that are not.
+
+    Contacts that have tracks come first. If all tracks are taken, a track of a sensor that reports
+    more is removed from `files` for a new contact.
+    """
+    ordered = sorted(found, key=lambda detection: detection.contact not in files)
+    own = frozenset((sensor,))
+    alone = sum(_sensors(file) == own for file in files.values())
+    taken: list[Detection] = []
+    new: set[str] = set()
+    gave_way: Counter[str] = Counter()
+    room = MOST_ALONE - alone
+    for detection in ordered[:MOST_CONTACTS]:
+        known = detection.contact in files or detection.contact in new
+        if not known and detection.position is not None:
+            if len(new) >= room:
+                continue
+            if len(files) + len(new) >= MOST_TRACKS:
+                other = _make_room(files, sensor, alone + len(new))
+                if other is None:  # nor will there be room for the rest
+                    room = 0
+                    continue
+                gave_way[other] += 1
+            new.add(detection.contact)
+        taken.append(detection)
+    aside = [
+        SetAside(other, f"reports so much that {count(number, 'track')} of it gave way", "gave way")
+        for other, number in gave_way.items()
+    ]
+    if len(taken) < len(found):
+        text = f"reports {len(found)} contacts: {len(taken)} are taken, the rest is set aside"
+        aside.append(SetAside(sensor, text, "many contacts"))
+    return taken, aside
+
+
+def _make_room(files: dict[str, TrackFile], sensor: str, alone: int) -> str | None:
+    """Remove the newest track of the sensors that report most; return one of them.
+
+    All sensors that detect it report more contacts than `sensor`, which has `alone` for itself.
+    None is returned where there is no such track.
+    """
+    load = Counter(name for file in files.values() for name in _sensors(file))
+    least = {
+        contact: min((load[name] for name in _sensors(file)), default=0)
+        for contact, file in files.items()
+    }
+    newest = max(files, key=lambda contact: (least[contact], files[contact].first_tick))
+    if least[newest] <= max(load[sensor], alone) + 1:
+        return None
+    return min(_sensors(files.pop(newest)), key=lambda name: (load[name], name))
+
+
+def _sensors(file: TrackFile) -> frozenset[str]:
+    """Return the sensors that have detected the contact of a track."""
+    return frozenset(sighting.sensor for sighting in file.seen)
+
+
+T = TypeVar("T")
+SEEN_PERIODS = 2.0
+"""The telemetry periods during which a sensor's sighting of an asset counts."""
+
+
+class ReportedPicture:
+    """Takes in reports and detections by the tick at which they were sent; gives the picture.
+
+    Ticks are steps of `world.dt_s` on the station's own clock. Whatever a message says, a picture
+    comes out of it: a message with which none can be made is left out, and `show` names its sender.
+    """
+
+    def __init__(self, world: World) -> None:
+        self.terrain = Terrain(world)
+        self.begin(0)
+
+    @property
+    def world(self) -> World:
+        """The world of the fleet."""
+        return self.terrain.world
+
+    def begin(self, tick: int) -> None:
+        """Forget everything: at `tick` no asset and no camera has ever been heard."""
+        world = self.world
+        scene = self._scene = Scene(rng=random.Random(0), tick=tick)
+        scene.station = StationState(at_gate={gate: {} for gate in world.gates})
+        self._never = tick - math.ceil(max(world.link_lost_s, world.stale_s) / world.dt_s) - 1
+        self._cameras: dict[str, tuple[int, bool]] = {}
+        self._recognised: dict[str, tuple[int, Point]] = {}
+        self._taken: list[tuple[str, Callable[[], object]]] = []
+        """The messages taken in since the last picture, by sender."""
+        for index, (name, spec) in enumerate(world.assets.items()):
+            at = world.frames[spec.post].at
+            scene.assets[name] = AssetState(
+                name, spec.kind, index, *at, 0.0, 0.0, None, at, failed=True
+            )
+            unheard = Said.of(_unheard(name, self.terrain))
+            scene.station.heard[name] = Heard(
+                unheard, self._never, marks=station_side.marks_of("ok")
+            )
+        self._keep()
+        self.show()
+
+    def report(self, name: str, stamp: int, said: AssetTelemetry) -> None:
+        """Take in the report of asset `name` from tick `stamp`; an older one is left out."""
+        self._take(name, partial(self._report, name, stamp, said))
+
+    def _report(self, name: str, stamp: int, said: AssetTelemetry) -> None:
+        scene = self._scene
+        heard = scene.station.heard[name]
+        if stamp <= heard.stamp:
+            return
+        asset = scene.assets[name]
+        asset.x, asset.y = said.position
+        asset.battery, asset.failed = said.battery_pct, said.status == "failed"
+        if heard.stamp <= self._never:
+            scene.station.heard[name] = Heard(Said.of(said), stamp, station_side.marks_of("ok"))
+            return
+        station_side.receive(self.terrain, scene, (Report(name, stamp, Said.of(said)),))
+
+    def break_link(self, name: str) -> None:
+        """Note that the broker reports asset `name` as disconnected."""
+        self._take(name, partial(self._break_link, name))
+
+    def _break_link(self, name: str) -> None:
+        heard = self._scene.station.heard[name]
+        self._scene.station.heard[name] = heard._replace(stamp=min(heard.stamp, self._lost_stamp()))
+
+    def detect(self, sensor: str, stamp: int, seen: Detections) -> tuple[SetAside, ...]:
+        """Take in what an asset or a camera detected at tick `stamp`; return what was set aside.
+
+        Detections of a suspect asset are ignored: it may not be where it says it is.
+        """
+        return self._take(sensor, partial(self._detect, sensor, stamp, seen))
+
+    def _detect(self, sensor: str, stamp: int, seen: Detections) -> tuple[SetAside, ...]:
+        scene, world = self._scene, self.world
+        if sensor in world.cameras:
+            if stamp < self._cameras.get(sensor, (stamp, True))[0]:
+                return ()
+            self._cameras[sensor] = (stamp, seen.works)
+            if not seen.works:
+                return ()
+            reach = Reach.of_camera(world, sensor)
+        else:
+            heard = scene.station.heard[sensor]
+            if heard.trust.suspect:
+                return ()
+            if heard.stamp <= self._never:
+                return (without_place(sensor),) if seen.contacts else ()
+            reach = Reach.of_asset(world, sensor, heard, stamp)
+        team = [robot for robot in seen.team if reach.covers((robot.x, robot.y))]
+        for robot in team:
+            if robot.name in scene.assets and robot.name != sensor:
+                self._recognised[robot.name] = (stamp, (robot.x, robot.y))
+        found = [_detection(contact, stamp, world.dt_s) for contact in seen.contacts]
+        near = [each for each in found if each.position is None or reach.covers(each.position)]
+        taken, aside = within_share(scene.sensing.files, sensor, near)
+        tracker.receive(self.terrain, scene, sensor, stamp, tuple(taken))
+        far = len(seen.team) - len(team) + len(found) - len(near)
+        return (*aside, beyond(sensor, reach, far)) if far else tuple(aside)
+
+    def carried(self, name: str) -> None:
+        """Note that an asset was carried elsewhere: its new position is no forgery."""
+        self._take(name, partial(self._carried, name))
+
+    def _carried(self, name: str) -> None:
+        heard = self._scene.station.heard[name]
+        trust = Trust(stood=heard.trust.stood, carried_tick=self._scene.tick)
+        self._scene.station.heard[name] = heard._replace(trust=trust)
+
+    def advance(self, tick: int) -> None:
+        """Go on to `tick`."""
+        self._scene.tick = tick
+
+    def show(self, weather: Weather = "clear") -> tuple[str, ...]:
+        """Make the picture anew from the reports so far.
+
+        Return the senders of messages with which no picture could be made; those were left out.
+        """
+        try:
+            self._build(weather)
+        except Exception:  # whatever a message has done to what is known, there is a picture
+            return self._show_without_faults(weather)
+        self._keep()
+        return ()
+
+    def _take(self, sender: str, take: Callable[[], T]) -> T:
+        """Take a message in and remember it until the next picture; raises what `take` does."""
+        result = take()
+        self._taken.append((sender, take))
+        return result
+
+    def _keep(self) -> None:
+        """Remember the present state, from which a picture can be made."""
+        self._good = self._scene.copy(), dict(self._cameras), dict(self._recognised)
+        self._taken.clear()
+
+    def _restore(self) -> None:
+        tick = self._scene.tick
+        scene, cameras, recognised = self._good
+        self._scene = scene.copy()
+        self._scene.tick, self._cameras, self._recognised = tick, dict(cameras), dict(recognised)
+
+    def _show_without_faults(self, weather: Weather) -> tuple[str, ...]:
+        """Take in again, one by one, what has come since the last picture, and leave faults out."""
+        taken, faulty = self._taken[:], list[str]()
+        self._restore()
+        self._taken.clear()
+        for sender, take in taken:
+            try:
+                take()
+                self._build(weather)
+            except Exception:
+                faulty.append(sender)
+                self._restore()
+            else:
+                self._keep()
+        try:
+            self._build(weather)
+        except Exception:  # then nothing that is known can be relied on: every asset is unheard
+            self.begin(self._scene.tick)
+        self._keep()
+        return tuple(faulty)
+
+    def _build(self, weather: Weather) -> None:
+        scene = self._scene
+        silent_since = scene.tick - round(self.world.stale_s / self.world.dt_s)
+        scene.sensing.weather = weather
+        scene.sensing.broken = tuple(
+            name
+            for name in self.world.cameras
+            if not (known := self._cameras.get(name, (silent_since - 1, False)))[1]
+            or known[0] < silent_since
+        )
+        integrity.compare(self.terrain, scene, self._seen())
+        self._picture = station_side.build(self.terrain, scene, scene.assets).picture()
+
+    def picture(self) -> Picture:
+        """Return the picture as it was made last."""
+        return self._picture
+
+    def forecast(self) -> Checkpoint:
+        """Return a simulation of what the picture shows, built from it and the world alone."""
+        return Checkpoint.ahead_of(self.terrain, self.picture())
+
+    def _lost_stamp(self) -> int:
+        """Return the latest tick of a report whose link counts as lost now."""
+        return self._scene.tick - math.ceil(self.world.link_lost_s / self.world.dt_s)
+
+    def _seen(self) -> Mapping[str, Point]:
+        """Return where other sensors recognise assets now."""
+        period_s = SEEN_PERIODS * self.world.telemetry_period_s
+        recent = self._scene.tick - round(period_s / self.world.dt_s)
+        return {name: at for name, (stamp, at) in self._recognised.items() if stamp >= recent}
+
+
+def _unheard(name: str, terrain: Terrain) -> AssetTelemetry:
+    """Return the telemetry of an asset that has never reported."""
+    spec = terrain.world.assets[name]
+    return AssetTelemetry(
+        id=name,
+        kind=spec.kind,
+        at=None,
+        post=None,
+        position=terrain.world.frames[spec.post].at,
+        heading_deg=0.0,
+        speed_mps=0.0,
+        status="ok",
+        task="none",
+        battery_pct=spec.battery_pct,
+        low_battery=False,
+        comms="lost",
+        available=False,
+        stale=True,
+        stamp_s=0.0,
+    )
+
+
+def _detection(seen: SeenContact, stamp: int, dt_s: float) -> Detection:
+    warned = None if seen.warned_s is None else stamp - round(seen.warned_s / dt_s)
+    return Detection(
+        contact=seen.signature,
+        kind=seen.kind,
+        position=None if seen.x is None or seen.y is None else (seen.x, seen.y),
+        sigma_m=seen.sigma_m,
+        identity=seen.identity,
+        opinion=seen.opinion,
+        noncombatants=seen.noncombatants,
+        warned_tick=warned,
+    )

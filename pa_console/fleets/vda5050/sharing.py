@@ -1,0 +1,141 @@
+"""The records of a session and the signed messages of a site, as a station shares them."""
+
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import Protocol
+
+from pa_console.fleets.authorization import Records
+from pa_console.fleets.vda5050 import additions
+from pa_console.fleets.vda5050.additions import MANUFACTURER, RecordsAsked, SessionRecords, pack
+from pa_console.fleets.vda5050.broker import Sent
+from pa_console.fleets.vda5050.wire import MOST_BYTES, Identity, Numbers, Topic
+from pa_console.schema.command import DeviceCommand
+
+RECENT = 512
+"""The number of records kept in memory; older ones are read from the file."""
+
+PIECE_BYTES = 1 << 20
+"""The size of the records in one message, about, bytes."""
+
+MOST_ASKED = 16
+Vouch = Callable[[Records], str]
+"""Signs for records that the station shares."""
+
+
+class SharedSession:
+    """The log of a session as it goes on the bus, in the name of the station called `station`.
+
+    `path` is the log's file, which was empty when this began.
+    """
+
+    def __init__(self, session: str, station: str, path: Path, vouch: Vouch) -> None:
+        self.identity, self.session = Identity(MANUFACTURER, station), session
+        self._path, self._vouch, self._numbers = path, vouch, Numbers()
+        self._ends = [0]
+        """The end of each record in the file, bytes."""
+        self._hashes = [""]
+        self._recent: deque[bytes] = deque(maxlen=RECENT)
+        self._told = 0
+        """The number of records published."""
+        self._asked: deque[int] = deque(maxlen=MOST_ASKED)
+
+    def add(self, line: str, digest: str) -> None:
+        """Note one more record of the log, without its line end, and its hash."""
+        text = line.encode() + b"\n"
+        self._recent.append(text)
+        self._ends.append(self._ends[-1] + len(text))
+        self._hashes.append(digest)
+
+    def ask(self, message: RecordsAsked) -> None:
+        """Note a request for missing records; the next steps send them in pieces."""
+        known = message.session == self.session and 1 <= message.first < len(self._ends)
+        if known and message.first not in self._asked:
+            self._asked.append(message.first)
+
+    def step(self, site: str, now: datetime) -> Iterator[Sent]:
+        """Yield the messages to publish now: new records, and some of the requested ones."""
+        while self._told < len(self._ends) - 1:
+            last = self._piece(self._told + 1)
+            yield from self._message(site, now, self._told + 1, last)
+            self._told = last
+        if self._asked:
+            first = self._asked.popleft()
+            yield from self._message(site, now, first, self._piece(first))
+
+    def _piece(self, first: int) -> int:
+        """Return the last record of a message that begins with the record `first`."""
+        last, limit = first, self._ends[first - 1] + PIECE_BYTES
+        while last + 1 < len(self._ends) and self._ends[last + 1] <= limit:
+            last += 1
+        return last
+
+    def _message(self, site: str, now: datetime, first: int, last: int) -> Iterator[Sent]:
+        """Yield the records, if they can be read and sent; whoever lacks them asks again."""
+        lines = self._lines(first, last)
+        packed = pack(lines)
+        if not lines or len(packed) > MOST_BYTES * 3 // 4:
+            return
+        message = SessionRecords(
+            **self._numbers.header(self.identity, SessionRecords.TOPIC, now),
+            session=self.session,
+            first=first,
+            last=last,
+            packed=packed,
+            signature=self._vouch(Records(self.session, first, last, self._hashes[last])),
+        )
+        topic = Topic(site, self.identity, SessionRecords.TOPIC)
+        yield Sent(str(topic), message.write(), qos=1)
+
+    def _lines(self, first: int, last: int) -> bytes:
+        """Return lines with their ends; nothing where the file does not have them."""
+        oldest = len(self._ends) - len(self._recent)
+        if first >= oldest:
+            return b"".join(list(self._recent)[first - oldest : last - oldest + 1])
+        try:
+            with self._path.open("rb") as file:
+                file.seek(self._ends[first - 1])
+                found = file.read(self._ends[last] - self._ends[first - 1])
+        except OSError:
+            return b""
+        return found if found.endswith(b"\n") else b""
+
+
+class CommandAuthority(Protocol):
+    """The keys and the trust of a station; `StationAuthority` is one."""
+
+    @property
+    def refusal(self) -> str:
+        """The reason why this station may move nothing at present, '' when it may."""
+        ...
+
+    @property
+    def newest(self) -> Mapping[str, str]:
+        """The newest signed message of each kind, which vehicles go by."""
+        ...
+
+    def authorize(self, command: DeviceCommand) -> str | None:
+        """Return the token that a command travels with, None for one without."""
+        ...
+
+    def take(self, message: str) -> str:
+        """Accept a signed roster, revocation or takeover; return why not, '' when it is taken."""
+        ...
+
+    def objection_to(self, request_id: str, person: str, signature: str) -> str:
+        """Return why a signature from elsewhere does not count for a request here, '' if it may."""
+        ...
+
+
+def signed_messages(
+    site: str, messages: Mapping[str, str], numbers: Numbers, sent: datetime
+) -> list[Sent]:
+    """Return the signed `messages` by kind as they are retained on the bus, in the right order."""
+    found: list[Sent] = []
+    for kind in additions.SIGNED:
+        if (message := messages.get(kind.TOPIC)) is not None:
+            header = numbers.header(additions.TRUST, kind.TOPIC, sent)
+            topic = Topic(site, additions.TRUST, kind.TOPIC)
+            found.append(Sent(str(topic), kind(**header, message=message).write(), 1, retain=True))
+    return found

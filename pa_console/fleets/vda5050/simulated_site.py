@@ -1,0 +1,347 @@
+"""The simulated checkpoint as a service: every asset a VDA 5050 vehicle, every camera a sensor.
+
+The radio model stays in force: it lies between an asset and the gateway that speaks for it here.
+"""
+
+import asyncio
+import math
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from time import perf_counter
+
+from pydantic import TypeAdapter, ValidationError
+
+from pa_console.fleets.vda5050.additions import (
+    SIGNED,
+    SITE,
+    TRUST,
+    ClockDone,
+    ClockMessage,
+    Detections,
+    IncidentDone,
+    IncidentMessage,
+    SeenContact,
+    SeenRobot,
+    SignedMessage,
+    SiteDescription,
+    Told,
+)
+from pa_console.fleets.vda5050.broker import BrokerAddress, Credentials, Received, say_nothing
+from pa_console.fleets.vda5050.gateway import CameraSpeaker, Gateway, OnBus, Speaker
+from pa_console.fleets.vda5050.vehicle import Verify, anybody
+from pa_console.fleets.vda5050.wire import Header, Numbers, Topic, UnreadableError, in_milliseconds
+from pa_console.schema.command import DeviceCommand
+from pa_console.schema.events.event import IncidentHappened, Noticed
+from pa_console.schema.incident import Incident
+from pa_console.schema.telemetry import AssetTelemetry, Weather
+from pa_console.sim import picture as station_side
+from pa_console.sim.checkpoint import Checkpoint
+from pa_console.sim.sensing_state import Detection
+
+MOST_STEPS_AT_ONCE = 20
+OVERTAKEN_S = 1.0
+"""The longest wait of a step for messages that the station has sent before it, seconds."""
+
+UP_S = 10.0
+_INCIDENT: TypeAdapter[Incident] = TypeAdapter(Incident)
+
+
+@dataclass(frozen=True)
+class SiteOptions:
+    """The pace of a site: `rate` of its seconds in one, or `paced` by the station's clock."""
+
+    world_sha256: str
+    scenario: str = ""
+    paced: bool = False
+    rate: float = 1.0
+    verify: Verify = anybody
+    take: Callable[[str], object] = lambda _message: None
+    """Is given every signed roster, revocation and takeover that comes over the bus."""
+    credentials: Callable[[str], Credentials | None] = lambda _name: None
+    """Returns the certificates of a client name."""
+
+
+class SimulatedSite:
+    """Runs `checkpoint` on the bus at `address` until it is cancelled."""
+
+    def __init__(
+        self, checkpoint: Checkpoint, address: BrokerAddress, options: SiteOptions
+    ) -> None:
+        self.checkpoint, self._options = checkpoint, options
+        self._world = checkpoint.world
+        self._period = station_side.period_ticks(self._world)
+        self._numbers, self._epoch = Numbers(), in_milliseconds(datetime.now(UTC))
+        self._news = asyncio.Event()
+        self._asked: list[Header] = []
+        self._weather: Weather = checkpoint.picture().weather
+
+        bus = OnBus(address, self._numbers, self.now, options.credentials)
+        self.robots = {
+            name: Gateway(name, bus, self._world, self._forward, options.verify)
+            for name in self._world.assets
+        }
+        self._cameras = {name: CameraSpeaker(name, bus) for name in self._world.cameras}
+        self._site = _SiteSpeaker(SITE.serial_number, bus)
+        self._site.arrived = self._describe
+        self._site.listener = self._ask
+        self._site.signed = self._hear_signed
+
+    def now(self) -> datetime:
+        """Return what time it is at the site (UTC)."""
+        return self._time_of(self.checkpoint.tick)
+
+    async def run(self) -> None:
+        """Be on the bus until cancelled; raises ValueError when no broker lets everybody in."""
+        asyncio.get_running_loop().set_exception_handler(say_nothing)
+        speakers: list[Speaker] = [*self.robots.values(), *self._cameras.values()]
+        running = [asyncio.create_task(speaker.client.run()) for speaker in speakers]
+        try:
+            await self._all_up(speakers)
+            for name, said in self.checkpoint.picture().assets.items():
+                self._tell_at_once(name, said)
+            speakers.append(self._site)
+            running.append(asyncio.create_task(self._site.client.run()))
+            await self._all_up((self._site,))
+            running.append(asyncio.create_task(self._serve()))
+            done, _ = await asyncio.wait(running, return_when=asyncio.FIRST_COMPLETED)
+            for task in done:
+                task.result()
+        finally:
+            for speaker in speakers:
+                await speaker.leave()
+            for task in running:
+                task.cancel()
+            await asyncio.gather(*running, return_exceptions=True)
+
+    async def _all_up(self, speakers: Iterable[Speaker]) -> None:
+        for speaker in speakers:
+            until = perf_counter() + UP_S
+            while not speaker.client.connected:
+                if perf_counter() > until:
+                    name = speaker.identity.serial_number
+                    raise ValueError(
+                        f"no broker lets {name} in at {speaker.client.address}: "
+                        f"{speaker.client.problem}"
+                    )
+                await asyncio.sleep(0.02)
+
+    async def _serve(self) -> None:
+        """Answer the station, and move the world on unless the station does."""
+        owed, last = 0.0, perf_counter()
+        pause_s = self._world.dt_s / max(self._options.rate, 1.0)
+        while True:
+            if self._options.paced:
+                await self._news.wait()
+            else:
+                await asyncio.sleep(pause_s)
+                now = perf_counter()
+                owed += (now - last) * self._options.rate / self._world.dt_s
+                last = now
+            self._news.clear()
+            asked, self._asked = self._asked, []
+            for message in asked:
+                await self._answer(message)
+            if not self._options.paced:
+                steps = min(int(owed), MOST_STEPS_AT_ONCE)
+                owed = min(owed - steps, 1.0)
+                for _ in range(steps):
+                    self._step()
+
+    async def _answer(self, message: Header) -> None:
+        match message:
+            case ClockMessage() if self._options.paced:
+                await self._none_overtaken(message.after)
+                while self.checkpoint.tick < message.tick:
+                    self._step()
+                after = self._numbers.fresh()
+                header = self._site.header(ClockDone.TOPIC)
+                done = ClockDone(**header, tick=self.checkpoint.tick, after=after)
+                self._site.say(done, qos=1)
+            case IncidentMessage():
+                problem = self._inject(message.incident)
+                header = self._site.header(IncidentDone.TOPIC)
+                done = IncidentDone(
+                    **header, number=message.number, problem=problem, after=self._numbers.fresh()
+                )
+                self._site.say(done, qos=1)
+            case _:
+                pass
+
+    async def _none_overtaken(self, after: dict[str, int]) -> None:
+        """Wait until every message that was sent before has come."""
+        until = perf_counter() + OVERTAKEN_S
+        while not self._numbers.has_seen(after) and perf_counter() < until:
+            await asyncio.sleep(0.0005)
+
+    def _step(self) -> None:
+        """Move the world on by one step and publish the reports that reached the gateways."""
+        replies = self.checkpoint.step()
+        if self.checkpoint.arrived.wired is not None:
+            self._look(self.checkpoint.arrived.wired)
+        for reply in replies:
+            if (robot := self.robots.get(reply.agent)) is not None:
+                robot.hear(reply)
+        for report in self.checkpoint.arrived.reports:
+            sent = self._time_of(report.stamp)
+            self._see(report.agent, sent, report.detections)
+            self.robots[report.agent].report(report.telemetry.telemetry(), sent)
+        for incident in self.checkpoint.take_incidents():
+            self._tell(IncidentHappened(incident=incident, source="scenario"))
+        for text in self.checkpoint.take_skipped():
+            self._tell(Noticed(level="warning", subject="scenario", text=text))
+        weather = self.checkpoint.picture().weather
+        if weather != self._weather:
+            self._weather = weather
+            self._describe()
+
+    def _look(self, wired: Mapping[str, tuple[Detection, ...]]) -> None:
+        """Publish the detections of every camera."""
+        cameras = self.checkpoint.picture().cameras
+        for name, speaker in self._cameras.items():
+            works = cameras[name].works
+            spec = self._world.cameras[name]
+            speaker.see(
+                Detections(
+                    **speaker.header(Detections.TOPIC),
+                    works=works,
+                    contacts=self._contacts(wired.get(name, ())),
+                    team=self._team(spec.at, spec.sensor_range_m) if works else (),
+                )
+            )
+
+    def _see(self, name: str, sent: datetime, found: tuple[Detection, ...]) -> None:
+        """Publish the detections of an asset."""
+        kind = self._world.assets[name].kind
+        robot = self.robots[name]
+        if not robot.client.connected or (not found and kind != "uav"):
+            return
+        sees = self._world.platforms[kind].sensor_range_m / 2
+        team = self._team(self._truth()[name].position, sees) if kind == "uav" else ()
+        header = robot.header(Detections.TOPIC, sent)
+        robot.say(Detections(**header, contacts=self._contacts(found), team=team))
+
+    def _team(self, at: tuple[float, float], within_m: float) -> tuple[SeenRobot, ...]:
+        """Return the assets that a sensor at `at` recognises."""
+        return tuple(
+            SeenRobot(name=name, x=asset.position[0], y=asset.position[1])
+            for name, asset in self._truth().items()
+            if math.dist(at, asset.position) <= within_m
+        )
+
+    def _truth(self) -> dict[str, AssetTelemetry]:
+        return self.checkpoint.truth().assets
+
+    def _contacts(self, found: Iterable[Detection]) -> tuple[SeenContact, ...]:
+        return tuple(
+            SeenContact(
+                signature=detection.contact,
+                kind=detection.kind,
+                x=detection.position[0] if detection.position is not None else None,
+                y=detection.position[1] if detection.position is not None else None,
+                sigma_m=detection.sigma_m,
+                identity=detection.identity,
+                opinion=detection.opinion,
+                noncombatants=detection.noncombatants,
+                warned_s=None
+                if detection.warned_tick is None
+                else (self.checkpoint.tick - detection.warned_tick) * self._world.dt_s,
+            )
+            for detection in found
+        )
+
+    def _inject(self, text: str) -> str:
+        """Make an incident happen; return why it cannot, "" when it did."""
+        try:
+            incident = _INCIDENT.validate_json(text)
+            self.checkpoint.inject(incident)
+        except ValidationError:
+            return "the site does not know such an incident"
+        except ValueError as error:
+            return str(error)
+        if self.checkpoint.tick == 0:
+            for name, said in self.checkpoint.picture().assets.items():
+                self._tell_at_once(name, said)
+        return ""
+
+    def _tell_at_once(self, name: str, said: AssetTelemetry) -> None:
+        """Publish an asset's state of long before the world has begun to move."""
+        robot = self.robots[name]
+        if said.comms == "lost":
+            robot.cut()
+        else:
+            robot.report(said, self.now())
+
+    def _tell(self, event: IncidentHappened | Noticed) -> None:
+        header = self._site.header(Told.TOPIC)
+        self._site.say(Told(**header, event=event.model_dump_json()), qos=1)
+
+    def _describe(self) -> None:
+        self._site.say(
+            SiteDescription(
+                **self._site.header(SiteDescription.TOPIC),
+                world=self._world.name,
+                world_sha256=self._options.world_sha256,
+                seed=self.checkpoint.seed,
+                scenario=self._options.scenario,
+                paced=self._options.paced,
+                rate=self._options.rate,
+                tick=self.checkpoint.tick,
+                weather=self._weather,
+            ),
+            qos=1,
+            retain=True,
+        )
+
+    def _hear_signed(self, received: Received) -> None:
+        """Let the vehicles go by a signed message; what cannot be read changes nothing."""
+        with suppress(UnreadableError):
+            self._options.take(SignedMessage.read(received.payload).message)
+
+    def _forward(self, command: DeviceCommand) -> None:
+        self.checkpoint.send(command)
+
+    def _ask(self, message: Header) -> None:
+        self._asked.append(message)
+        self._news.set()
+
+    def _time_of(self, tick: int) -> datetime:
+        """Return the time of a tick: by the site's clock, or that long before now."""
+        if self._options.paced:
+            return self._epoch + timedelta(seconds=tick * self._world.dt_s)
+        ago_s = (self.checkpoint.tick - tick) * self._world.dt_s / self._options.rate
+        return datetime.now(UTC) - timedelta(seconds=ago_s)
+
+
+class _SiteSpeaker(Speaker):
+    """Speaks for the site itself, and takes what a station asks of a simulation.
+
+    Over the same connection it receives who belongs to the site and who commands it: the broker
+    lets one connection in by each certificate.
+    """
+
+    HEARS = (ClockMessage, IncidentMessage)
+    listener: Callable[[Header], None] | None = None
+    arrived: Callable[[], None] | None = None
+    signed: Callable[[Received], None] | None = None
+
+    def __init__(self, name: str, bus: OnBus) -> None:
+        super().__init__(name, bus)
+        trust = [str(Topic(bus.address.site, TRUST, kind.TOPIC)) for kind in SIGNED]
+        self.client.topics = (*self.client.topics, *trust)
+
+    def _heard(self, received: Received) -> None:
+        topic = Topic.of(received.topic)
+        if topic is None or topic.identity != TRUST:
+            super()._heard(received)
+        elif self.signed is not None:
+            self.signed(received)
+
+    def _arrived(self) -> None:
+        if self.arrived is not None:
+            self.arrived()
+
+    def _take(self, message: Header) -> None:
+        if self.listener is not None:
+            self.listener(message)

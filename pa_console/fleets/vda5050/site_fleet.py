@@ -1,0 +1,162 @@
+"""The fleet of a simulated site: incidents can be made to happen, and its clock may be ours."""
+
+from collections.abc import Callable
+from datetime import datetime, timedelta
+from time import monotonic
+
+from pa_console.fleets.vda5050 import additions
+from pa_console.fleets.vda5050.additions import SITE
+from pa_console.fleets.vda5050.broker import Sent
+from pa_console.fleets.vda5050.joining import Joined
+from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
+from pa_console.fleets.vda5050.sharing import CommandAuthority
+from pa_console.fleets.vda5050.wire import Header, Identity, Topic
+from pa_console.schema.incident import Incident, PlaceAsset, unknown_name
+from pa_console.schema.world import World
+
+ANSWER_S = 3.0
+
+
+class SiteFleet(MqttFleet):
+    """Drives a site that simulates; one that is paced stands still until the station steps."""
+
+    def __init__(
+        self,
+        world: World,
+        joined: Joined,
+        site: additions.SiteDescription,
+        keys: CommandAuthority | None = None,
+    ) -> None:
+        """Raises ValueError when a paced site does not answer."""
+        self._site, self._site_tick = site, -1
+        self._site_dt_s = world.dt_s
+        self._epoch = site.timestamp - timedelta(seconds=site.tick * world.dt_s)
+        self._began, self._moved = site.tick, False
+        self._after: dict[str, int] = {}
+        self._incidents, self._problems = 0, dict[int, str]()
+        if site.paced:  # it sends as fast as this station steps, and each message is waited for
+            joined.link.limit = None
+        super().__init__(world, joined, keys)
+        if site.paced:
+            self._move_site(0)
+            self._began = self._site_tick
+            if self._site_tick < 0:
+                self.close()
+                raise ValueError("the site does not answer; is another station driving it?")
+            self._wait(self._all_heard)
+            self._show()
+
+    @property
+    def paced(self) -> bool:
+        """True if the site waits for the station's steps."""
+        return self._site.paced
+
+    @property
+    def seed(self) -> int:
+        """The seed of the site's random draws."""
+        return self._site.seed
+
+    def now(self) -> datetime:
+        """Return what time it is on the clock that the robots go by (UTC)."""
+        if not self._site.paced:
+            return super().now()
+        ticks = max(self._site_tick, 0)
+        return self._epoch + timedelta(seconds=ticks * self._site_dt_s)
+
+    def inject(self, incident: Incident) -> None:
+        """Make `incident` happen now at the site.
+
+        Raises ValueError naming what exists for an unknown name, and when the site says that it
+        cannot happen, or says nothing.
+        """
+        _, problem = unknown_name(incident, self.world)
+        if problem:
+            raise ValueError(problem)
+        self._incidents += 1
+        number = self._incidents
+        if self._site.paced and self._site_tick == 0:
+            self._known.begin(0)
+        elif isinstance(incident, PlaceAsset):
+            self._known.carried(incident.asset)
+        header = self._header(additions.SITE, additions.IncidentMessage.TOPIC)
+        self._tell_site(
+            additions.IncidentMessage(**header, number=number, incident=incident.model_dump_json())
+        )
+        self._wait(lambda: number in self._problems and self._numbers.has_seen(self._after))
+        self._show()
+        problem = self._problems.pop(number, "the site did not answer")
+        if problem:
+            raise ValueError(problem)
+
+    def _receive(self) -> None:
+        if self._site.paced:
+            self._move_site(self._began + self._tick)
+        super()._receive()
+
+    def _move_site(self, tick: int) -> None:
+        """Let the site go on to `tick` and take in all messages that it sent on the way."""
+        header = self._header(additions.SITE, additions.ClockMessage.TOPIC)
+        self._moved = False
+        message = additions.ClockMessage(**header, tick=tick, after=self._numbers.fresh())
+        self._tell_site(message)
+        self._wait(lambda: self._moved and self._numbers.has_seen(self._after))
+
+    def _wait(self, done: Callable[[], bool]) -> None:
+        """Take in messages until `done`, or until the site has been silent for too long."""
+        until = monotonic() + ANSWER_S
+        while True:
+            super()._receive()
+            left_s = until - monotonic()
+            if done() or left_s <= 0.0:
+                return
+            self._link.wait_news(left_s)
+
+    def _all_heard(self) -> bool:
+        online = (robot for robot in self._robots.values() if robot.connection == "ONLINE")
+        return all(robot.state is not None for robot in online)
+
+    def _tell_site(self, message: Header) -> None:
+        topic = Topic(self._link.address.site, additions.SITE, message.TOPIC)
+        self._link.publish(Sent(str(topic), message.write(), qos=1))
+
+    def _take_more(self, identity: Identity, message: Header) -> None:
+        if identity != additions.SITE:
+            super()._take_more(identity, message)
+            return
+        match message:
+            case additions.ClockDone():
+                self._site_tick, self._moved = message.tick, True
+                self._after = dict(message.after)
+            case additions.IncidentDone():
+                self._problems[message.number] = message.problem
+                self._after = dict(message.after)
+            case _:
+                super()._take_more(identity, message)
+
+    def _tick_of(self, sent: datetime, arrived: datetime) -> int | None:
+        if not self._site.paced:
+            return super()._tick_of(sent, arrived)
+        ticks = round((sent - self._epoch).total_seconds() / self.world.dt_s) - self._began
+        return ticks if ticks <= self._tick else None
+
+
+def fleet_of(
+    joined: Joined, world: World, world_sha256: str, keys: CommandAuthority | None = None
+) -> MqttFleet:
+    """Return the fleet of `world` on the bus that was joined.
+
+    Raises ValueError, and leaves the bus, when a site there simulates another world.
+    """
+    site = joined.site
+    if site is None:
+        return MqttFleet(world, joined, keys)
+    if SITE not in joined.online:
+        joined.link.close()
+        raise ValueError(f"the site of {site.world!r} at {joined.link.address} is not running now")
+    if site.world_sha256 != world_sha256:
+        joined.link.close()
+        raise ValueError(
+            f"the site on this bus has another world: {site.world!r}, whose file has the "
+            f"SHA-256 {site.world_sha256[:12]}; ours has {world_sha256[:12]}; give its --world"
+        )
+    return SiteFleet(world, joined, site, keys)

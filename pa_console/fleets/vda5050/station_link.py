@@ -1,0 +1,286 @@
+"""A station's connection to the broker, in threads of its own: no message waits for the screen.
+
+Commands and what people send go over one connection, telemetry comes over another: however much
+robots report, a stop is not queued behind it. Each sender may send more than any robot reports, and
+less than a flood; notices of what happens on the bus are limited as well.
+"""
+
+import asyncio
+import threading
+from collections import Counter, OrderedDict, deque
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from datetime import UTC, datetime
+from functools import lru_cache, partial
+from time import monotonic
+from typing import NamedTuple
+
+from pa_console.fleets.vda5050.broker import (
+    BrokerAddress,
+    BusClient,
+    Credentials,
+    Received,
+    Sent,
+    say_nothing,
+)
+from pa_console.fleets.vda5050.wire import Header, Identity, Topic, UnreadableError
+from pa_console.schema.events.event import IncidentHappened, Level, Noticed
+
+MESSAGES_PER_S, MESSAGES_AT_ONCE = 100.0, 200.0
+"""A robot reports some times a second; a simulated site that runs twenty times faster, 40 times."""
+
+BYTES_PER_S, BYTES_AT_ONCE = 512_000.0, 1_024_000.0
+"""A state has two to ten kilobytes; reading these takes some milliseconds of each second."""
+
+MOST_SENDERS = 20_000
+"""The number of senders and topics with a share of their own; the longest silent are forgotten."""
+
+
+class RateLimit:
+    """A token bucket for each sender and topic, of messages and of bytes."""
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        """`clock` returns seconds."""
+        self._clock = clock
+        self._left: OrderedDict[Topic, tuple[float, float, float]] = OrderedDict()
+        """Messages and bytes left, and the moment of that, by topic."""
+
+    def allows(self, topic: Topic, size: int) -> bool:
+        """Take a message of `size` bytes off its sender's share; return False beyond it."""
+        now = self._clock()
+        full = (MESSAGES_AT_ONCE, BYTES_AT_ONCE, now)
+        messages, octets, then = self._left.pop(topic, full)
+        messages = min(messages + (now - then) * MESSAGES_PER_S, MESSAGES_AT_ONCE)
+        octets = min(octets + (now - then) * BYTES_PER_S, BYTES_AT_ONCE)
+        allowed = messages >= 1.0 and octets >= size
+        if allowed:
+            messages, octets = messages - 1.0, octets - size
+        self._left[topic] = (messages, octets, now)
+        if len(self._left) > MOST_SENDERS:
+            self._left.popitem(last=False)
+        return allowed
+
+
+REPEAT_S = 10.0
+MOST_SUBJECTS = 1000
+
+
+class Notices:
+    """Collects lines for the session log; the same of one subject is told once in REPEAT_S."""
+
+    def __init__(self) -> None:
+        self._lines: list[IncidentHappened | Noticed] = []
+        self._last: dict[tuple[str, str], float] = {}
+        self._more: dict[tuple[str, str], int] = {}
+
+    def add(self, event: IncidentHappened | Noticed) -> None:
+        """Add `event` as it is."""
+        self._lines.append(event)
+
+    def say(self, level: Level, subject: str, text: str, now_s: float, kind: str = "") -> None:
+        """Add a notice at `now_s`, unless one of the same `kind` was added just now."""
+        key = (subject, kind or text)
+        if key not in self._last and len(self._last) >= MOST_SUBJECTS:
+            key = ("", kind)
+        last_s = self._last.get(key)
+        if last_s is not None and now_s - last_s < REPEAT_S:
+            self._more[key] = self._more.get(key, 0) + 1
+            return
+        more = self._more.pop(key, 0)
+        self._last[key] = now_s
+        since = f" (and {more} more like it)" if more else ""
+        shown = "".join(c if c.isprintable() else " " for c in text[:500])
+        self._lines.append(Noticed(level=level, subject=subject[:64], text=f"{shown}{since}"))
+
+    def take(self) -> tuple[IncidentHappened | Noticed, ...]:
+        """Return the notices since the last call."""
+        lines, self._lines = self._lines, []
+        return tuple(lines)
+
+
+MOST_WAITING = 20_000
+"""The number of messages that may wait to be taken in; further ones are dropped and counted."""
+
+GOODBYE_S = 2.0
+_topic_of = lru_cache(maxsize=8192)(Topic.of)
+Kinds = Sequence[type[Header]]
+
+
+class Delivery(NamedTuple):
+    """A message as read, or why it cannot be read, and when it came (UTC)."""
+
+    topic: Topic
+    message: Header | UnreadableError
+    retained: bool
+    at: datetime
+
+
+class StationLink:
+    """Receives the messages of `kinds` from every robot and station of a site, and sends.
+
+    `telemetry` are the kinds that come over a connection of their own, with the credentials
+    `telemetry_as` where the broker asks for a certificate; on one connection for all of them where
+    it asks and there are none. Messages of one sender that come faster than any robot reports are
+    set aside before they are read.
+    """
+
+    def __init__(
+        self,
+        address: BrokerAddress,
+        name: str,
+        kinds: Kinds,
+        credentials: Credentials | None = None,
+        *,
+        telemetry: Kinds = (),
+        telemetry_as: Credentials | None = None,
+    ) -> None:
+        self.address = address
+        self._waiting: deque[Delivery] = deque()
+        self._flooded: Counter[Identity] = Counter()
+        self.dropped = 0
+        """The number of messages dropped because too many were waiting."""
+        self.limit: RateLimit | None = RateLimit(monotonic)
+        """The limit on each sender; None reads every message, as of a site that waits for its
+        station."""
+        self._news = threading.Event()
+        apart = bool(telemetry) and (credentials is None or telemetry_as is not None)
+        self._main = self._open(name, kinds if apart else (*kinds, *telemetry), credentials)
+        self._channels = [self._main]
+        if apart:
+            self._channels.append(self._open(f"{name}-telemetry", telemetry, telemetry_as))
+
+    def _open(self, name: str, kinds: Kinds, credentials: Credentials | None) -> "_Channel":
+        by_topic = {kind.TOPIC: kind for kind in kinds}
+        client = partial(
+            BusClient,
+            self.address,
+            name,
+            partial(self._heard, by_topic),
+            topics=[f"{self.address.site}/v3/+/+/{topic}" for topic in by_topic],
+            credentials=credentials,
+        )
+        return _Channel(client, name, self._news.set)
+
+    @property
+    def problem(self) -> str:
+        """The reason why there is no connection, "" while there is one."""
+        return next((channel.problem for channel in self._channels if channel.problem), "")
+
+    def wait_connected(self, seconds: float) -> bool:
+        """Return whether there is a connection within `seconds`."""
+        until = monotonic() + seconds
+        return all(channel.up.wait(max(until - monotonic(), 0.0)) for channel in self._channels)
+
+    def wait_news(self, seconds: float) -> bool:
+        """Return whether a message can be taken within `seconds`."""
+        found = self._news.wait(seconds)
+        self._news.clear()
+        return found or bool(self._waiting)
+
+    def take(self) -> list[Delivery]:
+        """Return what has come since the last call, in order."""
+        return [self._waiting.popleft() for _ in range(len(self._waiting))]
+
+    def take_flooded(self) -> Mapping[Identity, int]:
+        """Return how many messages of each sender were set aside unread since the last call."""
+        flooded, self._flooded = self._flooded, Counter()
+        return flooded
+
+    def publish(self, *messages: Sent) -> bool:
+        """Send the messages in order; return False, and send none, without a connection."""
+        return self._main.publish(messages)
+
+    def close(self) -> None:
+        """End the connection after the pending messages are sent."""
+        for channel in self._channels:
+            channel.end()
+        for channel in self._channels:
+            channel.join()
+
+    def _heard(self, kinds: Mapping[str, type[Header]], received: Received) -> None:
+        topic = _topic_of(received.topic)
+        if topic is None or topic.name not in kinds:
+            return
+        if self.limit is not None and not self.limit.allows(topic, len(received.payload)):
+            self._flooded[topic.identity] += 1
+            return
+        if len(self._waiting) >= MOST_WAITING:
+            self.dropped += 1
+            return
+        message: Header | UnreadableError
+        try:
+            message = kinds[topic.name].read(received.payload)
+            if (message.manufacturer, message.serial_number) != topic.identity:
+                message = UnreadableError("it says that it is another robot's")
+        except UnreadableError as error:
+            message = error
+        self._waiting.append(Delivery(topic, message, received.retained, datetime.now(UTC)))
+        self._news.set()
+
+
+class _Channel:
+    """One connection in a thread of its own; `news` is called when it breaks, or is there again."""
+
+    def __init__(
+        self, client: Callable[..., BusClient], name: str, news: Callable[[], None]
+    ) -> None:
+        self._news = news
+        self.problem = "not connected yet"
+        """The reason why there is no connection, "" while there is one."""
+        self.up = threading.Event()
+        self._loop, self._ending = asyncio.new_event_loop(), asyncio.Event()
+        self._loop.set_exception_handler(say_nothing)
+        self._client = client(changed=self._changed)
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    def publish(self, messages: Sequence[Sent]) -> bool:
+        """Send the messages in order; return False, and send none, without a connection."""
+        if not self.up.is_set():
+            return False
+        with suppress(RuntimeError):  # the link is closed
+            self._loop.call_soon_threadsafe(self._send, messages)
+        return True
+
+    def end(self) -> None:
+        """Begin to end the connection after the pending messages are sent."""
+        if self._thread.is_alive():
+            with suppress(RuntimeError):
+                self._loop.call_soon_threadsafe(self._ending.set)
+
+    def join(self) -> None:
+        """Wait until the connection has ended."""
+        self._thread.join(GOODBYE_S + 1.0)
+
+    def _send(self, messages: Sequence[Sent]) -> None:
+        for message in messages:
+            self._client.send(message)
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        try:
+            self._loop.run_until_complete(self._serve())
+        finally:
+            self._loop.close()
+
+    async def _serve(self) -> None:
+        running = asyncio.create_task(self._client.run())
+        ending = asyncio.create_task(self._ending.wait())
+        await asyncio.wait((running, ending), return_when=asyncio.FIRST_COMPLETED)
+        with suppress(TimeoutError):
+            async with asyncio.timeout(GOODBYE_S):
+                await self._client.sent()
+        for task in (running, ending):
+            task.cancel()
+        results = await asyncio.gather(running, ending, return_exceptions=True)
+        error = results[0]
+        if isinstance(error, Exception):
+            self._changed(False, f"{type(error).__name__}: {error}")
+
+    def _changed(self, connected: bool, why: str) -> None:
+        self.problem = why
+        if connected:
+            self.up.set()
+        else:
+            self.up.clear()
+        self._news()

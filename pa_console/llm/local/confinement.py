@@ -1,0 +1,293 @@
+"""The confinement of the model's process: it reads its files, computes, and speaks to its parent.
+
+A GGUF file is parsed, and a grammar compiled, by large C and C++ libraries. An attacker who finds a
+hole in them finds no network, no other program, no file to write, none to read but Python's and the
+model's, no other process, no key in the environment, and no more memory than the model needs. The
+model is computed on the CPU: the devices of a GPU are files that are opened to be written to, and
+stay closed too. `python -m pa_console.llm.local.confinement` tries all of it.
+"""
+
+import ctypes
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
+from pathlib import Path
+
+from pa_console.child_processes import OWN_FOLDER, python_command
+from pa_console.llm.local import seccomp
+from pa_console.schema.base import StrictModel
+
+CREATE_RULESET, ADD_RULE, RESTRICT_SELF = 444, 445, 446
+"""Numbers of the system calls, on every kind of CPU."""
+EXECUTE, READ_FILE, READ_FOLDER = 1 << 0, 1 << 2, 1 << 3
+BENEATH = 1
+"""The kind of a rule: for a file, or for a folder with everything in it."""
+SET_NO_NEW_PRIVILEGES = 38
+
+
+class _Ruleset(ctypes.Structure):
+    """`struct landlock_ruleset_attr` of the first version: rights that need a rule."""
+
+    _fields_ = [("handled", ctypes.c_uint64)]
+
+
+class _Rule(ctypes.Structure):
+    """`struct landlock_path_beneath_attr`."""
+
+    _pack_ = 1
+    _fields_ = [("allowed", ctypes.c_uint64), ("parent", ctypes.c_int32)]
+
+
+def restrict_reading(readable: Iterable[str | os.PathLike[str]]) -> str:
+    """Restrict reading to `readable` files and folders; return the reason if that fails, else ''.
+
+    It holds for this thread and those that it starts later. Missing files are left out.
+    """
+    if sys.platform != "linux":
+        return "the limit on files that are read is one of Linux"
+    library = ctypes.CDLL(None, use_errno=True)
+    wanted = _Ruleset(EXECUTE | READ_FILE | READ_FOLDER)
+    ruleset = library.syscall(CREATE_RULESET, ctypes.byref(wanted), ctypes.sizeof(wanted), 0)
+    if ruleset < 0:
+        return f"the kernel has no Landlock: {os.strerror(ctypes.get_errno())}"
+    try:
+        for path in readable:
+            with suppress(FileNotFoundError, NotADirectoryError, PermissionError):
+                _allow_reading(library, ruleset, path)
+        if library.prctl(SET_NO_NEW_PRIVILEGES, 1, 0, 0, 0) == 0 and (
+            library.syscall(RESTRICT_SELF, ruleset, 0) == 0
+        ):
+            return ""
+        return f"the kernel takes no Landlock: {os.strerror(ctypes.get_errno())}"
+    finally:
+        os.close(ruleset)
+
+
+def _allow_reading(library: ctypes.CDLL, ruleset: int, path: str | os.PathLike[str]) -> None:
+    """Add the rule that `path` may be read; raises OSError if it cannot be."""
+    parent = os.open(path, os.O_PATH | os.O_CLOEXEC)
+    try:
+        rights = READ_FILE | (READ_FOLDER if Path(path).is_dir() else 0)
+        rule = _Rule(rights, parent)
+        if library.syscall(ADD_RULE, ruleset, BENEATH, ctypes.byref(rule), 0) != 0:
+            raise OSError(ctypes.get_errno(), "no rule of Landlock for it", os.fspath(path))
+    finally:
+        os.close(parent)
+
+
+KEPT_VARIABLES = frozenset(
+    (
+        "PATH",
+        "HOME",
+        "LANG",
+        "LC_ALL",
+        "LC_CTYPE",
+        "LD_LIBRARY_PATH",
+        "DYLD_LIBRARY_PATH",
+        "SYSTEMROOT",
+        "PYTHONPATH",
+        "PYTHONHOME",
+        "PYTHONUSERBASE",
+        "PYTHONNOUSERSITE",
+        "PYTHONDONTWRITEBYTECODE",
+        "PYTHONPYCACHEPREFIX",
+        "OMP_NUM_THREADS",
+        "OMP_PLACES",
+        "OMP_PROC_BIND",
+        "OMP_WAIT_POLICY",
+        "GOMP_CPU_AFFINITY",
+        "GOMP_SPINCOUNT",
+        "OPENBLAS_NUM_THREADS",
+    )
+)
+"""The environment variables for Python, its libraries, language and thread placement: nothing
+secret."""
+
+OPEN_FILES = 64
+WORK_BYTES = 2 << 30
+"""The memory for Python, its libraries and a grammar; measured: 0.3 GB with 135M weights."""
+
+WEIGHTS_TIMES = 3
+"""The caches of all roles of a 7B model with 4096 tokens each take twice its weights at most."""
+
+THREAD_BYTES = 16 << 20
+PACKAGE = str(Path(__file__).parents[2])
+BINDING = frozenset(("OMP_PLACES", "OMP_PROC_BIND", "GOMP_CPU_AFFINITY"))
+"""Variables that ask for threads that are bound to cores."""
+STATUS, MAPS = Path("/proc/self/status"), Path("/proc/self/maps")
+OF_THE_SYSTEM = (
+    "/lib",
+    "/lib64",
+    "/usr/lib",
+    "/usr/lib64",
+    "/usr/local/lib",
+    "/usr/share/zoneinfo",
+    "/etc/ld.so.cache",
+    "/etc/localtime",
+    "/dev/null",
+    "/dev/urandom",
+    "/proc/self",
+    "/proc/stat",
+    "/proc/cpuinfo",
+    "/proc/meminfo",
+    "/proc/sys",
+    "/sys/devices/system",
+    "/sys/fs/cgroup",
+)
+"""Files of the system that Python and the C library read while the model computes."""
+TRIAL_LIMIT_S = 30.0
+
+
+class Restriction(StrictModel):
+    """Something that the process cannot do; `missing` says why it can here, if it can."""
+
+    what: str
+    missing: str = ""
+
+
+def clean_environment(given: Mapping[str, str]) -> dict[str, str]:
+    """Return what of the environment `given` the model's process gets."""
+    return {name: value for name, value in given.items() if name in KEPT_VARIABLES}
+
+
+def read_only(files: Iterable[str]) -> Restriction:
+    """Give up, for good, every file but Python's own and `files`, and every other process.
+
+    Call it before there is a second thread: a thread that runs already is not restricted.
+    """
+    return Restriction(
+        what="no files but its own to read, no look into other processes",
+        missing=restrict_reading((*files, *_python_files(), *OF_THE_SYSTEM)),
+    )
+
+
+def _python_files() -> Iterator[str]:
+    """Yield the folders of this Python, of its imports, and of libraries that it loads."""
+    yield from (sys.prefix, sys.base_prefix, *filter(None, sys.path), PACKAGE)
+    if sys.pycache_prefix:
+        yield sys.pycache_prefix
+    yield from filter(None, os.environ.get("LD_LIBRARY_PATH", "").split(os.pathsep))
+    if MAPS.exists():
+        lines = MAPS.read_text(encoding="utf-8", errors="replace").splitlines()
+        paths = {line.split(maxsplit=5)[-1] for line in lines if ".so" in line}
+        yield from {os.path.dirname(path) for path in paths if path.startswith("/")}
+
+
+def confine(weights_bytes: int, threads: int) -> tuple[Restriction, ...]:
+    """Give up, for good, what a process does not need that loads weights of that size.
+
+    It is called once the libraries are imported and before anything of a model is parsed. Returns
+    what is given up, and what cannot be here.
+    """
+    return (
+        Restriction(what="memory within bounds", missing=_limit_memory(weights_bytes, threads)),
+        Restriction(what="few open files, none of them growing", missing=_limit_files()),
+        Restriction(
+            what="no network, no other program, no change to files",
+            missing=seccomp.restrict(pinned=not BINDING.isdisjoint(os.environ)),
+        ),
+    )
+
+
+def _limit_memory(weights_bytes: int, threads: int) -> str:
+    """Bound what the process writes to; the weights themselves are mapped and only read."""
+    if sys.platform != "linux":
+        return "the limit on memory is one of Linux"
+    import resource  # noqa: PLC0415 - Unix only
+
+    used = _data_bytes()
+    more = WORK_BYTES + WEIGHTS_TIMES * weights_bytes + THREAD_BYTES * threads
+    return _limit(resource.RLIMIT_DATA, used + more)
+
+
+def _limit_files() -> str:
+    """Bound open files and the size of a file that is written to, and leave no core dump."""
+    if sys.platform == "win32":
+        return "there are no limits on files on Windows"
+    import resource  # noqa: PLC0415 - Unix only
+
+    return (
+        _limit(resource.RLIMIT_CORE, 0)
+        or _limit(resource.RLIMIT_FSIZE, 0)
+        or _limit(resource.RLIMIT_NOFILE, OPEN_FILES)
+    )
+
+
+def _limit(kind: int, value: int) -> str:
+    import resource  # noqa: PLC0415 - Unix only
+
+    hard = resource.getrlimit(kind)[1]
+    least = value if hard == resource.RLIM_INFINITY else min(value, hard)
+    try:
+        resource.setrlimit(kind, (least, least))
+    except (OSError, ValueError) as error:
+        return str(error)
+    return ""
+
+
+def _data_bytes() -> int:
+    """Return how much memory of its own the process has; 0 where that cannot be told."""
+    try:
+        lines = STATUS.read_text(encoding="ascii", errors="replace").splitlines()
+    except OSError:
+        return 0
+    return next((int(line.split()[1]) * 1024 for line in lines if line.startswith("VmData:")), 0)
+
+
+class _Trial(StrictModel):
+    """The results of a confined process's attempts."""
+
+    restrictions: tuple[Restriction, ...]
+    done: tuple[str, ...]
+
+
+def try_out() -> tuple[Restriction, ...]:
+    """Return how a process like the model's is confined on this machine; takes about 0.3 s.
+
+    What it was not kept from doing, although it should have been, counts as missing.
+    """
+    try:
+        ended = subprocess.run(
+            python_command("-m", "pa_console.llm.local.confinement"),
+            cwd=OWN_FOLDER,
+            capture_output=True,
+            stdin=subprocess.DEVNULL,
+            env=clean_environment(os.environ),
+            timeout=TRIAL_LIMIT_S,
+            check=True,
+        )
+        trial = _Trial.model_validate_json(ended.stdout)
+    except (OSError, ValueError, subprocess.SubprocessError) as error:
+        return (Restriction(what="anything", missing=f"it could not be tried: {error}"),)
+    worked = (Restriction(what=done, missing="tried, and not refused") for done in trial.done)
+    return (*trial.restrictions, *worked)
+
+
+def _try() -> _Trial:
+    """Confine this process, then attempt every forbidden act."""
+    restrictions = (read_only(()), *confine(0, 1))
+    if any(item.missing for item in restrictions):
+        return _Trial(restrictions=restrictions, done=())
+    attempts: dict[str, Callable[[], object]] = {
+        "a socket": socket.socket,
+        "another program": lambda: subprocess.run("true", cwd=OWN_FOLDER, check=False),
+        "a file to write": lambda: open(os.devnull, "wb").close(),
+        "its parent's memory": lambda: open(f"/proc/{os.getppid()}/mem", "rb").close(),
+        "a folder that is not its own": lambda: os.listdir(OWN_FOLDER),
+        "memory without bounds": lambda: bytearray(2 * WORK_BYTES),
+    }
+    done: list[str] = []
+    for name, attempt in attempts.items():
+        try:
+            attempt()
+        except (OSError, MemoryError):
+            continue
+        done.append(name)
+    return _Trial(restrictions=restrictions, done=tuple(done))
+
+
+if __name__ == "__main__":
+    sys.stdout.write(_try().model_dump_json())

@@ -1,0 +1,382 @@
+"""Greedy decoding with one model: prompts as tokens, answers under a grammar, one or several.
+
+Of several answers each leaves the most likely one where the model came nearest to doing so, and
+goes on with what is most likely after that: no two are alike, and equal requests give equal ones.
+
+Only the worker process imports this.
+"""
+
+import codecs
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from heapq import heappop, heappush
+from math import inf
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+from llama_cpp.llama_chat_format import Jinja2ChatFormatter
+from llguidance import LLMatcher
+from llguidance.llamacpp import lltokenizer_from_vocab
+from numpy.typing import NDArray
+
+from pa_console.llm.backend import Chance, Finish, Request
+from pa_console.llm.local.answer import AnswerRun, Written, forced_tokens, likeliest, readable
+from pa_console.llm.local.runtime import InterruptedEvaluationError, Runtime, SharedContext
+from pa_console.llm.models.catalogue import ChatFormat
+from pa_console.schema.finding import Usage
+
+FORMATS: dict[ChatFormat, str] = {
+    "chatml": (
+        "{% for message in messages %}<|im_start|>{{ message.role }}\n"
+        "{{ message.content }}<|im_end|>\n{% endfor %}{{ '<|im_start|>assistant\n' }}"
+    ),
+    "plain": "{% for message in messages %}{{ message.content }}\n\n{% endfor %}{{ 'Answer:\n' }}",
+}
+"""Named formats; a model of format `template` brings its own in the GGUF metadata."""
+
+SYSTEM, USER = "\ue000", "\ue001"
+"""The placeholders of messages while the template is rendered, so that a message is never read as
+part of the template: no text can forge a control token or another role's turn."""
+
+
+class ChatPrompt:
+    """The chat format of one model."""
+
+    def __init__(self, runtime: Runtime, chat: ChatFormat) -> None:
+        self._runtime = runtime
+        template = runtime.metadata("tokenizer.chat_template") if chat == "template" else None
+        if template is None:
+            template = FORMATS["plain" if chat == "template" else chat]
+        formatter = Jinja2ChatFormatter(
+            template,
+            eos_token=runtime.token_text(runtime.end_token),
+            bos_token=runtime.token_text(runtime.start_token),
+        )
+        try:
+            self._frame = formatter(
+                messages=[
+                    {"role": "system", "content": SYSTEM},
+                    {"role": "user", "content": USER},
+                ]
+            ).prompt
+        except Exception:  # a template raises what it likes when it has no system role
+            both = f"{SYSTEM}\n\n{USER}"
+            self._frame = formatter(messages=[{"role": "user", "content": both}]).prompt
+
+    def tokens(self, system: str, user: str) -> list[int]:
+        """Return the whole prompt as tokens, up to where the model answers."""
+        texts = {SYSTEM: system, USER: user}
+        tokens: list[int] = []
+        for part in re.split(f"([{SYSTEM}{USER}])", self._frame):
+            if part in texts:
+                tokens += self._runtime.tokenise(texts[part], special=False)
+            elif part:
+                tokens += self._runtime.tokenise(part, special=True)
+        start = self._runtime.start_token
+        if self._runtime.wants_start_token and tokens[:1] != [start]:
+            tokens.insert(0, start)
+        return tokens
+
+    def closing(self) -> list[int]:
+        """Return what stands between the end of the user's message and the model's answer."""
+        return self._runtime.tokenise(self._frame.rpartition(USER)[2], special=True)
+
+
+AT_ONE_PLACE = 32
+"""The number of likeliest tokens considered at each place."""
+
+LONGEST = 8
+"""The number of answer tokens that write more than any one token does."""
+
+
+class BranchPoint(NamedTuple):
+    """The answer's first `kept` tokens, then `token`; `chance` is the logarithm of theirs."""
+
+    chance: float
+    kept: int
+    token: int
+
+
+def branch_points(  # noqa: PLR0917
+    matcher: LLMatcher,
+    tokenizer: Any,
+    answer: Sequence[int],
+    rows: Iterable[NDArray[np.float32]],
+    begun: int,
+    count: int,
+) -> list[BranchPoint]:
+    """Return the `count` likeliest ways to leave `answer`, the likeliest first.
+
+    `rows` are the logits before each of its tokens, shape (n_vocabulary,); `matcher` is at its
+    start and is moved along it. Its first `begun` tokens stay, and those that the grammar forces. A
+    token that writes what the answer goes on with is no way to leave it.
+    """
+    found: list[BranchPoint] = []
+    """The likeliest ones so far, the least likely of them first."""
+    chance, forced_to = 0.0, 0
+    for position, (token, row) in enumerate(zip(answer, rows, strict=True)):
+        if matcher.is_stopped():
+            break
+        if position >= forced_to:
+            forced_to = position + len(matcher.compute_ff_tokens())
+        if position >= max(forced_to, begun):
+            least = found[0].chance - chance if len(found) == count else -inf
+            chances = _chances(matcher, row, token, least)
+            text = tokenizer.decode_bytes(list(answer[position : position + LONGEST]))
+            for other, other_chance in chances.items():
+                if not text.startswith(tokenizer.decode_bytes([other])):
+                    heappush(found, BranchPoint(chance + other_chance, position, other))
+                    if len(found) > count:
+                        heappop(found)
+            chance += chances[token]
+        matcher.consume_token(token)
+    return sorted(found, reverse=True)
+
+
+def _chances(
+    matcher: LLMatcher, row: NDArray[np.float32], token: int, least: float
+) -> dict[int, float]:
+    """Return the logarithms of the chances of `token` and of the likeliest that are allowed.
+
+    Those that cannot be likelier than `least` are left out, and not put to the grammar: inside long
+    texts that is dear, as the mask over the whole vocabulary would be.
+    """
+    likely = np.argpartition(-row, AT_ONE_PLACE)[:AT_ONE_PLACE]
+    at_most = row[likely] - np.logaddexp(row[likely], row[token])
+    wanted = likely[at_most >= least].tolist()
+    allowed = [t for t in wanted if t != token and matcher.validate_tokens([t]) == 1]
+    values = row[[token, *allowed]].astype(np.float64)
+    values -= np.logaddexp.reduce(values)
+    return dict(zip([token, *allowed], values.tolist(), strict=True))
+
+
+ROWS = 16
+"""The number of tokens of the most likely answer evaluated at once: their logits take memory."""
+
+
+@dataclass
+class _Answer:
+    """One answer being written; `open` until it is complete or too long."""
+
+    matcher: LLMatcher
+    tokens: list[int]
+    pending: list[int] = field(default_factory=list[int])
+    """The last of them, which are not evaluated."""
+    sampled: int = 1
+    open: bool = True
+    complete: bool = False
+
+
+class Candidates:
+    """Writes other likely answers."""
+
+    def __init__(
+        self, runtime: Runtime, shared: SharedContext, tokenizer: Any, ends: frozenset[int]
+    ) -> None:
+        """`shared` is asked to hold the copies of a sequence of `runtime`."""
+        self._runtime, self._shared = runtime, shared
+        self._tokenizer, self._ends = tokenizer, ends
+        self._stop: re.Pattern[str] | None = None
+
+    @property
+    def width(self) -> int:
+        """The number of answers that fit."""
+        return self._shared.width
+
+    def close(self) -> None:
+        """Give the memory of the copies back."""
+        self._shared.close()
+
+    def answers(
+        self, sequence: int, likeliest: Written, begun: int, request: Request
+    ) -> tuple[list[str], Finish, Usage]:
+        """Write as many answers as `request` wants to the prompt of the `likeliest` one.
+
+        They keep its first `begun` tokens, and end where the request's regular expression `stop`
+        is found, if there is one. Those that are not complete are left out. Raises ValueError when
+        there is no room.
+        """
+        self._stop = re.compile(request.stop) if request.stop else None
+        grammar, max_tokens = request.grammar, request.max_tokens
+        prompt, answer = likeliest.prompt, likeliest.tokens
+        started = perf_counter()
+        texts: list[str] = []
+        answers: list[_Answer] = []
+        cached, first = 0, 0.0
+        finish: Finish = "stop"
+        try:
+            logits, cached = self._runtime.begin(sequence, prompt)
+            first = perf_counter() - started
+            rows = self._rows(sequence, len(prompt), answer, logits.copy())
+            found = branch_points(
+                self._matcher(grammar), self._tokenizer, answer, rows, begun, request.count
+            )
+            answers = [self._begun(grammar, answer, branch, max_tokens) for branch in found]
+            lengths = [len(prompt) + branch.kept for branch in found]
+            self._shared.adopt(self._runtime.state(sequence), lengths, sequence)
+            self._write(answers, len(prompt), max_tokens)
+            texts = [self._text(answer) for answer in answers if answer.complete]
+        except InterruptedEvaluationError:
+            finish = "cancelled"
+        return (
+            texts,
+            finish,
+            Usage(
+                prompt_tokens=len(prompt),
+                cached_tokens=cached,
+                completion_tokens=sum(len(answer.tokens) for answer in answers),
+                sampled_tokens=sum(answer.sampled for answer in answers),
+                first_token_s=first,
+                seconds=perf_counter() - started,
+            ),
+        )
+
+    def _matcher(self, grammar: str) -> LLMatcher:
+        return LLMatcher(self._tokenizer, grammar, log_level=0)
+
+    def _rows(
+        self, sequence: int, start: int, answer: Sequence[int], logits: NDArray[np.float32]
+    ) -> Iterator[NDArray[np.float32]]:
+        """Evaluate `answer` from position `start` on; yield the logits before each token."""
+        for at in range(0, len(answer), ROWS):
+            tokens = answer[at : at + ROWS]
+            after = self._runtime.extend(sequence, start + at, tokens, len(tokens))
+            yield logits
+            yield from after[:-1]
+            logits = after[-1]
+
+    def _begun(
+        self, grammar: str, answer: Sequence[int], branch: BranchPoint, max_tokens: int
+    ) -> _Answer:
+        begun = _Answer(self._matcher(grammar), list(answer[: branch.kept]))
+        begun.matcher.consume_tokens([*begun.tokens, branch.token])
+        self._take([branch.token, *forced_tokens(begun.matcher)], begun, max_tokens)
+        return begun
+
+    def _write(self, answers: list[_Answer], start: int, max_tokens: int) -> None:
+        """Let every open answer take its next tokens, all of them evaluated at once."""
+        while running := [(n, answer) for n, answer in enumerate(answers) if answer.open]:
+            rows = self._shared.extend(
+                [
+                    (number, start + len(answer.tokens) - len(answer.pending), answer.pending)
+                    for number, answer in running
+                ]
+            )
+            for (_, answer), row in zip(running, rows, strict=True):
+                tokens = forced_tokens(answer.matcher)
+                if not tokens:
+                    tokens = [likeliest(answer.matcher, row), *forced_tokens(answer.matcher)]
+                    answer.sampled += 1
+                self._take(tokens, answer, max_tokens)
+
+    def _take(self, tokens: list[int], answer: _Answer, max_tokens: int) -> None:
+        answer.pending = tokens
+        answer.tokens += tokens
+        found = self._stop is not None and self._stop.search(self._text(answer)) is not None
+        answer.complete = found or answer.matcher.is_stopped()
+        answer.open = not answer.complete and len(answer.tokens) < max_tokens
+
+    def _text(self, answer: _Answer) -> str:
+        data = readable(self._tokenizer, answer.tokens, self._ends)
+        return codecs.decode(data, "utf-8", "replace")
+
+
+AT_ONCE = 5
+"""The number of short answers that can be written at once without a new context."""
+
+STEP = 256
+"""The context for several answers is a multiple of this number of tokens: it takes memory."""
+
+
+class Decoder:
+    """Writes answers with one model; temperature 0, so the same prompt gives the same answer."""
+
+    def __init__(self, runtime: Runtime) -> None:
+        self._runtime = runtime
+        self._ends = frozenset(runtime.end_tokens)
+        vocabulary: Any = runtime.vocabulary
+        self._tokenizer = lltokenizer_from_vocab(vocabulary, eos_token=sorted(self._ends))
+        self._candidates: Candidates | None = None
+        self._room = 0
+        self._last: dict[int, Written] = {}
+        self.written: tuple[int, ...] = ()
+        """The tokens of the last answer."""
+        self.chances: tuple[Chance, ...] = ()
+        """The probabilities of the chosen tokens, unless it continued another answer."""
+
+    def answer(
+        self,
+        sequence: int,
+        prompt: Sequence[int],
+        request: Request,
+        on_text: Callable[[str], None],
+    ) -> tuple[Finish, Usage]:
+        """Write the answer to `request`, whose tokens are `prompt`, giving text as it comes.
+
+        What the answer may repeat is guessed from the prompt and from the request's `hint`. When
+        the last answer in `sequence` was to this prompt and its text is `begun`, the new one goes
+        on from there. Returns why it ended and what it cost. Raises ValueError when the grammar
+        (lark) is not valid or prompt and answer do not fit in the context.
+        """
+        hint, begun, max_tokens = request.hint, request.begun, request.max_tokens
+        self._fits(prompt, max_tokens)
+        last = self._last.pop(sequence, None)
+        matcher = LLMatcher(self._tokenizer, request.grammar, log_level=0)
+        if matcher.is_error():
+            raise ValueError(f"the grammar is not valid: {matcher.get_error()}")
+        hinted = self._runtime.tokenise(hint, special=False) if hint else []
+        run = AnswerRun(self._runtime, self._tokenizer, matcher, self._ends, on_text, hinted)
+        context = list(prompt)
+        if last is not None and begun and last.is_of(context, begun):
+            finish = run.go_on(sequence, context, last, max_tokens)
+        else:
+            finish = run.write(sequence, context, max_tokens)
+        self.written, self.chances = tuple(context[len(prompt) :]), tuple(run.chances)
+        if finish == "stop":
+            self._last[sequence] = Written(context[: len(prompt)], self.written, run.text, run.done)
+        return finish, run.usage(len(prompt))
+
+    def several(
+        self, sequence: int, prompt: Sequence[int], request: Request
+    ) -> tuple[list[str], Finish, Usage]:
+        """Write the answers to `request` other than the most likely one, all in one batch.
+
+        Those that are complete are returned, the likeliest first. They keep of the most likely
+        answer what `begun` says, its beginning, and leave it before the end of `within`, if that is
+        given, another beginning of it. Each ends where the regular expression `stop` is found in
+        it, if there is one. Raises ValueError as `answer` does.
+        """
+        last = self._last.get(sequence)
+        if last is None or last.prompt != list(prompt):
+            alone = replace(request, hint="", begun="")
+            finish, usage = self.answer(sequence, prompt, alone, lambda _text: None)
+            last = self._last.get(sequence)
+            if last is None:
+                return [], finish, usage
+        del self._last[sequence]
+        begun, within = request.begun, request.within
+        kept = last.within(begun, self._tokenizer) if last.text.startswith(begun) else 0
+        if within and last.text.startswith(within):
+            last = replace(last, tokens=last.tokens[: last.within(within, self._tokenizer)])
+        candidates = self._room_for(request.count, len(prompt) + request.count * request.max_tokens)
+        return candidates.answers(sequence, last, kept, request)
+
+    def _room_for(self, count: int, tokens: int) -> Candidates:
+        """Return what writes `count` answers at once, `tokens` together with their prompt."""
+        if self._candidates is None or self._candidates.width < count or self._room < tokens:
+            if self._candidates is not None:
+                self._candidates.close()
+            self._room = max(self._room, -(-tokens // STEP) * STEP)
+            shared = self._runtime.shared_context(max(count, AT_ONCE), self._room)
+            self._candidates = Candidates(self._runtime, shared, self._tokenizer, self._ends)
+        return self._candidates
+
+    def _fits(self, prompt: Sequence[int], max_tokens: int) -> None:
+        room = self._runtime.n_ctx - max_tokens
+        if len(prompt) > room:
+            raise ValueError(
+                f"the prompt has {len(prompt)} tokens and at most {room} fit beside an answer of "
+                f"{max_tokens} in the model's context of {self._runtime.n_ctx}: shorten the mission"
+            )

@@ -1,0 +1,501 @@
+"""The parent side of the local LLM: an asyncio engine over one worker process.
+
+The event loop is never blocked: the worker is an asyncio subprocess that speaks JSON lines.
+"""
+
+import asyncio
+import os
+import signal
+from collections.abc import AsyncGenerator, Callable
+from contextlib import aclosing, suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from time import perf_counter
+from typing import Literal
+
+from pa_console.child_processes import OWN_FOLDER, python_command
+from pa_console.llm.backend import (
+    Completed,
+    EngineDiedError,
+    EngineError,
+    Finish,
+    ModelUnavailableError,
+    PromptRefusedError,
+    Request,
+)
+from pa_console.llm.local.confinement import clean_environment
+from pa_console.llm.local.messages import (
+    Cancel,
+    Done,
+    FromWorker,
+    Generate,
+    Load,
+    LoadFailed,
+    Piece,
+    PinnedFile,
+    Ready,
+    Refused,
+    encode,
+)
+from pa_console.llm.local.threads import physical_cores
+from pa_console.llm.models.catalogue import LocalModel
+from pa_console.schema.base import StrictModel
+from pa_console.schema.events.event import Role, WorkerState
+from pa_console.schema.finding import Usage
+
+COMMAND = ("-m", "pa_console.llm.local.worker")
+ENVIRONMENT = {"GOMP_SPINCOUNT": "1000"}
+"""Threads of llama.cpp that wait for each other look so often before they give their core away.
+
+On an idle machine 1,000 is as fast as 10,000; a tenth of it makes a plan half as long again. Beside
+a busy process two threads that look longer waste the time of the one that they wait for.
+"""
+
+LINE_LIMIT = 1 << 20
+WAITING_LIMIT = 8 << 20
+"""The largest number of unread bytes from a worker: ten times its longest answers."""
+
+EXIT_S = 2.0
+
+Answer = Piece | Done | Refused
+Signal = Literal["stop", "late", "ended"]
+
+
+class Worker:
+    """A running worker; `ready` resolves to whether its model was loaded, `error` says why not.
+
+    An empty `error` of a worker that has `ended` means that it died.
+    """
+
+    def __init__(
+        self,
+        child: asyncio.subprocess.Process,
+        on_ready: Callable[[int, str], None],
+        on_end: Callable[[str], None],
+    ) -> None:
+        self.pid = child.pid
+        self.ended = False
+        self.error = ""
+        self.ready: asyncio.Future[bool] = asyncio.get_running_loop().create_future()
+        self._child, self._on_ready, self._on_end = child, on_ready, on_end
+        self._answers: asyncio.Queue[tuple[Answer | Signal, int]] = asyncio.Queue()
+        self._waiting = 0
+        self._listener = asyncio.create_task(self._listen(), name="llm worker")
+
+    @classmethod
+    async def spawn(
+        cls, load: Load, on_ready: Callable[[int, str], None], on_end: Callable[[str], None]
+    ) -> "Worker":
+        """Start a worker that loads a model.
+
+        It has no terminal, so Ctrl-C does not reach it, and of the environment only what it needs.
+        """
+        child = await asyncio.create_subprocess_exec(
+            *python_command(*COMMAND),
+            cwd=OWN_FOLDER,
+            stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.DEVNULL,
+            start_new_session=True,
+            env={**ENVIRONMENT, **clean_environment(os.environ)},
+            limit=LINE_LIMIT,
+        )
+        worker = cls(child, on_ready, on_end)
+        worker.send(load)
+        return worker
+
+    def send(self, message: StrictModel) -> None:
+        """Write a message; a worker that is gone gets none."""
+        stream = self._child.stdin
+        if stream is not None and not self.ended and not stream.is_closing():
+            stream.write(encode(message))
+
+    async def receive(self, limit: float) -> Answer | Signal:
+        """Return the next answer or signal, "late" when none came until perf_counter() `limit`."""
+        try:
+            async with asyncio.timeout(max(0.0, limit - perf_counter())):
+                answer, size = await self._answers.get()
+        except TimeoutError:
+            return "late"
+        self._waiting -= size
+        return answer
+
+    def interrupt(self) -> None:
+        """Make `receive` return "stop"."""
+        self._put("stop")
+
+    def _put(self, answer: Answer | Signal, size: int = 0) -> None:
+        """Keep a message of `size` bytes until `receive` takes it."""
+        self._waiting += size
+        self._answers.put_nowait((answer, size))
+
+    async def kill(self) -> None:
+        """End the process now and wait until it is gone."""
+        self.strike()
+        await self._listener
+
+    async def close(self) -> None:
+        """Let the process end by closing its input; kill it when it does not."""
+        if self._child.stdin is not None:
+            self._child.stdin.close()
+        try:
+            async with asyncio.timeout(EXIT_S):
+                await asyncio.shield(self._listener)
+        except TimeoutError:
+            await self.kill()
+
+    def strike(self) -> None:
+        """Kill the process without waiting for its end.
+
+        Signal the process itself: Popen.kill could reap it, which is the event loop's part.
+        """
+        if self._child.returncode is None:
+            with suppress(ProcessLookupError):
+                os.kill(self.pid, signal.SIGKILL)
+
+    async def _reap(self) -> None:
+        """Wait for a process that sends no more; kill it if it lingers."""
+        try:
+            async with asyncio.timeout(EXIT_S):
+                await self._child.wait()
+        except TimeoutError:
+            self.strike()
+            await self._child.wait()
+
+    async def _listen(self) -> None:
+        """Sort the worker's messages until they end or make no sense, then reap it.
+
+        A line that is too long, or a second Ready, makes no sense.
+        """
+        stream = self._child.stdout
+        try:
+            while stream is not None and (line := await stream.readline()):
+                match FromWorker.validate_json(line):
+                    case Ready(n_ctx=n_ctx, description=description) if not self.ready.done():
+                        self._on_ready(n_ctx, description)
+                        self.ready.set_result(True)
+                    case LoadFailed(error=error):
+                        self.error = error
+                    case Ready():
+                        raise ValueError("the worker says twice that it is ready")
+                    case answer:
+                        self._put(answer, len(line))
+                if self._waiting > WAITING_LIMIT:
+                    raise ValueError("the worker says more than it was asked for")
+        except ValueError:
+            self.strike()
+        finally:
+            self.ended = True
+            await self._reap()
+            if not self.ready.done():
+                self.ready.set_result(False)
+            self._put("ended")
+            self._on_end(self.error)
+
+
+@dataclass(frozen=True)
+class ModelInfo:
+    """The facts of a model for the session log; `n_ctx` is exact once the engine is ready.
+
+    `adapters` has the SHA-256 of every adapter by the name of its file.
+    """
+
+    name: str
+    path: Path
+    sha256: str
+    n_ctx: int
+    description: str
+    adapters: dict[str, str] = field(default_factory=dict[str, str])
+
+    @classmethod
+    def of(cls, model: LocalModel, n_ctx: int) -> "ModelInfo":
+        """Return the facts of `model` in contexts of `n_ctx` tokens, before it is loaded."""
+        return cls(
+            model.name,
+            model.path,
+            model.sha256,
+            n_ctx,
+            model.description,
+            {adapter.path.name: adapter.sha256 for adapter in model.adapters},
+        )
+
+
+SAMPLER = "greedy seed=0"
+WARM_GRAMMAR = 'start: "{"'
+LOAD_LIMIT_S = 300.0
+SLOWED = "the machine is busy with other work, so answers take longer"
+DIED = "the model's process died; it is started again when it is needed"
+GRACE_S = 1.0
+"""The time for a worker to stop before it is killed, seconds."""
+
+OnState = Callable[[WorkerState, str], None]
+
+
+class Engine:
+    """Answers prompts, one at a time; `on_state` is told of every change of the worker."""
+
+    def __init__(
+        self,
+        model: LocalModel,
+        on_state: OnState | None = None,
+        *,
+        n_ctx: int | None = None,
+        threads: int | None = None,
+        fixed: bool = False,
+    ) -> None:
+        """Compute on `threads` threads at most, by default one a core.
+
+        If other programs use cores there are fewer, unless the number is `fixed`.
+        """
+        self.model = model
+        reader = model.second_reader
+        self.second_reader = Engine(reader, threads=threads, fixed=fixed) if reader else None
+        """The engine of the model that reads an order again; started when it is first needed.
+
+        It reads ahead only while nobody waits for this one.
+        """
+        n_ctx = n_ctx or model.n_ctx
+        self.info = ModelInfo.of(model, n_ctx)
+        self.sampler = SAMPLER
+        self.state: WorkerState = "unavailable"
+        self.detail = "not started"
+        self.on_state = on_state
+        self._load = Load(
+            weights=PinnedFile(path=str(model.path.absolute()), sha256=model.sha256),
+            chat=model.chat,
+            n_ctx=n_ctx,
+            threads=threads or physical_cores(),
+            fixed=fixed,
+            adapters={
+                adapter.role: PinnedFile(path=str(adapter.path.absolute()), sha256=adapter.sha256)
+                for adapter in model.adapters
+            },
+        )
+        self._worker: Worker | None = None
+        self._birth: asyncio.Future[Worker] | None = None
+        self.busy = False
+        """True while the worker has a prompt without an answer."""
+        self._urgent = 0
+        """The number of prompts with a waiting caller that are being answered or queued."""
+        self._interruptible = False
+        """True if the current prompt gives way to an urgent one."""
+        self._untold = False
+        self._turn, self._spawning = asyncio.Lock(), asyncio.Lock()
+        self._stop = asyncio.Event()
+        self._number = 0
+        self._closed = self._slowed = False
+
+    @property
+    def name(self) -> str:
+        """The model's name."""
+        return self.model.name
+
+    @property
+    def usable(self) -> bool:
+        """False if the model could not be loaded."""
+        return self.state != "unavailable"
+
+    @property
+    def pid(self) -> int | None:
+        """The process id of the living worker."""
+        return None if self._worker is None or self._worker.ended else self._worker.pid
+
+    async def start(self) -> None:
+        """Start loading the model and return at once.
+
+        Where it was started before anybody listened, `on_state` is told how far it is.
+        """
+        self._closed = False
+        if self.second_reader is not None:
+            self.second_reader._closed = False
+        await self._living_worker()
+        if self._untold:
+            self._change(self.state, self.detail)
+
+    async def close(self) -> None:
+        """Stop whatever runs and end the worker."""
+        self._closed = True
+        self.cancel()
+        async with self._spawning:
+            worker, self._worker = self._worker, None
+        if worker is not None:
+            await worker.close()
+        if self.second_reader is not None:
+            await self.second_reader.close()
+
+    def cancel(self) -> None:
+        """Stop the generation that is running, if any; it ends as `cancelled`."""
+        self._stop.set()
+        if self._worker is not None:
+            self._worker.interrupt()
+
+    def kill_worker(self) -> None:
+        """Kill the model's process as an outage would (fault injection); it is started on need."""
+        if self._worker is not None:
+            self._worker.strike()
+
+    async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
+        """Give the answer to `request` in pieces, then one Completed.
+
+        One that `yields` ends as `cancelled` as soon as another one comes, and at once while
+        another one waits. Raises ModelUnavailableError when the model cannot be loaded,
+        PromptRefusedError when the prompt does not fit, EngineDiedError when the worker ended
+        meanwhile.
+        """
+        urgent = not request.yields
+        self._urgent += urgent
+        if urgent:
+            self._give_way()
+            if self.second_reader is not None:
+                self.second_reader._give_way()
+        try:
+            async with aclosing(self._generate(request)) as items:
+                async for item in items:
+                    yield item
+        finally:
+            self._urgent -= urgent
+
+    def _give_way(self) -> None:
+        """Stop reading ahead, if the worker does so."""
+        if self._interruptible:
+            self.cancel()
+
+    async def warm(self, role: Role, system: str, user: str = "") -> None:
+        """Read the beginning of prompts of `role` ahead; a real prompt interrupts it.
+
+        What was read is kept, so an interrupted warm-up is not lost. Failures show in `state`.
+        """
+        beginning = Request(role, system, user, WARM_GRAMMAR, 1, LOAD_LIMIT_S, yields=True)
+        with suppress(EngineError):
+            async for _ in self.generate(beginning):
+                pass
+
+    async def _generate(self, request: Request) -> AsyncGenerator[str | Completed]:
+        """Take the turn, wait for the model, ask."""
+        async with self._turn:
+            self._stop.clear()
+            if request.yields and self._urgent:
+                yield Completed("", Usage(), "cancelled")
+                return
+            self._interruptible = request.yields
+            worker = await self._living_worker()
+            if not await self._loaded(worker):
+                yield Completed("", Usage(), "cancelled")
+                return
+            self._number += 1
+            self.busy = True
+            try:
+                async for item in self._exchange(worker, self._number, request):
+                    yield item
+            finally:
+                self.busy = False
+                worker.send(Cancel(id=self._number))
+
+    async def _living_worker(self) -> Worker:
+        """Return the worker; whoever waits may be cancelled, a process is always born whole."""
+        if self._closed:
+            raise ModelUnavailableError("the engine is closed")
+        self._birth = asyncio.ensure_future(self._spawned())
+        return await asyncio.shield(self._birth)
+
+    async def _spawned(self) -> Worker:
+        async with self._spawning:
+            if self._worker is None or self._worker.ended:
+                self._change("loading", self.model.name)
+                self._worker = await Worker.spawn(self._load, self._on_ready, self._on_end)
+            return self._worker
+
+    async def _loaded(self, worker: Worker) -> bool:
+        """Wait for the model; False when cancelled meanwhile."""
+        name = self.model.name
+        stop = asyncio.ensure_future(self._stop.wait())
+        try:
+            await asyncio.wait(
+                {worker.ready, stop}, timeout=LOAD_LIMIT_S, return_when=asyncio.FIRST_COMPLETED
+            )
+        finally:
+            stop.cancel()
+        if self._stop.is_set():
+            return False
+        if worker.ready.done():
+            if worker.error:
+                raise ModelUnavailableError(self._unusable(worker.error))
+            if worker.ended:
+                raise EngineDiedError(DIED)
+            return True
+        await worker.kill()
+        raise ModelUnavailableError(f"model {name} was not loaded within {LOAD_LIMIT_S:.0f} s")
+
+    async def _exchange(
+        self, worker: Worker, number: int, request: Request
+    ) -> AsyncGenerator[str | Completed]:
+        """Send `request` and pass the worker's messages on until it is over or too late."""
+        worker.send(
+            # The worker has the grammar: the schema is for servers, and may be long.
+            Generate(id=number, request=replace(request, schema=None))
+        )
+        started = perf_counter()
+        limit, text = started + request.deadline_s, ""
+        asked: Finish | None = None
+        while True:
+            message = await worker.receive(limit)
+            match message:
+                case Piece(id=id_) if id_ == number:
+                    text += message.text
+                    yield message.text
+                case Done(id=id_) if id_ == number:
+                    self._tell_slowed(message.slowed)
+                    finish = asked or message.finish
+                    yield Completed(text, message.usage, finish, message.texts, message.chances)
+                    return
+                case Refused(id=id_) if id_ == number:
+                    raise PromptRefusedError(message.error)
+                case "ended" if worker.error:
+                    raise ModelUnavailableError(self._unusable(worker.error))
+                case "ended":
+                    raise EngineDiedError(DIED)
+                case "stop" if asked is None and self._stop.is_set():
+                    asked = "cancelled"
+                    worker.send(Cancel(id=number))
+                    limit = perf_counter() + GRACE_S
+                case "late" if asked is None:
+                    asked = "deadline"
+                    worker.send(Cancel(id=number))
+                    limit = perf_counter() + GRACE_S
+                case "late":
+                    await worker.kill()
+                    usage = Usage(seconds=perf_counter() - started)
+                    yield Completed(text, usage, asked or "deadline")
+                    if not self._closed:
+                        await self._living_worker()
+                    return
+                case _:
+                    continue
+
+    def _unusable(self, error: str) -> str:
+        return f"model {self.model.name} cannot be used: {error}"
+
+    def _tell_slowed(self, slowed: bool) -> None:
+        """Report that answers are slow because the machine is busy, or no longer so."""
+        if slowed != self._slowed:
+            self._slowed = slowed
+            if slowed:
+                self._change("slow", SLOWED)
+            else:
+                self._change("ready", self.model.name)
+
+    def _on_ready(self, n_ctx: int, description: str) -> None:
+        self.info = replace(self.info, n_ctx=n_ctx, description=description)
+        self._slowed = False
+        self._change("ready", self.model.name)
+
+    def _on_end(self, error: str) -> None:
+        """Report why the worker ended: it could not load, or it died."""
+        if not self._closed:
+            self._change("unavailable" if error else "dead", error or "the process ended")
+
+    def _change(self, state: WorkerState, detail: str) -> None:
+        self.state, self.detail = state, detail
+        self._untold = self.on_state is None
+        if self.on_state is not None:
+            self.on_state(state, detail)

@@ -1,0 +1,176 @@
+"""The process that holds the model: reads requests on stdin, writes answers on stdout.
+
+It owns the only imports of llama.cpp and llguidance. It ignores Ctrl-C (its parent decides), ends
+at once when its parent is gone, and prints nothing to the terminal. It loads what has the hashes
+that its parent names, and gives up what it does not need before it does (see `confinement`).
+"""
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from queue import SimpleQueue
+from typing import IO, TYPE_CHECKING
+
+from pa_console.llm.local.confinement import confine, read_only
+from pa_console.llm.local.messages import (
+    Cancel,
+    Done,
+    Generate,
+    Load,
+    LoadFailed,
+    Piece,
+    PinnedFile,
+    Ready,
+    Refused,
+    ToWorker,
+    encode,
+)
+from pa_console.llm.models.cache import CheckedFile
+from pa_console.schema.base import StrictModel
+from pa_console.schema.events.event import Role
+
+if TYPE_CHECKING:
+    from pa_console.llm.local.decoding import ChatPrompt, Decoder
+
+SEQUENCES: dict[Role, int] = {"planner": 0, "judge": 1, "outcome": 2}
+"""Each role keeps its own KV cache, so its fixed prompt is evaluated once."""
+
+
+class Inbox:
+    """Reads the parent's messages in a thread, so that a cancel is seen while the model works."""
+
+    def __init__(self, stream: IO[bytes]) -> None:
+        self.requests: SimpleQueue[Generate] = SimpleQueue()
+        self._stream = stream
+        self._cancelled = 0
+        self.current = 0
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def stopped(self) -> bool:
+        """True if the present generation was cancelled."""
+        return self.current <= self._cancelled
+
+    def _listen(self) -> None:
+        for line in self._stream:
+            message = ToWorker.validate_json(line)
+            if isinstance(message, Cancel):
+                self._cancelled = max(self._cancelled, message.id)
+            elif isinstance(message, Generate):
+                self.requests.put(message)
+        os._exit(0)
+
+
+def serve(load: Load, inbox: Inbox, outbox: IO[bytes]) -> None:
+    """Load a model, then answer one request after the other."""
+
+    def send(message: StrictModel) -> None:
+        outbox.write(encode(message))
+
+    files: dict[PinnedFile, CheckedFile] = {}
+    try:
+        with ThreadPoolExecutor(1) as hashing:
+            opened = hashing.submit(_open, (load.weights, *load.adapters.values()))
+            from pa_console.llm.local.decoding import ChatPrompt, Decoder  # noqa: PLC0415
+            from pa_console.llm.local.runtime import Runtime  # noqa: PLC0415
+            from pa_console.llm.local.threads import FreeCores  # noqa: PLC0415
+
+            cores = FreeCores(load.threads, fixed=load.fixed)
+            files = opened.result()
+        confine(sum(file.size for file in files.values()), load.threads)
+        inbox.current = 1
+        runtime = Runtime(
+            files[load.weights].route,
+            n_ctx=load.n_ctx,
+            cores=cores,
+            stopped=inbox.stopped,
+            adapters={SEQUENCES[role]: files[pin].route for role, pin in load.adapters.items()},
+        )
+        chat, decoder = ChatPrompt(runtime, load.chat), Decoder(runtime)
+        _check(files.values())
+    except Exception as error:  # whatever it is, the parent has to know
+        send(LoadFailed(error=_in_words(error, files.values())))
+        return
+    send(Ready(n_ctx=runtime.n_ctx, description=runtime.description))
+    while True:
+        request = inbox.requests.get()
+        try:
+            _check(files.values())
+        except (OSError, ValueError) as error:
+            send(LoadFailed(error=str(error)))
+            return
+        inbox.current = request.id
+        try:
+            done = _answer(decoder, chat, request, send)
+        except (ValueError, RuntimeError) as error:
+            send(Refused(id=request.id, error=str(error)))
+        else:
+            send(done.model_copy(update={"slowed": runtime.cores.busy()}))
+
+
+def _open(pins: Iterable[PinnedFile]) -> dict[PinnedFile, CheckedFile]:
+    """Open every file once and hash it; raises ValueError for one that is not what was pinned."""
+    return {pin: CheckedFile(pin.path, pin.sha256) for pin in set(pins)}
+
+
+def _check(files: Iterable[CheckedFile]) -> None:
+    """Raise ValueError when a file in use was written to and is another now; takes 10 µs."""
+    for file in files:
+        file.check()
+
+
+def _in_words(error: Exception, files: Iterable[CheckedFile]) -> str:
+    """Return what went wrong, with the names of files for the descriptors they are loaded by."""
+    text = str(error) or type(error).__name__
+    for file in files:
+        text = text.replace(f"{file.route}:", f"{file.path}:")
+    return text
+
+
+def _answer(
+    decoder: "Decoder", chat: "ChatPrompt", asked: Generate, send: Callable[[StrictModel], None]
+) -> Done:
+    """Write one answer piece by piece, or several at once; return how that ended."""
+    request = asked.request
+    sequence = SEQUENCES[request.role]
+    prompt = chat.tokens(request.system, request.user)
+    if request.count == 1:
+        finish, usage = decoder.answer(
+            sequence, prompt, request, lambda text: send(Piece(id=asked.id, text=text))
+        )
+        return Done(id=asked.id, finish=finish, usage=usage, chances=decoder.chances)
+    texts, finish, usage = decoder.several(sequence, prompt, request)
+    return Done(id=asked.id, finish=finish, usage=usage, texts=tuple(texts))
+
+
+def _first(stream: IO[bytes]) -> Load:
+    """Return the first message of the parent, which names the files to load."""
+    line = stream.readline()
+    if not line:
+        sys.exit(0)
+    load = ToWorker.validate_json(line)
+    if not isinstance(load, Load):
+        raise TypeError("the first message must be Load")
+    return load
+
+
+def main() -> None:
+    """Keep the pipes to the parent for messages only, and serve."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    incoming, outgoing = os.dup(0), os.dup(1)
+    nothing = os.open(os.devnull, os.O_RDWR)
+    for descriptor in (0, 1, 2):
+        os.dup2(nothing, descriptor)
+    stream = os.fdopen(incoming, "rb")
+    load = _first(stream)
+    read_only(pin.path for pin in (load.weights, *load.adapters.values()))
+    try:
+        serve(load, Inbox(stream), os.fdopen(outgoing, "wb", buffering=0))
+    except BrokenPipeError:
+        sys.exit(0)
+
+
+if __name__ == "__main__":
+    main()

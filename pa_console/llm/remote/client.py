@@ -1,0 +1,197 @@
+"""One question to a model's server: its answer as it comes, and every way to fail as a ServerError.
+
+The `openai` client speaks to it, and asks again by itself, with a growing pause that is jittered,
+where no answer had begun: when it could not connect, and after 408, 409, 429 and 5xx. Nothing is
+taken from its variables in the environment, no proxy is used and no redirect is followed: what is
+sent goes to the server that was named, with its key and no other.
+"""
+
+import asyncio
+import ssl
+from collections.abc import AsyncGenerator, Mapping
+from contextlib import aclosing
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, cast
+
+from pa_console.llm.backend import Chance, ServerError
+from pa_console.llm.remote.address import ServerAddress, ServerKey
+from pa_console.schema.text import visible_line
+
+if TYPE_CHECKING:
+    from httpx2 import Request as HttpRequest
+    from openai import AsyncOpenAI, AsyncStream
+    from openai.types.chat import ChatCompletionChunk
+
+RETRIES = 2
+MOST_TOLD = 160
+"""The number of characters of a server's own error message that are shown."""
+MOST_CHARS = 64 * 1024
+"""A longer answer is none of ours."""
+TIMED_OUT = "gave no complete answer within {:.1f} s"
+BROKE_OFF = "broke off in the middle of its answer"
+OTHERS = ("openai-organization", "openai-project", "x-stainless-")
+"""Beginnings of headers that the client sends of its own accord."""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A piece of an answer, with the probability of its tokens as far as the server reports it.
+
+    `finish` is why the answer ended, in the last piece; '' before.
+    """
+
+    text: str
+    chances: tuple[Chance, ...] = ()
+    finish: str = ""
+
+
+class ServerClient:
+    """Asks the model at `address`; nothing is sent, and the library not loaded, before `ask`."""
+
+    def __init__(self, address: ServerAddress, key: ServerKey, *, retries: int = RETRIES) -> None:
+        self.address = address
+        self.key = key
+        self._retries = retries
+        self._client: AsyncOpenAI | None = None
+
+    async def close(self) -> None:
+        """Close the connections."""
+        client, self._client = self._client, None
+        if client is not None:
+            await client.close()
+
+    async def ask(
+        self,
+        system: str,
+        user: str,
+        max_tokens: int,
+        within_s: float,
+        extra: Mapping[str, Any],
+        *,
+        chances: bool = False,
+    ) -> AsyncGenerator[Piece]:
+        """Yield the answer to a prompt piece by piece, the last one with its `finish`.
+
+        `extra` is what the request has besides, such as a way to constrain the answer. Leaving it
+        early closes the connection, which tells the server to stop. Raises ServerError when there
+        is no whole answer within `within_s` seconds, or none at all.
+        """
+        limit = asyncio.get_running_loop().time() + within_s
+        late = ServerError(TIMED_OUT.format(within_s))
+        told = {"logprobs": True, "top_logprobs": 1} if chances else {}
+        body: dict[str, Any] = {
+            "model": self.address.name,
+            "messages": _messages(system, user),
+            "max_tokens": max_tokens,
+            "temperature": 0.0,
+            "seed": 0,
+            "stream": True,
+            **told,
+        }
+        try:
+            async with asyncio.timeout_at(limit):
+                stream = await self._started(body, extra)
+        except TimeoutError:
+            raise late from None
+        length = 0
+        async with aclosing(stream):
+            while True:
+                try:
+                    async with asyncio.timeout_at(limit):
+                        piece = await self._next(stream, length)
+                except TimeoutError:
+                    raise late from None
+                length += len(piece.text)
+                if length > MOST_CHARS:
+                    raise ServerError(f"wrote more than {MOST_CHARS} characters")
+                yield piece
+                if piece.finish:
+                    return
+
+    async def _started(
+        self, body: Mapping[str, Any], extra: Mapping[str, Any]
+    ) -> "AsyncStream[ChatCompletionChunk]":
+        try:
+            client = self._client or await asyncio.to_thread(self._opened)
+            self._client = client
+            return cast(
+                "AsyncStream[ChatCompletionChunk]",
+                await client.chat.completions.create(**body, extra_body=extra),
+            )
+        except Exception as error:
+            raise self._failed(error) from None
+
+    async def _next(self, stream: "AsyncStream[ChatCompletionChunk]", length: int) -> Piece:
+        """Return the next piece, which begins behind `length` characters of the answer."""
+        try:
+            chunk = await anext(stream)
+            choice = chunk.choices[0] if chunk.choices else None
+            if choice is None:
+                return Piece("")
+            text = choice.delta.content or ""
+            chances: list[Chance] = []
+            at = length
+            for token in (choice.logprobs.content or ()) if choice.logprobs else ():
+                chances.append((at, float(token.logprob)))
+                at += len(token.token)
+            return Piece(text, tuple(chances), choice.finish_reason or "")
+        except StopAsyncIteration:
+            raise ServerError(BROKE_OFF) from None
+        except Exception as error:
+            raise self._failed(error, begun=True) from None
+
+    def _failed(self, error: Exception, *, begun: bool = False) -> ServerError:
+        """Return why there is no answer, without the key or a part of the request."""
+        from openai import APIConnectionError, APIStatusError, APITimeoutError  # noqa: PLC0415
+
+        match error:
+            case ServerError():
+                return error
+            case APIStatusError():
+                said = visible_line(self.key.hidden_in(error.message))[:MOST_TOLD]
+                return ServerError(f"answered {error.status_code}: {said}", error.status_code)
+            case APITimeoutError():
+                return ServerError("did not answer in time")
+            case APIConnectionError() if not begun:
+                return ServerError("cannot be reached")
+            case _ if begun:
+                return ServerError(BROKE_OFF)
+            case _:
+                return ServerError(f"cannot be asked: {type(error).__name__}")
+
+    def _opened(self) -> "AsyncOpenAI":
+        """Load the library, which takes a second, and return a client."""
+        import httpx2  # noqa: PLC0415 - only where a server is named
+        import openai  # noqa: PLC0415
+
+        secret = self.key.secret
+
+        async def only_what_is_needed(request: "HttpRequest") -> None:
+            for name in [name for name in request.headers if name.lower().startswith(OTHERS)]:
+                del request.headers[name]
+            if secret:
+                request.headers["Authorization"] = f"Bearer {secret}"
+            else:
+                request.headers.pop("Authorization", None)
+
+        http = httpx2.AsyncClient(
+            trust_env=False,
+            follow_redirects=False,
+            verify=ssl.create_default_context(),
+            timeout=None,
+            event_hooks={"request": [only_what_is_needed]},
+        )
+        client = openai.AsyncOpenAI(
+            api_key=secret or "none",
+            base_url=self.address.base_url,
+            http_client=http,
+            max_retries=self._retries,
+            timeout=None,
+        )
+        _ = client.chat.completions  # loaded here, not by the first question
+        return client
+
+
+def _messages(system: str, user: str) -> list[dict[str, str]]:
+    messages = [{"role": "system", "content": system}, {"role": "user", "content": user}]
+    return [message for message in messages if message["content"]]

@@ -1,0 +1,428 @@
+"""The engine of a model on a server, as far as a server can be one.
+
+It answers the same requests as the engine of a local model and checks every answer itself. What a
+server cannot do it reports: it gives no answers but the likeliest one, keeps nothing that was read
+ahead, and knows the probabilities of tokens only where the server reports them. The caller has a
+model of this machine to turn to when it raises ServerError.
+
+Servers hold an answer to a JSON schema in different ways, each with a field of its own in the
+request. A server that does not know a field may ignore it and answer all the same. So every way is
+tried with a schema of random words that the prompt does not mention: only a constrained answer has
+them.
+"""
+
+import asyncio
+import json
+import secrets
+import string
+from collections.abc import AsyncGenerator, Callable
+from contextlib import aclosing
+from dataclasses import dataclass, field
+from typing import Any, Literal, cast
+
+from pa_console.llm.backend import BackendOptions, Chance, Completed, Request, ServerError
+from pa_console.llm.remote.address import KEY_VARIABLES, ServerAddress, ServerKey
+from pa_console.llm.remote.client import MOST_TOLD, ServerClient
+from pa_console.llm.roles.grammar import Schema
+from pa_console.schema.events.event import ServerState
+from pa_console.schema.finding import Usage
+
+Way = Literal[
+    "json_schema", "json_object", "structured_outputs", "guided_json", "format", "grammar"
+]
+"""A way to constrain a server's answer; see WAYS."""
+
+
+def _json_schema(schema: Schema) -> Schema:
+    named = {"name": "answer", "strict": True, "schema": schema}
+    return {"response_format": {"type": "json_schema", "json_schema": named}}
+
+
+def _json_object(schema: Schema) -> Schema:
+    return {"response_format": {"type": "json_object", "schema": schema}}
+
+
+WAYS: dict[Way, Callable[[Schema], Schema]] = {
+    "json_schema": _json_schema,
+    "json_object": _json_object,
+    "structured_outputs": lambda schema: {"structured_outputs": {"json": schema}},
+    "guided_json": lambda schema: {"guided_json": schema},
+    "format": lambda schema: {"format": schema},
+    "grammar": lambda schema: {"grammar": gbnf(schema)},
+}
+"""The request fields for a schema, the best known way first. `json_schema` is that of the OpenAI
+interface, which llama.cpp, Ollama and vLLM have too; `json_object` that of llama-cpp-python;
+`structured_outputs` and `guided_json` those of newer and older vLLM; `format` Ollama's own;
+`grammar` llama.cpp's, in GBNF."""
+
+_STRING = r'[^"\\\x7F\x00-\x1F]'
+"""A character of a string with nothing to escape, in GBNF."""
+
+
+def gbnf(schema: Schema) -> str:
+    """Return the grammar of `schema` for llama.cpp: JSON spaced as prompts show it."""
+    rules: dict[str, str] = {}
+    rules["root"] = _rule(schema, "root", rules)
+    return "".join(f"{name} ::= {rule}\n" for name, rule in rules.items())
+
+
+def _rule(schema: Schema, name: str, rules: dict[str, str]) -> str:
+    """Return what stands for `schema`; rules that it needs are added under names after `name`."""
+    match schema:
+        case {"anyOf": ways}:
+            kinds = [_rule(way, f"{name}-{n}", rules) for n, way in enumerate(_several(ways))]
+            return f"({' | '.join(kinds)})"
+        case {"enum": words}:
+            return f"({' | '.join(_literal(json.dumps(word)) for word in cast(list[str], words))})"
+        case {"type": "string"}:
+            return f'"\\"" {_STRING}* "\\""'
+        case {"type": "array", "items": items}:
+            rules[f"{name}-item"] = _rule(items, f"{name}-item", rules)
+            return _items(f"{name}-item", int(schema["minItems"]), int(schema["maxItems"]))
+        case {"type": "object", "properties": properties}:
+            parts = [
+                f"{_literal(json.dumps(key) + ': ')} {_rule(value, f'{name}-{key}', rules)}"
+                for key, value in cast(Schema, properties).items()
+            ]
+            return f'"{{" {_literal(", ").join(f" {part} " for part in parts)} "}}"'
+        case _:
+            raise ValueError(f"no grammar is known for the schema {schema}")
+
+
+def _items(item: str, least: int, most: int) -> str:
+    """Return the rule of an array of `least` to `most` times `item`."""
+    if most == 0:
+        return '"[]"'
+    more = f'{item} (", " {item}){{{max(least - 1, 0)},{most - 1}}}'
+    return f'"[" {more} "]"' if least else f'"[" ({more})? "]"'
+
+
+def _several(ways: Any) -> list[Schema]:
+    return cast(list[Schema], ways)
+
+
+def _literal(text: str) -> str:
+    """Return `text` as a literal of GBNF."""
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+PROMPT = "Say hello."
+PROBE_TOKENS = 48
+PROBE_S = 20.0
+"""The longest time of one probe, seconds."""
+REFUSES = (400, 404, 415, 422, 500, 501)
+"""The status codes of servers for a field, or a value of it, that they do not accept."""
+WORD = 8
+HOLDS, IGNORED = "holds", "ignored"
+
+
+@dataclass(frozen=True)
+class ProbeReport:
+    """The result of every way, in words, and whether token probabilities are reported."""
+
+    ways: dict[Way, str] = field(default_factory=dict[Way, str])
+    chances: bool = False
+
+    @property
+    def way(self) -> Way | None:
+        """The best way that holds; None where none does."""
+        return next((way for way, found in self.ways.items() if found == HOLDS), None)
+
+    @property
+    def summary(self) -> str:
+        """The conclusion, in a sentence."""
+        return f"answers are held to their form by {self.way}" if self.way else UNCONSTRAINED
+
+    @property
+    def told(self) -> str:
+        """All of it on a line."""
+        ways = ", ".join(f"{way} {found}" for way, found in self.ways.items())
+        return f"{self.summary} ({ways}); token chances {'told' if self.chances else 'not told'}"
+
+
+UNCONSTRAINED = "nothing holds answers to their form, so one that cannot be read is asked for again"
+
+
+async def probe(client: ServerClient, within_s: float = PROBE_S) -> ProbeReport:
+    """Try every way, and token probabilities; each try may take `within_s` seconds.
+
+    Raises ServerError when the server cannot be reached, is too slow or refuses every question.
+    """
+    chances = bool(await _asked(client, {}, within_s, chances=True, refused_too=True))
+    if not chances:
+        await _asked(client, {}, within_s)
+    found: dict[Way, str] = {}
+    for way in WAYS:
+        found[way] = await _tried(client, way, within_s)
+    return ProbeReport(found, chances)
+
+
+async def _tried(client: ServerClient, way: Way, within_s: float) -> str:
+    key, word = _random_word(), _random_word()
+    schema: Schema = {
+        "type": "object",
+        "properties": {key: {"type": "string", "enum": [word]}},
+        "required": [key],
+        "additionalProperties": False,
+    }
+    held, text = f'{{"{key}":"{word}"}}', ""
+    try:
+        async with aclosing(
+            client.ask("", PROMPT, PROBE_TOKENS, within_s, WAYS[way](schema))
+        ) as pieces:
+            async for piece in pieces:
+                text += "".join(piece.text.split())
+                if not held.startswith(text):
+                    return IGNORED
+    except ServerError as error:
+        if error.status not in REFUSES:
+            raise
+        return f"refused ({error.status})"
+    return HOLDS if text == held else IGNORED
+
+
+async def _asked(
+    client: ServerClient,
+    extra: Schema,
+    within_s: float,
+    *,
+    chances: bool = False,
+    refused_too: bool = False,
+) -> int:
+    """Ask for a few words; return of how many tokens the chance was told."""
+    told = 0
+    try:
+        async for piece in client.ask("", PROMPT, 4, within_s, extra, chances=chances):
+            told += len(piece.chances)
+    except ServerError as error:
+        if not refused_too or error.status not in REFUSES:
+            raise
+    return told
+
+
+def _random_word() -> str:
+    return "".join(secrets.choice(string.ascii_lowercase) for _ in range(WORD))
+
+
+AGAIN_S = 15.0
+"""A server that failed is looked at again after so long."""
+TRIES = 2
+"""The number of attempts when an answer cannot be read."""
+
+MOST_BEGINNINGS = 16
+"""The number of braces that are tried as the beginning of the answer."""
+OF_THE_QUESTION = (400, 413, 422)
+"""The status codes of a healthy server that does not accept the request."""
+
+OnServer = Callable[[ServerState, str], None]
+
+
+class ServerEngine:
+    """Answers prompts with the model at `address`; `on_state` is told of every change of it."""
+
+    def __init__(
+        self,
+        address: ServerAddress,
+        key: ServerKey,
+        *,
+        patience_s: float = BackendOptions.patience_s,
+        again_s: float = AGAIN_S,
+        chances: bool = False,
+        client: ServerClient | None = None,
+    ) -> None:
+        """Open the server's engine.
+
+        With `chances`, token probabilities are requested, which slows some servers.
+        """
+        self.address = address
+        self.name = str(address)
+        self.report = ProbeReport()
+        self.state: ServerState = "probing"
+        self.detail = "not asked yet"
+        self.on_state: OnServer | None = None
+        self._patience_s, self._again_s, self._chances = patience_s, again_s, chances
+        self._client = client or ServerClient(address, key)
+        self._looked, self._doubted = asyncio.Event(), asyncio.Event()
+        self._probing: asyncio.Task[None] | None = None
+
+    @property
+    def usable(self) -> bool:
+        """True if it answers, or if that is not known yet."""
+        return self.state != "away"
+
+    async def start(self) -> None:
+        """Begin to probe the server, now and again whenever it has failed."""
+        if self._probing is None:
+            self._probing = asyncio.create_task(self._probe_again(), name="model server")
+
+    async def _probe_again(self) -> None:
+        while True:
+            await self.look()
+            if self.usable:
+                await self._doubted.wait()
+            await asyncio.sleep(self._again_s)
+
+    async def look(self) -> None:
+        """Probe the server once; `state`, `detail` and `report` say what came of it."""
+        self._doubted.clear()
+        if self.state != "away":
+            self._change("probing", "its ways to constrain an answer are tried")
+        try:
+            self.report = await probe(self._client)
+        except ServerError as error:
+            self._change("away", str(error))
+        else:
+            self._change("ready" if self.report.way else "unconstrained", self.report.summary)
+        self._looked.set()
+
+    async def close(self) -> None:
+        """Stop probing and close the connections."""
+        if self._probing is not None:
+            self._probing.cancel()
+            await asyncio.gather(self._probing, return_exceptions=True)
+        await self._client.close()
+
+    async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
+        """Give the answer to `request` in pieces, then one Completed.
+
+        Of several answers none is given: a server does not tell them. An answer that does not meet
+        the schema of the request is asked for once more; its pieces are not given. Raises
+        ServerError when there is no answer that can be used, within the deadline or `patience_s`,
+        whichever is shorter; the server is then looked at again before it is asked anything else.
+        """
+        if request.count > 1:
+            yield Completed("", Usage(), "stop")
+            return
+        clock = asyncio.get_running_loop().time
+        began = clock()
+        limit = began + min(request.deadline_s, self._patience_s)
+        try:
+            await self._wait_for_probe(limit - began)
+            wrong = ""
+            for number in range(TRIES):
+                written = _Written(began)
+                async with aclosing(self._ask(request, limit - clock(), wrong)) as pieces:
+                    async for text, chances, finish in pieces:
+                        written.add(text, chances, finish, clock())
+                        if text and not number:
+                            yield text
+                answer, wrong = read_answer(written.text, request.schema)
+                if not wrong:
+                    yield written.completed(answer, clock())
+                    return
+        except ServerError as error:
+            if error.status not in OF_THE_QUESTION:
+                self._doubt(str(error))
+            raise
+        wrong = f"gave no answer that can be read, {TRIES} times: {wrong}"
+        self._doubt(wrong)
+        raise ServerError(wrong)
+
+    async def _wait_for_probe(self, seconds: float) -> None:
+        if not self._looked.is_set():
+            try:
+                async with asyncio.timeout(seconds):
+                    await self._looked.wait()
+            except TimeoutError:
+                raise ServerError(f"was not ready within {seconds:.1f} s") from None
+        if not self.usable:
+            raise ServerError(self.detail)
+
+    async def _ask(
+        self, request: Request, within_s: float, wrong: str
+    ) -> AsyncGenerator[tuple[str, tuple[Chance, ...], str]]:
+        way, schema, user = self.report.way, request.schema, request.user
+        extra: Schema = {}
+        if schema is not None and way is not None:
+            extra = WAYS[way](schema)
+        elif schema is not None:
+            user += f"\n\nAnswer with one JSON object that meets this schema: {json.dumps(schema)}"
+        if wrong:
+            user += f"\n\nYour last answer could not be read: {wrong}"
+        chances = self._chances and self.report.chances
+        asked = self._client.ask(
+            request.system, user, request.max_tokens, within_s, extra, chances=chances
+        )
+        async with aclosing(asked) as pieces:
+            async for piece in pieces:
+                yield piece.text, piece.chances, piece.finish
+
+    def _doubt(self, why: str) -> None:
+        """Ask nothing more before the server was looked at again."""
+        if self.usable:
+            self._change("away", why)
+        self._doubted.set()
+
+    def _change(self, state: ServerState, detail: str) -> None:
+        if (state, detail) != (self.state, self.detail):
+            self.state, self.detail = state, detail
+            if self.on_state is not None:
+                self.on_state(state, detail)
+
+
+def open_server(name: str, options: BackendOptions) -> ServerEngine:
+    """Return the engine of the model at the address `name`, `openai:BASE_URL#NAME`.
+
+    Raises ModelError for a name that is no address, and for one to which words would go in clear
+    text, unless `options` allow it.
+    """
+    address = ServerAddress.parse(name)
+    address.allow(plain=options.plain)
+    key = ServerKey.find(address, KEY_VARIABLES[options.use])
+    return ServerEngine(
+        address, key, patience_s=options.patience_s, chances=options.use == "second reader"
+    )
+
+
+class _Written:
+    """An answer as it comes."""
+
+    def __init__(self, began: float) -> None:
+        self.text, self._chances, self._finish = "", list[Chance](), ""
+        self._began, self._first, self._pieces = began, 0.0, 0
+
+    def add(self, text: str, chances: tuple[Chance, ...], finish: str, now: float) -> None:
+        if text and not self._pieces:
+            self._first = now - self._began
+        self.text += text
+        self._chances += chances
+        self._finish = finish
+        self._pieces += bool(text)
+
+    def completed(self, answer: str, now: float) -> Completed:
+        """Return the end; chances count for the text as it was written only."""
+        usage = Usage(
+            completion_tokens=self._pieces,
+            sampled_tokens=self._pieces,
+            first_token_s=self._first,
+            seconds=now - self._began,
+        )
+        chances = tuple(self._chances) if answer == self.text else ()
+        return Completed(answer, usage, "stop", chances=chances)
+
+
+def read_answer(text: str, schema: Schema | None) -> tuple[str, str]:
+    """Return the JSON object in `text` that meets `schema`, or else the problem with it.
+
+    Words around it, or a fence, do not matter. Without a schema the text is the answer.
+    """
+    if schema is None:
+        return text, ""
+    from jsonschema import Draft202012Validator  # noqa: PLC0415 - only where a server is named
+
+    validator, wrong = Draft202012Validator(schema), ""
+    begin = -1
+    for _ in range(MOST_BEGINNINGS):
+        begin = text.find("{", begin + 1)
+        if begin < 0:
+            break
+        try:
+            value, end = json.JSONDecoder().raw_decode(text, begin)
+        except (ValueError, RecursionError) as error:
+            wrong = wrong or f"it is not JSON: {error}"
+        else:
+            error = next(iter(cast(Any, validator).iter_errors(value)), None)
+            if error is None:
+                return text[begin:end], ""
+            wrong = wrong or str(error.message)[:MOST_TOLD]
+    return "", wrong or "it holds no JSON object"

@@ -1,0 +1,96 @@
+"""The models of a session: its own, and those elsewhere that are asked before it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from pa_console.llm.backend import (
+    Backend,
+    BackendOptions,
+    ModelError,
+    names_backend,
+    open_backend,
+)
+from pa_console.llm.models.catalogue import NO_READER, Catalog
+from pa_console.llm.remote.address import FORM
+from pa_console.schema.events.event import ServerUse
+
+
+@dataclass(frozen=True)
+class Servers:
+    """The backends of a session's models elsewhere, by their use; none unless named."""
+
+    by_use: Mapping[ServerUse, Backend] = field(default_factory=dict[ServerUse, Backend])
+
+    @classmethod
+    def open(
+        cls,
+        named: Mapping[ServerUse, str],
+        *,
+        plain: bool = BackendOptions.plain,
+        patience_s: float = BackendOptions.patience_s,
+    ) -> "Servers":
+        """Return backends for the models that are `named`, `openai:BASE_URL#NAME` each or ''.
+
+        Nothing is sent yet. Planner and judge with the same model share a backend. Raises
+        ModelError for a name that is none, and for one to which words would go in clear text,
+        unless `plain` allows it.
+        """
+        found: dict[ServerUse, Backend] = {}
+        for use, name in named.items():
+            if names_backend(name):
+                backend = open_backend(name, BackendOptions(use, plain, patience_s))
+                planner = found.get("planner")
+                shared = use == "judge" and planner is not None and planner.name == backend.name
+                found[use] = planner if shared and planner is not None else backend
+        return cls(found)
+
+    @property
+    def backends(self) -> dict[Backend, tuple[ServerUse, ...]]:
+        """Every backend once, with its uses."""
+        found: dict[Backend, tuple[ServerUse, ...]] = {}
+        for use, backend in self.by_use.items():
+            found[backend] = (*found.get(backend, ()), use)
+        return found
+
+    @property
+    def named(self) -> dict[ServerUse, str]:
+        """The models by their use, as a log names them."""
+        return {use: backend.name for use, backend in self.by_use.items()}
+
+
+NO_SERVERS = Servers()
+"""The servers of a session without any."""
+
+
+@dataclass(frozen=True)
+class SessionModels:
+    """The `own` model and its second reader by name, and the models elsewhere by their use.
+
+    `own` None is the catalogue's default: it takes over where a server does not answer.
+    """
+
+    own: str | None
+    second_reader: str = NO_READER
+    named: Mapping[ServerUse, str] = field(default_factory=dict[ServerUse, str])
+
+
+def session_models(model: str | None, judge_server: str, second_reader: str) -> SessionModels:
+    """Sort what an operator has chosen; a name of the catalogue may be that of a server.
+
+    Raises ModelError for a judge's server that is none.
+    """
+    if not (model or judge_server or second_reader):
+        return SessionModels(None, "")
+    addresses = {entry.name: entry.address for entry in Catalog.load().servers}
+    chosen = addresses.get(model or "", model or "")
+    judge = addresses.get(judge_server, judge_server)
+    reader = addresses.get(second_reader, second_reader)
+    if judge and not names_backend(judge):
+        raise ModelError(f"judge_server: {judge!r} is no model on a server: write {FORM}")
+    uses: dict[ServerUse, str] = {"planner": chosen, "judge": judge, "second reader": reader}
+    named: dict[ServerUse, str] = {use: name for use, name in uses.items() if names_backend(name)}
+    return SessionModels(
+        None if "planner" in named else chosen or None,
+        NO_READER if "second reader" in named else reader,
+        named,
+    )

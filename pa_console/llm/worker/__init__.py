@@ -1,1 +1,0 @@
-"""The process that holds the model: it reads prompts and writes answers under a grammar."""
