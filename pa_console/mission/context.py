@@ -28,7 +28,7 @@ from pa_console.policy.retriever import DEFAULT_METHOD, Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events.event import EventPayload, Noticed, ServerUse
-from pa_console.schema.mission import Metrics, Mission
+from pa_console.schema.mission import Metrics, Mission, MissionStatus
 from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
@@ -277,3 +277,11 @@ class MissionContext:
         """Return the number of one more plan."""
         self.attempts += 1
         return self.attempts
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The result of a mission, and its reason."""
+
+    status: MissionStatus
+    reason: str

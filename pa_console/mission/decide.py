@@ -5,7 +5,7 @@ the operator knows what was meant.
 """
 
 from collections.abc import Awaitable, Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 
 from pa_console.fleets.fleet import Countersigned
@@ -21,7 +21,7 @@ from pa_console.mission.approval import (
     unasked_decision,
 )
 from pa_console.mission.candidate import LIKELIER_OTHERWISE, Candidate
-from pa_console.mission.context import MissionContext
+from pa_console.mission.context import MissionContext, Outcome
 from pa_console.mission.plan import Planned
 from pa_console.mission.premises import way_to_safety
 from pa_console.mission.propose import other_readings
@@ -29,8 +29,7 @@ from pa_console.mission.understand import NotUnderstood, StandingOffer
 from pa_console.schema.events import event as ev
 from pa_console.schema.events.event import MOST_READINGS
 from pa_console.schema.mission import ELSEWHERE, Decision, MissionStatus
-from pa_console.schema.plan import Action, Plan
-from pa_console.schema.world import World
+from pa_console.schema.plan import Plan
 
 Decide = Callable[[], Awaitable[Decision]]
 """Waits for the operator's answer once approval was requested."""
@@ -51,10 +50,11 @@ class Readings:
 
 @dataclass(frozen=True)
 class Decided:
-    """An admissible decision, and the request that it answers."""
+    """An admissible decision, the request that it answers, and the readings on offer in it."""
 
     request: ev.ApprovalRequested
     decision: Decision
+    readings: Readings = Readings()
 
 
 @dataclass(frozen=True)
@@ -65,19 +65,43 @@ class Approved:
     decided: Decided
 
 
-@dataclass(frozen=True)
-class NotApproved:
-    """The result of a mission whose plan is not executed, and the reason."""
+async def decide(
+    context: MissionContext, planned: Planned, before: Readings, answer: Decide
+) -> Decided:
+    """Step 6: request approval of a plan until there is an admissible decision.
 
-    status: MissionStatus
-    reason: str
+    Beside it stands what else the order may mean; what was read `before` remains on offer.
+    """
+    shown, world = planned.best, context.services.fleet.world
+    found, rehearsal = shown.examination, shown.examination.rehearsal
+    readings = await _reconsider(context, planned, before)
+    baseless = "nothing in the order names what was read in it"
+    request = request_approval(
+        f"{context.mission.id}.{shown.attempt}",
+        shown.attempt,
+        CheckedPlan(found.plan, found.findings, shown.verdict, shown.judge_error),
+        OrderAsRead(
+            asked=readings.own,
+            readings=readings.offered,
+            gaps=shown.gaps_told,
+            confidence=shown.agreed,
+            read_apart=read_apart(shown, world.base),
+            narrowed=shown.narrowed,
+            question=f"{baseless}. What is to be done, by whom and where?"
+            if shown.mentions.baseless
+            else "",
+        ),
+        judging=context.services.variant.judging,
+        if_halted=way_to_safety(found.plan, world, rehearsal.before) if rehearsal else (),
+    )
+    return replace(await answered(context, request, answer), readings=readings)
 
 
-async def reconsider(context: MissionContext, planned: Planned, before: Readings) -> Readings:
+async def _reconsider(context: MissionContext, planned: Planned, before: Readings) -> Readings:
     """Find what else the order may mean: what the judge has read, and other readings.
 
     Those are looked for where the models are unsure. What an operator has chosen is not read
-    anew: what was read `before` remains on offer.
+    anew.
     """
     looked_at, shown = context.services.variant.readings, planned.best
     if not looked_at:
@@ -94,31 +118,6 @@ async def reconsider(context: MissionContext, planned: Planned, before: Readings
     founded = (said for said in others if not _baseless(context, planned, said))
     offered = tuple(islice(founded, MOST_READINGS))
     return Readings(own, offered) if offered else Readings()
-
-
-async def ask_operator(
-    context: MissionContext, planned: Planned, readings: Readings, decide: Decide
-) -> Decided:
-    """Step 6: request approval until there is an admissible decision."""
-    shown = planned.best
-    found = shown.examination
-    request = request_approval(
-        f"{context.mission.id}.{shown.attempt}",
-        shown.attempt,
-        CheckedPlan(found.plan, found.findings, shown.verdict, shown.judge_error),
-        OrderAsRead(
-            asked=readings.own,
-            readings=readings.offered,
-            gaps=shown.gaps_told,
-            confidence=shown.agreed,
-            read_apart=read_apart(shown, context.services.fleet.world.base),
-            narrowed=shown.narrowed,
-            question=_question(shown),
-        ),
-        judging=context.services.variant.judging,
-        if_halted=_way_to_safety(shown, context.services.fleet.world),
-    )
-    return await answered(context, request, decide)
 
 
 async def answered(
@@ -198,8 +197,8 @@ def _unasked(context: MissionContext, request: ev.ApprovalRequested) -> Decision
 
 async def offer_standing(
     context: MissionContext, offered: StandingOffer, decide: Decide
-) -> StandingOffer | NotApproved:
-    """Show a standing order, and return it once an operator has approved it.
+) -> Outcome:
+    """Show a standing order; it starts its missions by itself once an operator has approved it.
 
     It is in force then, and by nothing else. One that cannot be in force beside the others is
     blocked.
@@ -221,15 +220,15 @@ async def offer_standing(
     if decided.decision.kind != "approve":
         why = "; ".join(decided.request.blocked_by) or decided.decision.reason
         status: MissionStatus = "held" if decided.request.blocked_by else "rejected"
-        return NotApproved(status, why or f"rejected by {decided.decision.by}")
+        return Outcome(status, why or f"rejected by {decided.decision.by}")
     standing.approve(offered.condition)
     context.emit(ev.StandingOrderApproved(order=order, by=decided.decision.by))
-    return offered
+    return Outcome("verified", f"standing order {order.id} is in force until it is revoked")
 
 
 async def ask_back(
     context: MissionContext, asked: NotUnderstood, number: int, decide: Decide
-) -> str | NotApproved:
+) -> str | Outcome:
     """Ask the operator for the meaning, for the time `number`, and return the answer.
 
     No plan was made, and none is approved by an answer.
@@ -244,17 +243,17 @@ async def ask_back(
     decided = await answered(context, request, decide)
     if decided.decision.kind == "answer":
         return " ".join(decided.decision.asked.split())
-    return NotApproved("held", "; ".join(decided.request.blocked_by))
+    return Outcome("held", "; ".join(decided.request.blocked_by))
 
 
-def rejection(shown: Candidate, decided: Decided) -> NotApproved:
+def rejection(shown: Candidate, decided: Decided) -> Outcome:
     """Return what a mission comes to whose plan was rejected."""
     blocked_by, decision = decided.request.blocked_by, decided.decision
     if shown.examination.blocked:
-        return NotApproved("refused", "; ".join(blocked_by))
+        return Outcome("refused", "; ".join(blocked_by))
     if blocked_by:
-        return NotApproved("held", "; ".join(blocked_by))
-    return NotApproved("rejected", decision.reason or f"rejected by {decision.by}")
+        return Outcome("held", "; ".join(blocked_by))
+    return Outcome("rejected", decision.reason or f"rejected by {decision.by}")
 
 
 def _baseless(context: MissionContext, planned: Planned, said: str) -> bool:
@@ -266,21 +265,6 @@ def _baseless(context: MissionContext, planned: Planned, said: str) -> bool:
     before = rehearsal.before if rehearsal is not None else context.services.fleet.picture()
     text, nothing = planned.answered.retrieved.task.text, Plan(reason="", actions=())
     return check_mentions(world, before, text, said, nothing).unfounded
-
-
-def _question(shown: Candidate) -> str:
-    """Return the question to ask if a plan moves an asset and no word of the order supports it."""
-    if not shown.mentions.baseless:
-        return ""
-    return "nothing in the order names what was read in it. What is to be done, by whom and where?"
-
-
-def _way_to_safety(shown: Candidate, world: World) -> tuple[Action, ...]:
-    """Return the way to safety of a plan: its agents' actions if it is halted."""
-    rehearsal = shown.examination.rehearsal
-    if rehearsal is None:
-        return ()
-    return way_to_safety(shown.examination.plan, world, rehearsal.before)
 
 
 def said_by_planner(shown: Candidate) -> str:

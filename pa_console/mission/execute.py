@@ -1,23 +1,21 @@
-"""Step 7 of a mission: dispatch, follow to the end or halt, verify by telemetry."""
+"""Step 7 of a mission: dispatch, follow to the end or halt, wait for the evidence."""
 
-from collections.abc import AsyncIterator, Iterator, Sequence
-from dataclasses import dataclass
-from time import perf_counter
+from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 from pa_console.mission.context import MissionContext
 from pa_console.mission.dispatch import TIMED_OUT, Dispatch, Step, StepFeed
 from pa_console.mission.examine import Examination
 from pa_console.mission.premises import Premises, safe_state
 from pa_console.mission.rehearse import device_commands, order_moments
-from pa_console.mission.verify import needs_more_evidence, verify_plan
-from pa_console.schema.command import DeviceCommand
+from pa_console.schema.command import ADDRESSING, CommandReply, DeviceCommand
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import Verification
-from pa_console.schema.plan import Action
+from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import OrderMoment
-from pa_console.schema.telemetry import Picture
+from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture
 
 MARGIN_S = 20.0
+EPSILON_S = 1e-6
 EVIDENCE_S = 8.0
 """The longest wait for fresh telemetry after every command has ended, seconds."""
 
@@ -33,8 +31,8 @@ class Executed:
     """The result of an approved plan; `before` is the picture that it began in."""
 
     before: Picture
-    verification: Verification | None = None
-    """None when the plan was halted."""
+    ended: Mapping[str, CommandReply] = field(default_factory=dict[str, CommandReply])
+    """The last reply of each agent."""
     halted: tuple[str, ...] = ()
     """The reasons why the plan was halted; empty when it ran to its end."""
 
@@ -64,10 +62,10 @@ class Execution:
         self._breaches.append(broken)
 
     async def run(self, approved: Examination, request: ev.ApprovalRequested) -> Executed:
-        """Step 7: send every command, follow it to its end, then compare with telemetry.
+        """Step 7: send every command and follow it until telemetry can show how it ended.
 
         A broken premise or ordering halts the plan to the safe state that was approved with it in
-        `request`; nothing is verified then. A plan whose approval cannot be logged is halted before
+        `request`. A plan whose approval cannot be logged is halted before
         anything is sent; one of which the gate keeps a command back is halted as well.
         """
         fleet, gate, emit = self._services.fleet, self._services.gate, self._context.emit
@@ -93,14 +91,7 @@ class Execution:
         self._dispatch = None
         gate.finish()
         self._context.stopwatch.add("execution_s", fleet.time_s - start)
-        if halted:
-            return Executed(premises.before, halted=halted)
-        started = perf_counter()
-        verification = verify_plan(
-            approved.plan, fleet.world, premises.before, fleet.picture(), dispatch.final
-        )
-        emit(ev.MissionVerified(verification=verification, seconds=perf_counter() - started))
-        return Executed(premises.before, verification)
+        return Executed(premises.before, dispatch.final, halted)
 
     def halt(self) -> tuple[DeviceCommand, ...]:
         """End the plan; return the commands that bring whoever is under way to a safe state.
@@ -208,3 +199,45 @@ def gave_up(dispatch: Dispatch) -> Iterator[str]:
     for agent, reply in dispatch.final.items():
         if reply.status != "done" and not reply.detail.startswith(TIMED_OUT):
             yield f"{agent}: {reply.detail or reply.status}"
+
+
+def needs_more_evidence(plan: Plan, picture: Picture, since_s: float) -> bool:
+    """Return whether reports sent at or after `since_s` are still to come.
+
+    None are expected from an asset that is known to have failed.
+    """
+    agents = {action.agent for action in plan.actions}
+    for cover in picture.gates.values():
+        if cover.unknown or (cover.covered and cover_stamp(cover, picture) < since_s - EPSILON_S):
+            return True
+    for agent in agents:
+        asset = picture.assets.get(agent)
+        if asset is not None and asset.status != "failed" and doubt_of(asset, picture, since_s):
+            return True
+    return any(
+        track.stale or track.stamp_s < since_s - EPSILON_S
+        for action in plan.actions
+        if action.verb in ADDRESSING
+        for track in picture.tracks.values()
+        if track.gate == action.target
+    )
+
+
+def cover_stamp(cover: GateCover, picture: Picture) -> float:
+    """Return when the latest report that puts an asset at the gate was sent; 0 without any."""
+    stamps = (picture.assets[name].stamp_s for name in cover.by if name in picture.assets)
+    return max(stamps, default=0.0)
+
+
+def doubt_of(asset: AssetTelemetry, picture: Picture, end_s: float) -> str:
+    """Return why the asset's latest report proves nothing, empty when it does."""
+    age = picture.time_s - asset.stamp_s
+    if asset.integrity == "suspect":
+        return "its telemetry is suspect"
+    if asset.comms == "lost":
+        return f"it has been silent for {age:.0f} s"
+    if asset.stale:
+        return f"the last telemetry is {age:.0f} s old"
+    if asset.stamp_s < end_s - EPSILON_S:
+        return f"no telemetry since its command ended, {picture.time_s - end_s:.0f} s ago"
+    return ""

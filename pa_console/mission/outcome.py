@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from pa_console.language.reading import read_reason
+from pa_console.mission.context import Outcome
 from pa_console.mission.tasking.fulfilment import is_to_be_warned
 from pa_console.policy.expressions.deadlines import shared_deadline
 from pa_console.policy.monitor import Monitor
@@ -120,14 +121,6 @@ def _moved(run: WorkflowRun) -> WorkflowMoved:
         command=run.command() if run.current is not None else "",
         outcome=run.outcome,
     )
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """The result of a mission, and its reason."""
-
-    status: MissionStatus
-    reason: str
 
 
 @dataclass

@@ -11,33 +11,31 @@ from dataclasses import dataclass, replace
 from pa_console.language.references.resolution import chosen, names_something
 from pa_console.language.references.scene import Move
 from pa_console.mission.candidate import Candidate
-from pa_console.mission.context import Emit, MissionContext, Services, ordered_by
+from pa_console.mission.context import Emit, MissionContext, Outcome, Services, ordered_by
 from pa_console.mission.decide import (
     Approved,
     Decide,
-    NotApproved,
     Readings,
     ask_back,
-    ask_operator,
+    decide,
     offer_standing,
-    reconsider,
     rejection,
 )
 from pa_console.mission.dispatch import StepFeed
-from pa_console.mission.execute import Executed, Execution
-from pa_console.mission.judge import OutcomeCase, OutcomeVerdicts, unjudged
-from pa_console.mission.outcome import Outcome, Results, WorkflowProgress, begun
-from pa_console.mission.plan import Planned, Unplanned, judge, plan, reexamine, take
+from pa_console.mission.execute import Execution
+from pa_console.mission.judge import judge
+from pa_console.mission.outcome import Results, WorkflowProgress, begun
+from pa_console.mission.plan import Unplanned, plan, reexamine, take
 from pa_console.mission.report import PlanFacts, ReportFacts, after_action_report
+from pa_console.mission.retrieve import Retrieved, retrieve
 from pa_console.mission.understand import (
     NotUnderstood,
     Refused,
-    Retrieved,
     StandingOffer,
     Understood,
-    retrieve,
     understand,
 )
+from pa_console.mission.verify import OutcomeCase, OutcomeVerdicts, unjudged, verify
 from pa_console.policy.moments import moment
 from pa_console.policy.monitor import Monitor, halts
 from pa_console.schema.command import DeviceCommand
@@ -135,23 +133,15 @@ class MissionRun:
                     self._begin_as(understood)
                     return None
                 case StandingOffer() as offered:
-                    return await self._offer(offered)
+                    return await offer_standing(self._context, offered, self._station.decide)
                 case NotUnderstood(question) if number == MOST_QUESTIONS:
                     return Outcome("held", f"not understood: {question}")
                 case NotUnderstood() as asked:
                     answer = await ask_back(self._context, asked, number, self._station.decide)
-                    if isinstance(answer, NotApproved):
-                        return Outcome(answer.status, answer.reason)
+                    if isinstance(answer, Outcome):
+                        return answer
                     self._answered(asked, answer, answers)
         return None
-
-    async def _offer(self, offered: StandingOffer) -> Outcome:
-        """Put a standing order to the operator; it starts its missions by itself from then on."""
-        approved = await offer_standing(self._context, offered, self._station.decide)
-        if isinstance(approved, NotApproved):
-            return Outcome(approved.status, approved.reason)
-        name = approved.order.id
-        return Outcome("verified", f"standing order {name} is in force until it is revoked")
 
     def _answered(self, asked: NotUnderstood, answer: str, answers: dict[str, str]) -> None:
         """Let an answer join the order: for the words that were not clear, or for all of them.
@@ -221,12 +211,10 @@ class MissionRun:
         tries: dict[str, int] = {}
         while True:
             phase = self._progress.phase
-            retrieved = self._retrieve(task)
-            approved = await self._until_approved(retrieved, reasons)
-            if isinstance(approved, NotApproved):
+            approved = await self._until_approved(self._retrieve(task), reasons)
+            if isinstance(approved, Outcome):
                 return self._stopped_short(approved, phase, reasons)
-            executed = await self._carry_out(approved, task)
-            reasons = executed.halted
+            reasons = await self._carry_out(approved, task, phase)
             if reasons:
                 if len(self._facts.halts) > MAX_HALTS:
                     return Outcome("unverified", f"halted: {'; '.join(reasons)}")
@@ -251,54 +239,45 @@ class MissionRun:
 
     async def _until_approved(
         self, retrieved: Retrieved, reasons: Sequence[str]
-    ) -> Approved | NotApproved:
-        """Steps 3 to 6: plan and decide, and again if the situation changed meanwhile."""
-        previous, changed = "", ""
-        for _ in range(MAX_VOIDED):
-            planned = await plan(self._context, retrieved, reasons, previous)
-            approved = await self._decide(planned)
-            if isinstance(approved, NotApproved):
-                return approved
-            shown = approved.planned.best
-            fresh = await reexamine(self._context, retrieved.task, shown.examination.plan)
+    ) -> Approved | Outcome:
+        """Steps 3 to 6: plan and examine, judge, decide.
+
+        They are gone through again for the operator's own plan or reading, and for an approved plan
+        that the situation has made void meanwhile.
+        """
+        context, voided = self._context, 0
+        planned = await plan(context, retrieved, reasons)
+        while not isinstance(planned, Unplanned):
+            planned = await judge(context, planned)
+            decided = await decide(context, planned, self._readings, self._station.decide)
+            self._readings, decision, shown = decided.readings, decided.decision, planned.best
+            if decision.kind == "choose":
+                self._retrieved = replace(planned.answered.retrieved, chosen=decision.asked)
+                planned = await plan(context, self._retrieved)
+                continue
+            if decision.kind == "modify" and decision.plan is not None:
+                planned = await take(context, planned.answered, decision.plan)
+                continue
+            if decision.kind != "approve":
+                if not self._facts.plans and not shown.examination.blocked:
+                    self._remember(shown)
+                return rejection(shown, decided)
+            fresh = await reexamine(context, retrieved.task, shown.examination.plan)
             if fresh is None:
-                return self._still_approved(approved)
+                why = self._services.gate.inadmissible(
+                    decided.request, decision, self._services.rulebook
+                )
+                return Outcome("held", why) if why else Approved(planned, decided)
             changed = f"the situation changed: {'; '.join(fresh.broken)}"
             self._emit(ev.PlanVoided(attempt=shown.attempt, reason=changed))
-            reasons, previous = fresh.broken, fresh.plan.answer
-            retrieved = approved.planned.answered.retrieved
-        return NotApproved("held", changed)
+            voided += 1
+            if voided == MAX_VOIDED:
+                return Outcome("held", changed)
+            again, answer = planned.answered.retrieved, fresh.plan.answer
+            planned = await plan(context, again, fresh.broken, answer)
+        return Outcome("held", planned.error or "the planner gave no plan")
 
-    def _still_approved(self, approved: Approved) -> Approved | NotApproved:
-        """Return the approved plan, unless its basis has been withdrawn meanwhile."""
-        decided, services = approved.decided, self._services
-        why = services.gate.inadmissible(decided.request, decided.decision, services.rulebook)
-        return NotApproved("held", why) if why else approved
-
-    async def _decide(self, planned: Planned | Unplanned) -> Approved | NotApproved:
-        """Step 6: judge and ask; go round again for the operator's own plan, or reading."""
-        while not isinstance(planned, Unplanned):
-            planned = await judge(self._context, planned)
-            self._readings = await reconsider(self._context, planned, self._readings)
-            decided = await ask_operator(
-                self._context, planned, self._readings, self._station.decide
-            )
-            decision = decided.decision
-            if decision.kind == "approve":
-                return Approved(planned, decided)
-            if decision.kind == "choose":
-                chosen = replace(planned.answered.retrieved, chosen=decision.asked)
-                self._retrieved = chosen
-                planned = await plan(self._context, chosen)
-            elif decision.kind == "reject" or decision.plan is None:
-                if not self._facts.plans and not planned.best.examination.blocked:
-                    self._remember(planned.best)
-                return rejection(planned.best, decided)
-            else:
-                planned = await take(self._context, planned.answered, decision.plan)
-        return NotApproved("held", planned.error or "the planner gave no plan")
-
-    def _stopped_short(self, stopped: NotApproved, phase: str, halted: Sequence[str]) -> Outcome:
+    def _stopped_short(self, stopped: Outcome, phase: str, halted: Sequence[str]) -> Outcome:
         """Return what a mission comes to whose next plan was not approved."""
         status, reason = stopped.status, stopped.reason
         if halted and self._facts.plans:
@@ -306,32 +285,41 @@ class MissionRun:
             return Outcome("unverified", why)
         return Outcome(status, f"phase {phase}: {reason}" if phase else reason)
 
-    async def _carry_out(self, approved: Approved, task: Mission) -> Executed:
-        """Step 7 for one plan: execute, see what comes of it, have the outcome judged."""
-        decided, shown = approved.decided, approved.planned.best
-        self._services.gate.grant(decided.request, decided.decision, self._services.rulebook)
-        phase = self._progress.phase
+    async def _carry_out(self, approved: Approved, task: Mission, phase: str) -> tuple[str, ...]:
+        """Step 7 for one plan: execute, verify, watch its consequences, have its outcome judged.
+
+        Return why it was halted. The report has a plan that was cut short as well.
+        """
+        decided, shown, services = approved.decided, approved.planned.best, self._services
+        services.gate.grant(decided.request, decided.decision, services.rulebook)
+        ordered = self._remember(shown)
+        moved = {name for move in ordered for name in (move.agent, move.target, move.before)}
+        services.standing.moves(self.mission.id, moved)
+        plan_ = shown.examination.plan
+        facts = PlanFacts(plan_, task.text, decision=decided.decision, unmet=shown.unmet)
         self.moving = True
         try:
-            executed = await self._execute(approved, task)
-            if executed.verification is None:
-                return executed
-            if self._services.variant.workflows:
+            try:
+                executed = await self._execution.run(shown.examination, decided.request)
+            except asyncio.CancelledError:
+                self._facts.plans.append(replace(facts, halted=("interrupted before its end",)))
+                raise
+            facts.halted = executed.halted
+            self._facts.plans.append(facts)
+            if executed.halted:
+                return executed.halted
+            facts.verification = verification = verify(self._context, plan_, executed)
+            self._results.verifications.append(verification)
+            if services.variant.workflows:
                 await self._see_it_out(shown, phase, task)
         finally:
             self.moving = False
-        if self._services.variant.judging:
-            case = OutcomeCase(
-                task,
-                executed.before,
-                self._services.fleet.picture(),
-                approved.planned.answered.selection,
-                shown.examination.plan,
-                executed.verification,
-                shown.verdict.feedback if shown.verdict is not None else "",
-            )
+        if services.variant.judging:
+            picture, selection = services.fleet.picture(), approved.planned.answered.selection
+            said = shown.verdict.feedback if shown.verdict is not None else ""
+            case = OutcomeCase(task, executed.before, picture, selection, plan_, verification, said)
             self._station.verdicts.ask(self._context, shown.attempt, case)
-        return executed
+        return ()
 
     async def _see_it_out(self, shown: Candidate, phase: str, task: Mission) -> None:
         """Let a plan join its workflow and watch its consequences.
@@ -345,26 +333,6 @@ class MissionRun:
             if self._services.variant.judging:
                 self._emit(unjudged(shown.attempt, INTERRUPTED))
             raise
-
-    async def _execute(self, approved: Approved, task: Mission) -> Executed:
-        """Execute a plan and note for the report what became of it, also when it is cut short."""
-        decided, shown = approved.decided, approved.planned.best
-        ordered = self._remember(shown)
-        moved = {name for move in ordered for name in (move.agent, move.target, move.before)}
-        self._services.standing.moves(self.mission.id, moved)
-        facts = PlanFacts(
-            shown.examination.plan, task.text, decision=decided.decision, unmet=shown.unmet
-        )
-        try:
-            executed = await self._execution.run(shown.examination, decided.request)
-        except asyncio.CancelledError:
-            self._facts.plans.append(replace(facts, halted=("interrupted before its end",)))
-            raise
-        verification = executed.verification
-        self._facts.plans.append(replace(facts, verification=verification, halted=executed.halted))
-        if verification is not None:
-            self._results.verifications.append(verification)
-        return executed
 
     def _remember(self, shown: Candidate) -> tuple[Move, ...]:
         """Return and remember the orders of a plan, with each asset's post before it."""

@@ -1,4 +1,4 @@
-"""Steps 1 and 2: what the words of a mission rule out, and which rules concern them."""
+"""Step 1 of a mission: what its words point at, and what they alone rule out."""
 
 import asyncio
 from dataclasses import dataclass, replace
@@ -11,10 +11,8 @@ from pa_console.mission.context import MissionContext
 from pa_console.mission.standing import example_subject, starts_now
 from pa_console.policy.rule_checks import check_mission
 from pa_console.policy.standing_conditions import StandingCondition
-from pa_console.schema.command import Verb
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import MAX_MISSION_TEXT, Mission, StandingOrder, StandingStart
-from pa_console.schema.rule import RuleHit
 
 
 @dataclass(frozen=True)
@@ -59,26 +57,6 @@ class StandingOffer:
     def order(self) -> StandingOrder:
         """The order itself."""
         return self.condition.order
-
-
-@dataclass(frozen=True)
-class Retrieved:
-    """The next plan's task, and the rules in the planner's prompt for it.
-
-    `task` is the mission itself, or a phase of its workflow; with `verbs`, the planner is given no
-    other commands. `chosen` is the operator's reading of the task; '' if the planner has to read
-    it.
-    """
-
-    task: Mission
-    hits: tuple[RuleHit, ...]
-    verbs: tuple[Verb, ...] = ()
-    chosen: str = ""
-
-    @property
-    def rule_ids(self) -> tuple[str, ...]:
-        """Ids of the rules that were retrieved for the task."""
-        return tuple(hit.rule_id for hit in self.hits)
 
 
 async def understand(
@@ -178,26 +156,3 @@ async def _refused(context: MissionContext, mission: Mission) -> Refused | None:
         return None
     context.emit(ev.PlanChecked(attempt=1, findings=findings, seconds=seconds))
     return Refused("; ".join(blocking))
-
-
-def retrieve(
-    context: MissionContext, task: Mission, verbs: tuple[Verb, ...] = (), chosen: str = ""
-) -> Retrieved:
-    """Step 2: find the rules that concern the words of `task`, and the pinned ones."""
-    started = perf_counter()
-    hits = _hits(context, task.text)
-    seconds = perf_counter() - started
-    context.stopwatch.add("retrieval_s", seconds)
-    method = context.services.retriever.method
-    context.emit(ev.RulesRetrieved(method=method, hits=hits, seconds=seconds))
-    return Retrieved(task, hits, verbs, chosen)
-
-
-def _hits(context: MissionContext, text: str) -> tuple[RuleHit, ...]:
-    """Return the rules for the prompt: pinned ones, best ones, or both, by variant."""
-    retriever, variant = context.services.retriever, context.services.variant
-    top_k = context.services.top_k if variant.retrieval else 0
-    if variant.pinned:
-        return retriever.retrieve(text, top_k)
-    best = retriever.score_all(text)[:top_k]
-    return tuple(hit.model_copy(update={"pinned": False}) for hit in best)

@@ -4,19 +4,32 @@ A pass rests on reports that are fresh, sound and sent at or after the end of th
 device says of itself proves nothing.
 """
 
-from collections.abc import Iterator, Mapping
+import asyncio
+from collections import deque
+from collections.abc import Callable, Coroutine, Iterator, Mapping
 from dataclasses import dataclass
+from time import perf_counter
 from typing import NamedTuple
 
+from pa_console.language.reading import read_asked
+from pa_console.llm.backend import CANCELLED
+from pa_console.llm.roles.grammar import PLANNED, verdict_schema
+from pa_console.llm.roles.judge import Judgement, JudgeQuestion
+from pa_console.llm.roles.role_model import PromptFormat, RoleModel, first_answer
+from pa_console.mission.context import MissionContext
 from pa_console.mission.dispatch import TIMED_OUT
-from pa_console.schema.command import ADDRESSING, CommandReply
-from pa_console.schema.mission import ActionOutcome, Outcome, Verification
+from pa_console.mission.execute import EPSILON_S, Executed, cover_stamp, doubt_of
+from pa_console.mission.judge import compared_grammar
+from pa_console.mission.picture_text import digest_picture
+from pa_console.mission.tasking.moves import PlanMoves
+from pa_console.schema.command import CommandReply
+from pa_console.schema.events import event as ev
+from pa_console.schema.mission import ActionOutcome, Mission, Outcome, Verification
 from pa_console.schema.plan import Action, Plan
-from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Track
+from pa_console.schema.telemetry import AssetTelemetry, Picture, Selection, Track
 from pa_console.schema.world import World
 
 STILL_MPS = 0.5
-_EPSILON_S = 1e-6
 
 
 class _Seen(NamedTuple):
@@ -35,6 +48,18 @@ class _Evidence:
     before: Picture
     after: Picture
     end_s: float
+
+
+def verify(context: MissionContext, plan: Plan, executed: Executed) -> Verification:
+    """Step 7: compare the present telemetry with what an executed plan should have brought about.
+
+    A plan that was halted is not verified.
+    """
+    started, fleet = perf_counter(), context.services.fleet
+    before, after = executed.before, fleet.picture()
+    verification = verify_plan(plan, fleet.world, before, after, executed.ended)
+    context.emit(ev.MissionVerified(verification=verification, seconds=perf_counter() - started))
+    return verification
 
 
 def verify_plan(
@@ -76,28 +101,6 @@ def verify_plan(
     )
 
 
-def needs_more_evidence(plan: Plan, picture: Picture, since_s: float) -> bool:
-    """Return whether reports sent at or after `since_s` are still to come.
-
-    None are expected from an asset that is known to have failed.
-    """
-    agents = {action.agent for action in plan.actions}
-    for cover in picture.gates.values():
-        if cover.unknown or (cover.covered and _cover_stamp(cover, picture) < since_s - _EPSILON_S):
-            return True
-    for agent in agents:
-        asset = picture.assets.get(agent)
-        if asset is not None and asset.status != "failed" and _doubt(asset, picture, since_s):
-            return True
-    return any(
-        track.stale or track.stamp_s < since_s - _EPSILON_S
-        for action in plan.actions
-        if action.verb in ADDRESSING
-        for track in picture.tracks.values()
-        if track.gate == action.target
-    )
-
-
 def _overall(actions: tuple[ActionOutcome, ...], gates: Mapping[str, _Seen]) -> tuple[Outcome, str]:
     """Return the worst outcome of all and the reasons for it."""
     reasons: dict[Outcome, list[str]] = {"fail": [], "unknown": [], "pass": []}
@@ -125,31 +128,11 @@ def _gates(before: Picture, after: Picture, end_s: float) -> Iterator[tuple[str,
         elif not now.covered:
             yield gate, _Seen("fail", "is no longer covered")
         else:
-            stamp_s = _cover_stamp(now, after)
-            if stamp_s < end_s - _EPSILON_S:
+            stamp_s = cover_stamp(now, after)
+            if stamp_s < end_s - EPSILON_S:
                 yield gate, _Seen("unknown", "has not been reported covered since the plan ended")
             else:
                 yield gate, _Seen("pass", "is covered", stamp_s)
-
-
-def _cover_stamp(cover: GateCover, picture: Picture) -> float:
-    """Return when the latest report that puts an asset at the gate was sent; 0 without any."""
-    stamps = (picture.assets[name].stamp_s for name in cover.by if name in picture.assets)
-    return max(stamps, default=0.0)
-
-
-def _doubt(asset: AssetTelemetry, picture: Picture, end_s: float) -> str:
-    """Return why the asset's latest report proves nothing, empty when it does."""
-    age = picture.time_s - asset.stamp_s
-    if asset.integrity == "suspect":
-        return "its telemetry is suspect"
-    if asset.comms == "lost":
-        return f"it has been silent for {age:.0f} s"
-    if asset.stale:
-        return f"the last telemetry is {age:.0f} s old"
-    if asset.stamp_s < end_s - _EPSILON_S:
-        return f"no telemetry since its command ended, {picture.time_s - end_s:.0f} s ago"
-    return ""
 
 
 def _action(action: Action, evidence: _Evidence, reply: CommandReply | None) -> _Seen:
@@ -161,7 +144,7 @@ def _action(action: Action, evidence: _Evidence, reply: CommandReply | None) -> 
     silent = reply is None or reply.detail.startswith(TIMED_OUT)
     if reply is not None and reply.status != "done" and not silent:
         return _Seen("fail", reply.detail or reply.status, asset.stamp_s)
-    doubt = _doubt(asset, after, evidence.end_s)
+    doubt = doubt_of(asset, after, evidence.end_s)
     if after.time_s - asset.stamp_s > evidence.world.stale_s and not doubt:
         doubt = f"the last telemetry is {after.time_s - asset.stamp_s:.0f} s old"
     if doubt:
@@ -205,7 +188,7 @@ def _tracks(action: Action, evidence: _Evidence) -> _Seen:
     here = [track for track in evidence.after.tracks.values() if track.gate == action.target]
     if not here:
         return _Seen("unknown", "the track is gone")
-    fresh = [t for t in here if not t.stale and t.stamp_s >= evidence.end_s - _EPSILON_S]
+    fresh = [t for t in here if not t.stale and t.stamp_s >= evidence.end_s - EPSILON_S]
     if not fresh:
         latest = max(here, key=lambda track: (track.stamp_s, track.id))
         age = evidence.after.time_s - latest.stamp_s
@@ -227,3 +210,133 @@ def _tracks(action: Action, evidence: _Evidence) -> _Seen:
 
 def _dealt_with(action: Action, track: Track) -> bool:
     return track.identity != "unknown" if action.verb == "identify" else track.warned
+
+
+@dataclass(frozen=True)
+class OutcomeCase:
+    """An executed plan: pictures `before` and after it, and what telemetry says of every action.
+
+    `selection` is the part of the picture that the plan was made from; None means all of it. `said`
+    is what the judge said of the plan, if it was asked about that too: what was asked is read once.
+    """
+
+    task: Mission
+    before: Picture
+    picture: Picture
+    selection: Selection | None
+    plan: Plan
+    verification: Verification
+    said: str = ""
+
+
+def ask_about_outcome(
+    prompt_format: PromptFormat, world: World, case: OutcomeCase
+) -> JudgeQuestion:
+    """Step 7: return the question whether the task was accomplished."""
+    digest = digest_picture(case.picture, world, case.selection)
+    prompt = prompt_format.outcome(world, digest, case.task, case.plan, case.verification)
+    if prompt_format.outcome_opening is None:
+        schema = verdict_schema([])
+        return JudgeQuestion("outcome", prompt, prompt_format.verdict([]), schema=schema)
+    moves = PlanMoves(world, case.before, case.plan)
+
+    def goes_on(opening: str) -> str:
+        return compared_grammar(opening, moves, executed=True)
+
+    asked, compared, _ = case.said.partition(PLANNED)
+    if compared and read_asked(asked) is not None:
+        return JudgeQuestion("outcome", prompt, goes_on(f'{{"feedback": "{asked}{PLANNED}'))
+    return JudgeQuestion("outcome", prompt, prompt_format.outcome_opening, goes_on=goes_on)
+
+
+Start = Callable[[Coroutine[None, None, None]], object]
+"""Runs work beside the session."""
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """The executed plan `attempt` of the mission of `context`, and what became of it."""
+
+    context: MissionContext
+    attempt: int
+    case: OutcomeCase
+
+
+class OutcomeVerdicts:
+    """Asks for the verdicts of a session one by one, the oldest first.
+
+    A prompt of a mission interrupts the one that is being given; it is asked for again later.
+    """
+
+    def __init__(self, start: Start, *, between_missions: bool) -> None:
+        """`start` runs work beside the session.
+
+        `between_missions` alone are verdicts asked for where the world waits for the model: there,
+        an operator takes no time to decide, and what a mission takes is to be known.
+        """
+        self._start, self._between_missions = start, between_missions
+        self._waiting: deque[_Asked] = deque()
+        self._turn = asyncio.Lock()
+        self.all_told = asyncio.Event()
+        """Set while no verdict is outstanding."""
+        self.all_told.set()
+
+    def ask(self, context: MissionContext, attempt: int, case: OutcomeCase) -> None:
+        """Ask the judge, when there is time, whether the executed plan `attempt` succeeded."""
+        self._waiting.append(_Asked(context, attempt, case))
+        self.all_told.clear()
+
+    def go_on(self) -> None:
+        """Ask for outstanding verdicts from now on: the mission does not need the model now."""
+        if self._waiting and not self._between_missions and not self._turn.locked():
+            self._start(self._go_on())
+
+    async def work(self) -> bool:
+        """Ask for every outstanding verdict; False when a mission needed the model before the end.
+
+        What is outstanding then waits for the next call.
+        """
+        async with self._turn:
+            while self._waiting:
+                asked = self._waiting[0]
+                told = await _verdict_on(asked)
+                if told.error == CANCELLED:
+                    return False
+                self._tell(told)
+            return True
+
+    def give_up(self, reason: str) -> None:
+        """Emit for every outstanding verdict why there is none."""
+        while self._waiting:
+            self._tell(unjudged(self._waiting[0].attempt, reason))
+
+    def _tell(self, told: ev.OutcomeJudged) -> None:
+        """Emit the oldest outstanding verdict and remove it from the queue."""
+        self._waiting.popleft().context.emit(told)
+        if not self._waiting:
+            self.all_told.set()
+
+    async def _go_on(self) -> None:
+        await self.work()
+
+
+async def _verdict_on(asked: _Asked) -> ev.OutcomeJudged:
+    """Return the verdict that was asked for, or why there is none."""
+    services = asked.context.services
+
+    async def ask(model: RoleModel) -> Judgement:
+        question = ask_about_outcome(model.prompt_format, services.fleet.world, asked.case)
+        return await model.judge.judge(question)
+
+    try:
+        found = await first_answer(services.judges, ask, asked.context.turn_to_own)
+    except Exception as error:  # a defect must not end the session
+        return unjudged(asked.attempt, f"internal error: {type(error).__name__}: {error}")
+    return ev.OutcomeJudged(
+        attempt=asked.attempt, verdict=found.verdict, error=found.error, usage=found.usage
+    )
+
+
+def unjudged(attempt: int, reason: str) -> ev.OutcomeJudged:
+    """Return the event for the outcome of `attempt` when there is no verdict on it."""
+    return ev.OutcomeJudged(attempt=attempt, verdict=None, error=reason)

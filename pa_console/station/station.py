@@ -11,8 +11,8 @@ from pa_console.language.questions import Question
 from pa_console.mission.context import Services
 from pa_console.mission.dispatch import StepFeed
 from pa_console.mission.journal import Log
-from pa_console.mission.judge import OutcomeVerdicts
 from pa_console.mission.stop import EmergencyStop
+from pa_console.mission.verify import OutcomeVerdicts
 from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev

@@ -6,13 +6,12 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 
 from pa_console.fleets.fleet import Countersigned
-from pa_console.mission.context import Services
+from pa_console.mission.context import Outcome, Services
 from pa_console.mission.decide import countersignature
 from pa_console.mission.dispatch import StepFeed
-from pa_console.mission.judge import OutcomeVerdicts
-from pa_console.mission.outcome import Outcome
 from pa_console.mission.run import MissionRun, StationSide
 from pa_console.mission.stop import EmergencyStop
+from pa_console.mission.verify import OutcomeVerdicts
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.telemetry import Picture

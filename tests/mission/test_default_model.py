@@ -16,7 +16,7 @@ from pa_console.llm.roles.role_model import PROMPT_FORMATS
 from pa_console.mission.approval import standing_approver
 from pa_console.mission.context import Services
 from pa_console.mission.propose import ask_for_plan
-from pa_console.mission.understand import Retrieved
+from pa_console.mission.retrieve import Retrieved
 from pa_console.schema.events.event import Event
 from pa_console.schema.mission import Mission
 from pa_console.session.state import MissionTrace, SessionState

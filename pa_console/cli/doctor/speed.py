@@ -11,7 +11,7 @@ from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import LocalModel, find_model
 from pa_console.mission.context import Services
 from pa_console.mission.propose import ask_for_plan
-from pa_console.mission.understand import Retrieved
+from pa_console.mission.retrieve import Retrieved
 from pa_console.policy.retriever import Retriever
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.finding import Usage

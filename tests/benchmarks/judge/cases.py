@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pa_console.evaluation.runs.run_record import RunRecord
-from pa_console.mission.judge import OutcomeCase, PlanCase
+from pa_console.mission.judge import PlanCase
+from pa_console.mission.verify import OutcomeCase
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import find_data
 from pa_console.schema.events import event as ev

@@ -9,10 +9,11 @@ from pa_console.llm.local.engine import Engine
 from pa_console.llm.roles.prompts import plan_facts
 from pa_console.mission.candidate import Candidate
 from pa_console.mission.context import MissionContext, Services
-from pa_console.mission.judge import OutcomeCase, ask_about_outcome
-from pa_console.mission.plan import Unplanned, judge, plan, take
+from pa_console.mission.judge import judge
+from pa_console.mission.plan import Unplanned, plan, take
 from pa_console.mission.propose import Question, ask_for_plan
-from pa_console.mission.understand import Retrieved, retrieve
+from pa_console.mission.retrieve import Retrieved, retrieve
+from pa_console.mission.verify import OutcomeCase, ask_about_outcome
 from pa_console.policy.monitor import Monitor
 from pa_console.policy.retriever import Retriever
 from pa_console.schema.evaluation import Variant

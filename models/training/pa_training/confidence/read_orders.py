@@ -30,13 +30,12 @@ from pa_console.llm.models.catalogue import find_model
 from pa_console.llm.roles.grammar import slot_grammar
 from pa_console.llm.roles.judge import Judge, JudgeQuestion, OrderRead
 from pa_console.mission.context import Services
-from pa_console.mission.judge import compare_with_order
-from pa_console.mission.plan import DOUBT, LEAST
+from pa_console.mission.judge import DOUBT, LEAST, compare_with_order
 from pa_console.mission.propose import Question, ask_for_plan
+from pa_console.mission.retrieve import Retrieved
 from pa_console.mission.tasking.choices import commands_serving
 from pa_console.mission.tasking.moves import PlanMoves
 from pa_console.mission.tasking.obstacles import unmet_asks
-from pa_console.mission.understand import Retrieved
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import find_data
 from pa_console.schema.base import StrictModel
