@@ -4,22 +4,18 @@ from collections.abc import Callable, Generator, Iterable
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from time import perf_counter
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from pa_console.fleets.fleet import Fleet
-from pa_console.language.references.conversation import Unclear
-from pa_console.language.references.resolution import Answers, Resolved, resolve
 from pa_console.language.references.scene import Move, PastMission, Scene, after
-from pa_console.language.standing_orders import ReadStanding, read_standing
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.remote.servers import NO_SERVERS, Servers
 from pa_console.llm.roles.clause_reader import ClauseReader
 from pa_console.llm.roles.judge import Judge
 from pa_console.llm.roles.planner import Planner
 from pa_console.llm.roles.role_model import PROMPT_FORMATS, PromptFormat, RoleModel, format_in
-from pa_console.mission.gate import Authority, CommandGate
+from pa_console.mission.gate import CommandGate
 from pa_console.mission.journal import Journal
-from pa_console.mission.spelling import question_back, read_words
 from pa_console.mission.standing import StandingOrders
 from pa_console.policy.check_context import Sightings
 from pa_console.policy.core_rules import with_core
@@ -32,6 +28,9 @@ from pa_console.schema.mission import Metrics, Mission, MissionStatus
 from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
+
+if TYPE_CHECKING:
+    from pa_console.fleets.station_authority import StationAuthority
 
 MOST_REMEMBERED = 20
 """The number of missions remembered; orders refer to the last ones."""
@@ -124,7 +123,7 @@ class Services:
         *,
         prompt_format: PromptFormat | None = None,
         retriever: Retriever | None = None,
-        authority: Authority | None = None,
+        authority: "StationAuthority | None" = None,
         servers: Servers = NO_SERVERS,
     ) -> Self:
         """Begin without sightings or decisions, and with the core rules in force in any case.
@@ -182,31 +181,6 @@ class Services:
     def scene(self) -> Scene:
         """The present referents of words."""
         return self.past.scene(self.fleet.world, self.fleet.picture())
-
-    def read(self, text: str) -> str:
-        """Return the words of a mission with misspellings put right, if they are English."""
-        return read_words(text, self.fleet.world, self.rulebook)
-
-    def read_now(self, text: str) -> str:
-        """Return the same with names for what the words point at now, if that is clear."""
-        read = self.read(text)
-        found = self.resolve(read, {})
-        return read if isinstance(found, Unclear) else found.text
-
-    def resolve(self, text: str, answers: Answers) -> Resolved | Unclear:
-        """Return an order with its references replaced by names, or the question to ask first."""
-        return resolve(self.scene, text, answers)
-
-    def read_standing(self, text: str) -> ReadStanding | Unclear | None:
-        """Return a standing order as it is read, what to ask about it, or None for none."""
-        return read_standing(self.scene, text)
-
-    def question_back(self, mission: Mission, read: str) -> str:
-        """Return what to ask of who gave `mission`, where that is no order; '' where it may be.
-
-        It is `read` with names for what it points at.
-        """
-        return question_back(mission.said, read, self.fleet.world, self.rulebook)
 
     def with_rules(self, rulebook: Rulebook) -> Self:
         """Return the same with other rules; what was seen is kept, and what was decided."""

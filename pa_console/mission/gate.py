@@ -1,7 +1,7 @@
 """The last gate before the link: what nobody decided does not pass, and nothing after STOP."""
 
-from collections.abc import Callable, Collection, Sequence
-from typing import Protocol
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 from pa_console.fleets.fleet import Fleet
 from pa_console.mission.approval import inadmissible, not_unasked, people_needed
@@ -14,6 +14,9 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action
 
+if TYPE_CHECKING:
+    from pa_console.fleets.station_authority import StationAuthority
+
 STILL = frozenset(("hold", "report"))
 """The commands that move nothing: no other leaves the station while everything is stopped."""
 
@@ -21,39 +24,6 @@ STOPPED = "everything is stopped, and nobody has released the stop"
 UNDECIDED = "it is part of no approved plan and of no declared way to safety"
 Passage = ev.CommandSent | ev.CommandRefused
 """The result of a command at the gate: sent or refused."""
-
-
-class Authority(Protocol):
-    """The keys of a station and of the person at it; `StationAuthority` is one."""
-
-    @property
-    def refusal(self) -> str:
-        """The reason why this station may move nothing at present, '' when it may."""
-        ...
-
-    def objection(self, rules: Rulebook) -> str:
-        """Return why vehicles would take nothing that was checked by `rules`, '' for nothing."""
-        ...
-
-    def fresh(self, agents: Collection[str]) -> frozenset[str]:
-        """Return the agents that have never got an order."""
-        ...
-
-    def signed(
-        self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook
-    ) -> Decision:
-        """Return `decision` with the signature of the person at this station."""
-        ...
-
-    def valid(
-        self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook
-    ) -> dict[str, str]:
-        """Return those signatures of `decision` that approve `request`, one a person."""
-        ...
-
-    def grant(self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook) -> None:
-        """Sign the commands of an approved plan, and of its way to safety, from now on."""
-        ...
 
 
 class CommandGate:
@@ -75,7 +45,7 @@ class CommandGate:
         self,
         fleet: Fleet,
         journal: Journal,
-        authority: Authority | None = None,
+        authority: "StationAuthority | None" = None,
         orders: StandingOrders | None = None,
     ) -> None:
         self._fleet, self._journal, self._authority = fleet, journal, authority

@@ -2,40 +2,9 @@
 
 import asyncio
 from collections.abc import Callable
-from typing import Protocol
 
 from pa_console.schema.events import event as ev
-
-
-class Log(Protocol):
-    """A sink of events; `LogWriter` is one."""
-
-    @property
-    def error(self) -> Exception | None:
-        """The reason why nothing can be written at present."""
-        ...
-
-    @property
-    def head(self) -> str:
-        """The hash of the last record."""
-        ...
-
-    @property
-    def owes(self) -> bool:
-        """True if `commit` has something to do."""
-        ...
-
-    def news(self) -> str | None:
-        """Return what has become of the log's witness since this was last asked; None: nothing."""
-        ...
-
-    def append(self, event: ev.Event, *, commit: bool = True) -> None:
-        """Take one more event."""
-        ...
-
-    def commit(self) -> None:
-        """Have safe and signed whatever may not wait."""
-        ...
+from pa_console.session.log.writer import LogWriter
 
 
 class Journal:
@@ -49,11 +18,11 @@ class Journal:
     def __init__(self) -> None:
         """Begin without a log: then there is nothing to write, and no problem."""
         self.problem = ""
-        self._log: Log | None = None
+        self._log: LogWriter | None = None
         self._tell: Callable[[ev.LogTroubled | ev.Noticed], None] = _nobody
         self._due: asyncio.Handle | None = None
 
-    def open(self, log: Log, tell: Callable[[ev.LogTroubled | ev.Noticed], None]) -> None:
+    def open(self, log: LogWriter, tell: Callable[[ev.LogTroubled | ev.Noticed], None]) -> None:
         """Write to `log`, which reports its own errors.
 
         `tell` is given every new `problem`, and what becomes of the log's witness.
@@ -84,7 +53,7 @@ class Journal:
             self._look(self._log)
         return self.problem
 
-    def _look(self, log: Log) -> None:
+    def _look(self, log: LogWriter) -> None:
         before, self.problem = self.problem, str(log.error) if log.error is not None else ""
         if self.problem != before:
             self._tell(ev.LogTroubled(problem=self.problem))

@@ -62,7 +62,7 @@ Instead = Literal["", "judged", "read_again"]
 
 
 @dataclass(frozen=True)
-class Question:
+class PlanQuestion:
     """A prompt for the planner and the grammar of its answer; `digest` is what it tells.
 
     Its reason matches `reasons`, regular expressions, and begins with `asked` where that is known.
@@ -96,7 +96,7 @@ class Answered:
 
     model: RoleModel
     retrieved: Retrieved
-    question: Question
+    question: PlanQuestion
     proposal: Proposal
     attempt: int
 
@@ -136,7 +136,7 @@ def ask_for_plan(
     reasons: Sequence[str] = (),
     previous: str = "",
     model: RoleModel | None = None,
-) -> Question:
+) -> PlanQuestion:
     """Return the question for a plan; `reasons` are the faults of the `previous` one.
 
     It is for `model`, by default for the session's own.
@@ -165,7 +165,7 @@ def ask_for_plan(
         if model is not None and model.server is not None:
             schema = plan_schema(world, picture, *shown, retrieved.verbs)
     spent_s = perf_counter() - digested
-    return Question(digest, prompt, grammar, stated, asked, digested - started, spent_s, schema)
+    return PlanQuestion(digest, prompt, grammar, stated, asked, digested - started, spent_s, schema)
 
 
 async def ask_planner(
@@ -193,7 +193,7 @@ async def _answered(
     context: MissionContext,
     model: RoleModel,
     retrieved: Retrieved,
-    question: Question,
+    question: PlanQuestion,
     attempt: int,
 ) -> Answered:
     """Ask `model` for the plan number `attempt`."""
@@ -231,7 +231,7 @@ async def _served(
     context: MissionContext,
     model: RoleModel,
     retrieved: Retrieved,
-    question: Question,
+    question: PlanQuestion,
     on_text: OnText,
 ) -> Proposal:
     """Ask `model` for a reading, and make the plan for it."""

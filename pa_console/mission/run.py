@@ -28,6 +28,7 @@ from pa_console.mission.outcome import Results, WorkflowProgress, begun
 from pa_console.mission.plan import Unplanned, plan, reexamine, take
 from pa_console.mission.report import PlanFacts, ReportFacts, after_action_report
 from pa_console.mission.retrieve import Retrieved, retrieve
+from pa_console.mission.spelling import read_words
 from pa_console.mission.understand import (
     NotUnderstood,
     Refused,
@@ -149,8 +150,10 @@ class MissionRun:
         One that names nothing leaves the words as they are: it is asked once more.
         """
         mission, services = self.mission, self._services
-        scene = services.past.scene(services.fleet.world, services.fleet.picture())
-        meant = chosen(scene, answer, asked.choices) or services.read(answer)
+        scene = services.scene
+        meant = chosen(scene, answer, asked.choices) or read_words(
+            answer, scene.world, services.rulebook
+        )
         words = {"text": meant[:MAX_MISSION_TEXT], "typed": answer[:MAX_MISSION_TEXT]}
         if asked.said:
             if meant in asked.choices or names_something(scene, meant):

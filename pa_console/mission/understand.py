@@ -6,8 +6,10 @@ from time import perf_counter
 
 from pa_console.language.demands import contradiction
 from pa_console.language.references.conversation import Unclear
-from pa_console.language.references.resolution import Answers
+from pa_console.language.references.resolution import Answers, resolve
+from pa_console.language.standing_orders import read_standing
 from pa_console.mission.context import MissionContext
+from pa_console.mission.spelling import question_back
 from pa_console.mission.standing import example_subject, starts_now
 from pa_console.policy.rule_checks import check_mission
 from pa_console.policy.standing_conditions import StandingCondition
@@ -87,7 +89,7 @@ async def _standing(context: MissionContext) -> Refused | NotUnderstood | Standi
     refuse, is no standing order either.
     """
     services, mission = context.services, context.mission
-    found = services.read_standing(mission.text)
+    found = read_standing(services.scene, mission.text)
     if found is None:
         return None
     if isinstance(found, Unclear):
@@ -109,7 +111,7 @@ async def _standing(context: MissionContext) -> Refused | NotUnderstood | Standi
     except ValueError as error:
         return NotUnderstood(f"its condition cannot be used: {error}")
     subject = example_subject(order, picture)
-    typed = services.read_standing(mission.said)
+    typed = found if mission.said == mission.text else read_standing(services.scene, mission.said)
     said = found.order if isinstance(typed, Unclear) or typed is None else typed.order
     given = order.model_copy(update={"order": said}).order_for(*subject)
     words = {"text": order.order_for(*subject), "typed": given}
@@ -125,12 +127,13 @@ async def _standing(context: MissionContext) -> Refused | NotUnderstood | Standi
 def _read(context: MissionContext, answers: Answers) -> NotUnderstood | Understood:
     """Return an operator's words with names for what they point at, or what to ask back."""
     services, mission = context.services, context.mission
-    found = services.resolve(mission.text, answers)
+    world, rules = services.fleet.world, services.rulebook
+    found = resolve(services.scene, mission.text, answers)
     text = mission.text if isinstance(found, Unclear) else found.text
-    if question := services.question_back(mission, text):
+    if question := question_back(mission.said, text, world, rules):
         return NotUnderstood(question)
     for words in dict.fromkeys((mission.text, text)):
-        if (excluded := contradiction(services.fleet.world, words)) is not None:
+        if (excluded := contradiction(world, words)) is not None:
             return NotUnderstood(excluded.question)
     if isinstance(found, Unclear):
         return NotUnderstood(found.question, found.said, found.choices)

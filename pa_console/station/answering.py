@@ -5,17 +5,12 @@ goes through. No model is asked, nothing is decided, and no command is given.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from pa_console.language.questions import Question, read_question
-from pa_console.language.references.scene import Scene
+from pa_console.language.questions import Question
 from pa_console.mission.examine import CheckBasis
-from pa_console.mission.spelling import read_words
-from pa_console.policy.plain_text import compatible_form
-from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
 from pa_console.schema.events.intake import AnswerLine, QuestionAnswered
-from pa_console.schema.mission import MAX_MISSION_TEXT
 from pa_console.schema.telemetry import AssetTelemetry, Picture
 from pa_console.schema.text import clock_text
 from pa_console.session.mission_trace import Attempt, MissionTrace
@@ -65,18 +60,6 @@ NO_QUESTION = (
     "this is no question that is answered here; those are Why?, Why ASSET?, Why not ASSET?, "
     "Why is nobody at GATE? and What would you do instead?"
 )
-
-
-def question_in(text: str, scene: Scene, rulebook: Rulebook) -> Question | None:
-    """Return the question about the record in `text`; None for an order.
-
-    Slips of the hand are put right as in an order, and the typed text is kept.
-    """
-    if len(text) > MAX_MISSION_TEXT:
-        return None
-    plain = " ".join(compatible_form(text).split())
-    found = read_question(scene, read_words(plain, scene.world, rulebook))
-    return replace(found, text=" ".join(text.split())) if found is not None else None
 
 
 _MOST_NOTICES = 4

@@ -1,12 +1,17 @@
 """Step 1: alarms become missions, missions wait in their order, and some never get a turn."""
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from typing import NamedTuple
 
+from pa_console.language.questions import Question, read_question
+from pa_console.language.references.scene import Scene
+from pa_console.mission.spelling import read_words
 from pa_console.mission.standing import Due
 from pa_console.policy.plain_text import compatible_form
+from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import MAX_MISSION_TEXT, Alarm, Mission, QueueEntry
 from pa_console.schema.telemetry import Picture
@@ -18,6 +23,26 @@ MOST_FROM_ALARMS = 32
 """Most missions from alarms that wait at a time: hours of work for one operator. The other alarms
 get their missions once there is room, the most urgent first. At most MOST_ALIKE of the missions are
 about contacts of the same sensors, so that a sensor that lies leaves room for the others."""
+
+
+class ReadText(NamedTuple):
+    """A text of an operator's, read once: a mission, or a question about the record."""
+
+    typed: str
+    """The words as typed."""
+    text: str
+    """The words as they show, with misspellings put right."""
+    question: Question | None = None
+
+
+def read_text(text: str, scene: Scene, rulebook: Rulebook) -> ReadText:
+    """Read a text: slips of the hand are put right, in a question as in a mission."""
+    typed, shown = " ".join(text.split()), " ".join(compatible_form(text).split())
+    if not shown or len(typed) > MAX_MISSION_TEXT:
+        return ReadText(typed, shown)
+    right = read_words(shown, scene.world, rulebook)
+    question = read_question(scene, right)
+    return ReadText(typed, right, question and replace(question, text=typed))
 
 
 @dataclass
@@ -35,15 +60,12 @@ class Intake:
 
     def __init__(self, world: World, session: str, *, respond: bool) -> None:
         """Make an intake without alarms; with `respond`, alarms become missions."""
-        self._book, self._queue = AlarmBook(world), MissionQueue()
+        self.alarms, self.queue = AlarmBook(world), MissionQueue()
         self._session, self._respond = session, respond
         self._count = 0
         self._told: tuple[tuple[str, str, bool], ...] = ()
         self._postponed: set[str] = set()
         """Open alarms that get a mission once there is room."""
-
-    def __len__(self) -> int:
-        return len(self._queue.missions)
 
     def look(
         self, picture: Picture, handled: Collection[str], *, stopped: bool = False
@@ -54,29 +76,26 @@ class Intake:
         While everything is `stopped` no alarm becomes a mission.
         """
         arrivals = Arrivals()
-        for payload in self._book.look(picture):
+        for payload in self.alarms.look(picture):
             arrivals.payloads.append((payload, None))
             match payload:
                 case ev.AlarmRaised(alarm=alarm) if not stopped:
                     arrivals.payloads += self._answers([alarm], handled)
                 case ev.AlarmCleared(alarm_id=alarm_id):
-                    gone = [m for m in self._queue.missions if m.alarm == alarm_id]
-                    arrivals.obsolete += gone
-                    for mission in gone:
-                        self._queue.remove(mission.id)
+                    arrivals.obsolete += self.queue.take(lambda one: one.alarm == alarm_id)
                 case _:
                     pass
-        alarms = self._book.open
+        alarms = self.alarms.open
         if not stopped:
             postponed, self._postponed = self._postponed, set()
             waiting = [alarm for alarm in alarms if alarm.id in postponed]
             arrivals.payloads += self._answers(waiting, handled)
-        self._queue.refresh(alarms)
+        self.queue.refresh(alarms)
         return arrivals
 
     def resume(self, handled: Collection[str]) -> list[tuple[ev.EventPayload, str]]:
         """Queue a mission for every open alarm that no mission answers: the stop was released."""
-        return self._answers(self._book.open, handled)
+        return self._answers(self.alarms.open, handled)
 
     def take_up(
         self, alarms: AlarmBook, entries: Sequence[QueueEntry], count: int, again: Collection[str]
@@ -86,31 +105,26 @@ class Intake:
         The open alarms whose ids are in `again` become missions once more; returns what is to be
         told of that.
         """
-        self._book, self._count = alarms, count
+        self.alarms, self._count = alarms, count
         known = {alarm.id: alarm for alarm in alarms.open}
-        self._queue.resume(
+        self.queue.resume(
             [e for e in entries if not e.mission.alarm or e.mission.alarm in known], known
         )
         return self._answers([known[name] for name in again if name in known], ())
 
-    def submit(
-        self, text: str, active: bool, read: Callable[[str], str] = str
-    ) -> tuple[Mission, ev.MissionReceived]:
-        """Queue an operator's mission, its words as `read` has what shows of them.
-
-        Raises ValueError when it cannot be taken.
-        """
-        words, seen = " ".join(text.split()), " ".join(compatible_form(text).split())
-        if not seen:
+    def submit(self, order: ReadText, active: bool) -> tuple[Mission, ev.MissionReceived]:
+        """Queue an operator's mission; raises ValueError when it cannot be taken."""
+        words = order.typed
+        if not order.text:
             raise ValueError("the mission is empty: say what is to be done")
         if len(words) > MAX_MISSION_TEXT:
             raise ValueError(
                 f"the mission has {len(words)} characters, at most {MAX_MISSION_TEXT} are taken"
             )
-        right = read(seen)[:MAX_MISSION_TEXT]
+        right = order.text[:MAX_MISSION_TEXT]
         typed = words if right != words else ""
         mission = Mission(id=self._new_id(), text=right, typed=typed, created=datetime.now(UTC))
-        self._queue.add(mission, None)
+        self.queue.add(mission, None)
         return mission, ev.MissionReceived(
             mission=mission, position=self._position(mission) + active
         )
@@ -119,7 +133,7 @@ class Intake:
         """Queue the words of a mission of another session, as one of this session."""
         changes = {"id": self._new_id(), "created": datetime.now(UTC)}
         again = mission.model_copy(update=changes)
-        self._queue.add(again, None)
+        self.queue.add(again, None)
         return again, ev.MissionReceived(mission=again, position=self._position(again))
 
     def start(self, due: Due) -> tuple[Mission, ev.MissionReceived]:
@@ -133,78 +147,39 @@ class Intake:
             subject=due.subject,
             gate=due.gate,
         )
-        self._queue.add(mission, None)
+        self.queue.add(mission, None)
         return mission, ev.MissionReceived(mission=mission, position=self._position(mission))
 
     @property
     def subjects(self) -> frozenset[str]:
         """The assets, tracks and gates that the missions that wait are about."""
-        waiting = (mission.subject for mission in self._queue.missions)
+        waiting = (mission.subject for mission in self.queue.missions)
         return frozenset(subject for subject in waiting if subject is not None)
-
-    def of_standing(self, order_id: str) -> tuple[Mission, ...]:
-        """Take what a standing order has started and still waits out of the queue."""
-        waiting = [entry.mission for entry in self._queue.entries]
-        found = tuple(mission for mission in waiting if mission.standing == order_id)
-        for mission in found:
-            self._queue.remove(mission.id)
-        return found
-
-    def next(self) -> Mission | None:
-        """Take the mission whose turn it is out of the queue."""
-        return self._queue.pop_next()
 
     def put_back(self, mission: Mission) -> bool:
         """Queue a mission again that had to give way; False when its alarm has gone meanwhile."""
         alarm = self.alarm_of(mission)
         if mission.alarm and alarm is None:
             return False
-        self._queue.add(mission, alarm)
+        self.queue.add(mission, alarm)
         return True
 
     def emergency(self, active: Mission) -> QueueEntry | None:
         """Return the waiting mission that goes before `active`, if one does (WF-04)."""
-        return self._queue.preempts(active, self.alarm_of(active))
+        return self.queue.preempts(active, self.alarm_of(active))
 
     def alarm_of(self, mission: Mission) -> Alarm | None:
         """Return the open alarm that `mission` answers."""
-        return next((a for a in self._book.open if a.id == mission.alarm), None)
-
-    @property
-    def open_alarms(self) -> tuple[Alarm, ...]:
-        """The alarms that are open, worst first."""
-        return self._book.open
-
-    def acknowledge(self, alarm_id: str, by: str) -> ev.AlarmAcknowledged:
-        """Note that `by` has seen the alarm; raises ValueError for an unknown one."""
-        return self._book.acknowledge(alarm_id, by)
+        return next((a for a in self.alarms.open if a.id == mission.alarm), None)
 
     def move(self, mission_id: str, by: int) -> None:
         """Move a waiting mission by `by` places; raises ValueError when it does not wait."""
         for _ in range(abs(by)):
-            self._queue.move(self._waiting(mission_id), "up" if by < 0 else "down")
-
-    def defer(self, mission_id: str) -> None:
-        """Let everything else go before a waiting mission; ValueError when it does not wait."""
-        self._queue.defer(self._waiting(mission_id))
-
-    def withdraw(self, mission_id: str) -> Mission:
-        """Take a waiting mission out of the queue; raises ValueError when it does not wait."""
-        waiting = self._waiting(mission_id)
-        mission = next(e.mission for e in self._queue.entries if e.mission.id == waiting)
-        self._queue.remove(waiting)
-        return mission
-
-    def clear(self) -> tuple[Mission, ...]:
-        """Empty the queue and return what waited in it."""
-        waiting = tuple(entry.mission for entry in self._queue.entries)
-        for mission in waiting:
-            self._queue.remove(mission.id)
-        return waiting
+            self.queue.move(mission_id, "up" if by < 0 else "down")
 
     def changes(self) -> Iterable[ev.QueueChanged]:
         """Yield the queue if its order, a priority or a deferral has changed since last time."""
-        entries = self._queue.entries
+        entries = self.queue.entries
         order = tuple((entry.mission.id, entry.priority, entry.deferred) for entry in entries)
         if order != self._told:
             self._told = order
@@ -217,8 +192,8 @@ class Intake:
 
         An alarm for whose mission there is no room is postponed.
         """
-        queued = {mission.alarm for mission in self._queue.missions if mission.source == "alarm"}
-        sensors = self._book.sensors
+        queued = {mission.alarm for mission in self.queue.missions if mission.source == "alarm"}
+        sensors = self.alarms.sensors
         alike = Counter(sensors.get(alarm_id) for alarm_id in queued)
         made: list[tuple[ev.EventPayload, str]] = []
         for alarm in alarms:
@@ -245,18 +220,12 @@ class Intake:
             subject=alarm.subject,
             gate=alarm.gate,
         )
-        self._queue.add(mission, alarm)
+        self.queue.add(mission, alarm)
         received = ev.MissionReceived(mission=mission, position=self._position(mission))
         return received, mission.id
 
-    def _waiting(self, mission_id: str) -> str:
-        waiting = [entry.mission.id for entry in self._queue.entries]
-        if mission_id not in waiting:
-            raise ValueError(f"{mission_id} does not wait; waiting: {', '.join(waiting) or 'none'}")
-        return mission_id
-
     def _position(self, mission: Mission) -> int:
-        return self._queue.position(mission.id)
+        return self.queue.position(mission.id)
 
     def _new_id(self) -> str:
         self._count += 1

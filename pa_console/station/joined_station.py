@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from time import monotonic
+from typing import NoReturn
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
@@ -22,7 +23,6 @@ from pa_console.mission.stop import CONFIRM_S
 from pa_console.policy.retriever import Retriever
 from pa_console.schema.events import event as ev
 from pa_console.schema.events.event import CommandTaken, Event, SessionStarted
-from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import RehearsedReading
@@ -268,46 +268,16 @@ class JoinedStation:
             self._state.apply(event)
         return LeftMissions.of(self._state)
 
-    # What only the station whose session it is can do: each raises ValueError
+    def _refuse(self, *_: object, **__: object) -> NoReturn:
+        raise ValueError(f"this is the session of {self.station}: it is commanded there")
 
-    def submit(self, text: str) -> Mission:  # noqa: ARG002, D102
-        raise self._refusal
+    async def _refuse_rules(self) -> NoReturn:
+        self._refuse()
 
-    def cancel(self) -> None:  # noqa: D102
-        raise self._refusal
-
-    def release(self) -> None:  # noqa: D102
-        raise self._refusal
-
-    def acknowledge(self, alarm_id: str) -> None:  # noqa: ARG002, D102
-        raise self._refusal
-
-    def move(self, mission_id: str, by: int) -> None:  # noqa: ARG002, D102
-        raise self._refusal
-
-    def defer(self, mission_id: str) -> None:  # noqa: ARG002, D102
-        raise self._refusal
-
-    def withdraw(self, mission_id: str) -> None:  # noqa: ARG002, D102
-        raise self._refusal
-
-    def revoke(self, order_id: str) -> None:  # noqa: ARG002, D102
-        raise self._refusal
-
-    def inject(self, incident: Incident) -> None:  # noqa: ARG002, D102
-        raise self._refusal
-
-    async def reload_rules(self) -> None:  # noqa: D102
-        raise self._refusal
-
-    async def accept_rules(self) -> None:  # noqa: D102
-        raise self._refusal
-
+    # Only the station whose session it is can do these: each raises ValueError.
+    submit = cancel = release = acknowledge = move = defer = withdraw = revoke = inject = _refuse
+    reload_rules = accept_rules = _refuse_rules
     rules_offered = ""
-
-    @property
-    def _refusal(self) -> ValueError:
-        return ValueError(f"this is the session of {self.station}: it is commanded there")
 
 
 @dataclass

@@ -1,6 +1,6 @@
 """The missions that wait and the order of their turns (WF-04, WF-05); the operator's wins."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from math import inf
@@ -85,6 +85,11 @@ class MissionQueue:
         del self._waiting[mission_id]
         self._release(mission_id)
         return mission
+
+    def take(self, which: Callable[[Mission], bool] = lambda _: True) -> tuple[Mission, ...]:
+        """Take out and return the missions that `which` is true of, by default all; next first."""
+        found = [entry.mission for entry in self._order() if which(entry.mission)]
+        return tuple(self.remove(mission.id) for mission in found)
 
     def defer(self, mission_id: str, deferred: bool = True) -> None:
         """Let everything else go before a mission, or no longer; ValueError if it does not wait."""

@@ -8,12 +8,14 @@ typed and reads them after the planner and the judge.
 import asyncio
 from contextlib import suppress
 
+from pa_console.language.references.conversation import Unclear
+from pa_console.language.references.resolution import resolve
 from pa_console.llm.backend import EngineError
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.roles.clause_reader import ClauseReader, reading_prefix
 from pa_console.mission.context import Services
 from pa_console.mission.picture_text import digest_picture, is_small
-from pa_console.mission.spelling import prepare
+from pa_console.mission.spelling import prepare, read_words
 from pa_console.schema.events.event import Role
 from pa_console.schema.telemetry import Digest
 
@@ -68,7 +70,10 @@ class ReadAhead:
     async def _read_words(self, words: str) -> None:
         async with self._turn:
             services = self._services
-            read = services.read_now(words)
+            scene = services.scene
+            read = read_words(words, scene.world, services.rulebook)
+            found = resolve(scene, read, {})
+            read = read if isinstance(found, Unclear) else found.text
             for role in TYPING_ROLES:
                 await self._warm(services.engine, role, read)
             second = services.engine.second_reader

@@ -20,8 +20,9 @@ from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
 from pa_console.session.state import SessionState
 from pa_console.station.alternatives import Alternative, rehearse_other_ways, rehearse_reading
-from pa_console.station.answering import Answer, answer, question_in
+from pa_console.station.answering import Answer, answer
 from pa_console.station.assembly import has_rules_of
+from pa_console.station.intake import read_text
 
 REHEARSED: frozenset[QuestionTopic] = frozenset({"other_asset", "alternatives"})
 """The notice that an answer here comes from new checks and rehearsals, not from the record."""
@@ -47,7 +48,7 @@ class SiteCopy:
         if state.picture is None:
             return None
         scene = Scene(self.fleet.world, state.picture, pointer=pointer)
-        return question_in(text, scene, self._rules)
+        return read_text(text, scene, self._rules).question
 
     async def answer(
         self,

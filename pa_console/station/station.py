@@ -8,9 +8,9 @@ from functools import partial
 from pa_console import __version__
 from pa_console.fleets.fleet import Countersigned, Simulated
 from pa_console.language.questions import Question
+from pa_console.language.references.scene import Scene
 from pa_console.mission.context import Services
 from pa_console.mission.dispatch import StepFeed
-from pa_console.mission.journal import Log
 from pa_console.mission.stop import EmergencyStop
 from pa_console.mission.verify import OutcomeVerdicts
 from pa_console.policy.retriever import Retriever
@@ -21,13 +21,14 @@ from pa_console.schema.mission import Decision, Metrics, Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
+from pa_console.session.log.writer import LogWriter
 from pa_console.session.state import SessionState
 from pa_console.station.alternatives import Alternative, rehearse_other_ways, rehearse_reading
-from pa_console.station.answering import IS_QUESTION, RecentRecord, answer, question_in
+from pa_console.station.answering import IS_QUESTION, RecentRecord, answer
 from pa_console.station.background import Background, Outside, pass_on
 from pa_console.station.clock import Clock, Ticking
 from pa_console.station.earlier_session import LeftMissions, ResumedSession
-from pa_console.station.intake import Intake
+from pa_console.station.intake import Intake, ReadText, read_text
 from pa_console.station.read_ahead import ReadAhead
 from pa_console.station.rules_in_force import RulesReload, RulesWatch
 from pa_console.station.worker import MissionWorker, StationParts
@@ -97,6 +98,7 @@ class Station:
             self._again = self._intake.take_up(
                 resumed.alarms, resumed.waiting, resumed.missions, resumed.unanswered
             )
+        self._last_read: tuple[tuple[str, Scene, Rulebook], ReadText] | None = None
         self._ending: asyncio.Task[None] | None = None
         self.failure = ""
         """The internal error that ended the session, '' for none."""
@@ -145,7 +147,7 @@ class Station:
         """True while a plan waits for `decide`."""
         return self._worker.awaits_decision
 
-    def write_to(self, log: Log) -> None:
+    def write_to(self, log: LogWriter) -> None:
         """Write every event of the session to `log` before any other part receives it.
 
         While that is not possible, nothing is dispatched but stops and ways to safety.
@@ -265,8 +267,18 @@ class Station:
 
     def question_in(self, text: str) -> Question | None:
         """Return the question about the record in `text`, for `answer`; None for an order."""
+        return self._read(text).question
+
+    def _read(self, text: str) -> ReadText:
+        """Return a text as it is read; the last one is not read again in the same situation.
+
+        A front end asks whether it is a question, and then submits it.
+        """
         services = self._reload.services
-        return question_in(text, services.scene, services.rulebook)
+        now = (text, services.scene, services.rulebook)
+        if self._last_read is None or self._last_read[0] != now:
+            self._last_read = now, read_text(*now)
+        return self._last_read[1]
 
     async def answer(
         self,
@@ -291,9 +303,10 @@ class Station:
         self._writable()
         if self.stopped:
             raise ValueError(IS_STOPPED)
-        if self.question_in(text) is not None:
+        order = self._read(text)
+        if order.question is not None:
             raise ValueError(IS_QUESTION)
-        mission, received = self._intake.submit(text, self._worker.busy, self._reload.services.read)
+        mission, received = self._intake.submit(order, self._worker.busy)
         self._emit(received, mission.id)
         self._worker.queue_changed()
         return mission
@@ -345,7 +358,7 @@ class Station:
     def acknowledge(self, alarm_id: str, by: str = "operator") -> None:
         """Note that `by` has seen an alarm; raises ValueError for an unknown one."""
         self._writable()
-        self._emit(self._intake.acknowledge(alarm_id, by))
+        self._emit(self._intake.alarms.acknowledge(alarm_id, by))
 
     def move(self, mission_id: str, by: int) -> None:
         """Move a waiting mission by `by` places in the queue; ValueError when it does not wait."""
@@ -353,12 +366,12 @@ class Station:
 
     def defer(self, mission_id: str) -> None:
         """Let everything else go before a waiting mission; ValueError when it does not wait."""
-        self._reorder(lambda: self._intake.defer(mission_id))
+        self._reorder(lambda: self._intake.queue.defer(mission_id))
 
     def withdraw(self, mission_id: str) -> None:
         """Cancel a waiting mission; raises ValueError when it does not wait."""
         reason = "withdrawn by the operator"
-        self._reorder(lambda: self._worker.drop(self._intake.withdraw(mission_id), reason))
+        self._reorder(lambda: self._worker.drop(self._intake.queue.remove(mission_id), reason))
 
     def _stop_for(self, by: str) -> None:
         """Stop all assets for a request from another station, unless they are stopped."""
@@ -376,7 +389,7 @@ class Station:
         self._emit(ev.AllStopped(by=by))
         for payload in holds:
             self._emit(payload)
-        for mission in self._intake.clear():
+        for mission in self._intake.queue.take():
             self._worker.drop(mission, "stopped by the operator")
         if self._worker.busy:
             self._worker.cancel()
@@ -403,7 +416,7 @@ class Station:
         self._writable()
         self._services.standing.revoke(order_id)
         self._emit(ev.StandingOrderRevoked(order_id=order_id, by=by))
-        for mission in self._intake.of_standing(order_id):
+        for mission in self._intake.queue.take(lambda one: one.standing == order_id):
             self._worker.drop(mission, f"standing order {order_id} was revoked")
         self._worker.queue_changed()
 

@@ -43,7 +43,7 @@ class MissionWorker:
         self._emergency_stop, self._emit = parts.emergency_stop, parts.emit
         self._verdicts = parts.verdicts
         self._side = StationSide(
-            parts.feed, self._decided, parts.verdicts, lambda: self._intake.open_alarms
+            parts.feed, self._decided, parts.verdicts, lambda: self._intake.alarms.open
         )
         self.idle = asyncio.Event()
         """Set while no mission is worked on and none waits."""
@@ -84,7 +84,7 @@ class MissionWorker:
     async def serve(self, background: Background, between: Callable[[], Awaitable[None]]) -> None:
         """Work on the missions for ever; `between` is begun whenever one is over."""
         while True:
-            mission = self._intake.next()
+            mission = self._intake.queue.pop_next()
             if mission is None:
                 self._arrived.clear()
                 self.idle.set()
@@ -111,7 +111,7 @@ class MissionWorker:
         """Emit the queue if it has changed, and wake the worker."""
         for payload in self._intake.changes():
             self._emit(payload, None)
-        if len(self._intake):
+        if self._intake.queue.missions:
             self.idle.clear()
             self._arrived.set()
 

@@ -15,10 +15,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.mission.spelling import respell
+from pa_console.policy.plain_text import compatible_form
 from pa_console.policy.rule_checks import check_mission
 from pa_console.schema.mission import Mission
 from pa_console.station.assembly import Site, load_site
-from pa_console.station.intake import Intake
+from pa_console.station.intake import Intake, ReadText
 
 DATA = Path(__file__).parent / "data"
 NOTICED, REFUSED = 0.8, 0.02
@@ -34,7 +35,9 @@ def given_as(text: str) -> Mission:
     """Return the mission that comes of what somebody types."""
     there = site()
     intake = Intake(there.world, "test-0000", respond=False)
-    return intake.submit(text, False, lambda words: respell(words, there.world, there.rulebook))[0]
+    shown = " ".join(compatible_form(text).split())
+    read = ReadText(" ".join(text.split()), respell(shown, there.world, there.rulebook))
+    return intake.submit(read, False)[0]
 
 
 def broken(text: str) -> set[str]:

@@ -93,7 +93,7 @@ class Desk:
     def alarms(self, tracks: Iterable[Track]) -> list[Alarm]:
         """Return the open alarms about `tracks`."""
         names = {track.id for track in tracks}
-        return [alarm for alarm in self.intake.open_alarms if alarm.subject in names]
+        return [alarm for alarm in self.intake.alarms.open if alarm.subject in names]
 
 
 @given(
@@ -118,11 +118,11 @@ def test_beside_a_flood_an_honest_contact_is_a_track_with_its_alarm_and_mission(
         urgent = [a for a in desk.alarms(alone) if a.priority in ("emergency", "high")]
         for kind in {alarm.kind for alarm in urgent}:
             assert sum(alarm.kind == kind for alarm in urgent) <= MOST_ALIKE
-        assert len(desk.intake) <= MOST_FROM_ALARMS
+        assert len(desk.intake.queue.missions) <= MOST_FROM_ALARMS
     (honest,) = (track for track in tracks if WITNESS in track.seen_by)
     (alarm,) = desk.alarms([honest])
     assert (alarm.priority, alarm.gate) == ("high", GATE)
-    waiting = [desk.intake.next() for _ in range(len(desk.intake))]
+    waiting = [desk.intake.queue.pop_next() for _ in range(len(desk.intake.queue.missions))]
     assert alarm.id in [mission.alarm for mission in waiting if mission is not None]
     assert {each.sensor for each in desk.aside} <= {liar}
 
@@ -167,13 +167,13 @@ def test_a_flood_is_one_alarm_that_names_the_sensor_and_how_many() -> None:
     assert len(found.tracks) == MOST_ALONE
     text = f"reports 900 contacts: {MOST_ALONE} are taken, the rest is set aside"
     assert ("Drone_T03", text) in {(each.sensor, each.text) for each in desk.aside}
-    (summary,) = (alarm for alarm in desk.intake.open_alarms if alarm.kind == "many_contacts")
+    (summary,) = (alarm for alarm in desk.intake.alarms.open if alarm.kind == "many_contacts")
     assert (summary.subject, summary.priority, summary.command) == ("Drone_T03", "high", "")
     assert summary.text.startswith(f"Drone_T03 alone reports {MOST_ALONE} contacts")
     assert len(desk.alarms(found.tracks.values())) == MOST_ALIKE
     for _ in range(60):
         desk.period()
-    assert not [a for a in desk.intake.open_alarms if a.kind == "many_contacts"]
+    assert not [a for a in desk.intake.alarms.open if a.kind == "many_contacts"]
 
 
 @pytest.mark.parametrize("sensor", ["Drone_T03", "EastCamera"])

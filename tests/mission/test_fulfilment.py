@@ -10,7 +10,7 @@ import pytest
 
 from pa_console.language.reading import canonical_order, read_asked
 from pa_console.llm.roles.role_model import PROMPT_FORMATS
-from pa_console.mission.judge import ask_about_outcome, compare_with_order, compared_grammar
+from pa_console.mission.judge import compare_with_order, compared_grammar
 from pa_console.mission.tasking.fulfilment import gaps
 from pa_console.mission.tasking.moves import PlanMoves
 from pa_console.mission.verify import OutcomeCase, ask_about_outcome

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from pa_console.llm.backend import EngineDiedError
-from pa_console.mission import plan as second_reader
+from pa_console.mission import judge as second_reader
 from pa_console.schema.events import event as ev
 from pa_console.session.confidence import UNSURE
 from tests.mission.test_rereading import EAST, NORTH, choosing, engine, requests, verdicts

@@ -10,7 +10,7 @@ from pa_console.schema.mission import Mission
 from pa_console.schema.telemetry import Picture, Track
 from pa_console.sim.worlds.world_file import load_world
 from pa_console.station.alarms import MOST_ALIKE
-from pa_console.station.intake import MOST_FROM_ALARMS, Arrivals, Intake
+from pa_console.station.intake import MOST_FROM_ALARMS, Arrivals, Intake, ReadText
 from tests.mission.pictures import asset, picture, track
 
 WORLD = load_world(data_folder() / "worlds" / "checkpoint" / "world.yaml")
@@ -59,48 +59,48 @@ VAN = track("Track_01", "WestGate")
 def test_an_alarm_becomes_one_mission_that_knows_what_it_is_about() -> None:
     desk = intake()
     [mission] = missions(play(desk, 1.0, 10.0, VAN))
-    [alarm] = desk.open_alarms
+    [alarm] = desk.alarms.open
     assert (mission.source, mission.alarm, mission.text) == ("alarm", alarm.id, alarm.command)
     assert (mission.subject, mission.gate) == ("Track_01", "WestGate")
     assert mission.id.endswith("-abcd")
     assert desk.alarm_of(mission) == alarm
-    assert desk.next() == mission
-    assert desk.next() is None
+    assert desk.queue.pop_next() == mission
+    assert desk.queue.pop_next() is None
 
 
 def test_without_responding_alarms_are_told_and_nothing_is_queued() -> None:
     desk = intake(respond=False)
     arrivals = play(desk, 1.0, 10.0, VAN)
     assert [p.kind for p, _ in arrivals.payloads] == ["alarm_raised"]
-    assert len(desk) == 0
+    assert len(desk.queue.missions) == 0
 
 
 def test_what_the_active_mission_deals_with_needs_no_other() -> None:
     desk = intake()
     arrivals = play(desk, 1.0, 10.0, VAN, handled=["Track_01"])
     assert missions(arrivals) == []
-    assert [a.subject for a in desk.open_alarms] == ["Track_01"]
+    assert [a.subject for a in desk.alarms.open] == ["Track_01"]
 
 
 def test_a_mission_whose_alarm_clears_while_it_waits_is_dropped() -> None:
     desk = intake()
     [mission] = missions(play(desk, 1.0, 5.0, VAN))
     assert play(desk, 5.0, 60.0).obsolete == [mission]
-    assert len(desk) == 0
+    assert len(desk.queue.missions) == 0
     assert desk.alarm_of(mission) is None
 
 
 def test_a_mission_that_gave_way_comes_back_only_while_its_alarm_is_open() -> None:
     desk = intake()
     [mission] = missions(play(desk, 1.0, 5.0, VAN))
-    assert desk.next() == mission
+    assert desk.queue.pop_next() == mission
     assert desk.put_back(mission)
-    assert desk.next() == mission
+    assert desk.queue.pop_next() == mission
     play(desk, 5.0, 60.0)
     assert not desk.put_back(mission)
-    assert len(desk) == 0
-    own, _ = desk.submit("look around", active=False)
-    assert desk.next() == own
+    assert len(desk.queue.missions) == 0
+    own, _ = desk.submit(ReadText("look around", "look around"), active=False)
+    assert desk.queue.pop_next() == own
     assert desk.put_back(own), "an operator's mission needs no alarm"
 
 
@@ -112,13 +112,13 @@ def test_alarms_beyond_what_may_wait_get_their_mission_once_there_is_room() -> N
     ]
     first = missions(play(desk, 1.0, 5.0, *tracks))
     assert [mission.subject for mission in first] == [f"Track_{n}" for n in range(1, 33)]
-    assert len(desk.open_alarms) == 40
+    assert len(desk.alarms.open) == 40
     assert missions(play(desk, 5.0, 6.0, *tracks)) == []
-    taken = desk.next()
+    taken = desk.queue.pop_next()
     assert taken is not None
     (late,) = missions(play(desk, 6.0, 8.0, *tracks, handled=["Track_1"]))
     assert late.subject == "Track_33"
-    assert len(desk) == MOST_FROM_ALARMS
+    assert len(desk.queue.missions) == MOST_FROM_ALARMS
 
 
 def test_one_sensor_s_contacts_leave_room_for_missions_about_those_of_others() -> None:
@@ -131,14 +131,14 @@ def test_one_sensor_s_contacts_leave_room_for_missions_about_those_of_others() -
     true = track("Track_99", "WestGate", distance_m=90.0, seen_by=("NorthCamera", "Drone_T03"))
     (mission,) = missions(play(desk, 5.0, 8.0, *lies, true))
     assert mission.subject == "Track_99"
-    assert desk.withdraw(mission.id) == mission
+    assert desk.queue.remove(mission.id) == mission
     assert missions(play(desk, 8.0, 9.0, *lies, true)) == [], "the operator does not want it"
 
 
 def test_an_emergency_goes_before_the_operators_mission_and_not_before_another() -> None:
     desk = intake()
-    active, _ = desk.submit("look around", active=False)
-    assert desk.next() == active
+    active, _ = desk.submit(ReadText("look around", "look around"), active=False)
+    assert desk.queue.pop_next() == active
     play(desk, 1.0, 5.0, VAN)
     assert desk.emergency(active) is None
     hostile = track(
@@ -150,17 +150,20 @@ def test_an_emergency_goes_before_the_operators_mission_and_not_before_another()
     assert entry is not None
     assert (entry.mission, entry.priority) == (threat, "emergency")
     assert entry.reason
-    assert desk.next() == threat
+    assert desk.queue.pop_next() == threat
     assert desk.emergency(threat) is None
 
 
 def test_positions_count_the_active_mission_and_ids_are_never_used_twice() -> None:
     desk = intake()
-    told = [desk.submit(f"mission {number}", active=True) for number in range(3)]
+    told = [
+        desk.submit(ReadText(f"mission {number}", f"mission {number}"), active=True)
+        for number in range(3)
+    ]
     assert [received.position for _, received in told] == [1, 2, 3]
     assert len({mission.id for mission, _ in told}) == 3
-    desk.clear()
-    again, received = desk.submit("another", active=False)
+    desk.queue.take()
+    again, received = desk.submit(ReadText("another", "another"), active=False)
     assert received.position == 0
     assert again.id not in {mission.id for mission, _ in told}
 
@@ -168,33 +171,39 @@ def test_positions_count_the_active_mission_and_ids_are_never_used_twice() -> No
 @pytest.mark.parametrize(("by", "order"), [(-2, "2013"), (-1, "0213"), (1, "0132"), (9, "0132")])
 def test_a_mission_moves_by_as_many_places_as_there_are(by: int, order: str) -> None:
     desk = intake()
-    waiting = [desk.submit(f"{number}", active=False)[0] for number in range(4)]
+    waiting = [
+        desk.submit(ReadText(f"{number}", f"{number}"), active=False)[0] for number in range(4)
+    ]
     desk.move(waiting[2].id, by)
-    assert "".join(mission.text for mission in desk.clear()) == order
+    assert "".join(mission.text for mission in desk.queue.take()) == order
 
 
 def test_whatever_does_not_wait_cannot_be_moved_deferred_or_withdrawn() -> None:
     desk = intake()
-    waiting, _ = desk.submit("look around", active=False)
-    for act in (lambda: desk.move("M9", 1), lambda: desk.defer("M9"), lambda: desk.withdraw("M9")):
+    waiting, _ = desk.submit(ReadText("look around", "look around"), active=False)
+    for act in (
+        lambda: desk.move("M9", 1),
+        lambda: desk.queue.defer("M9"),
+        lambda: desk.queue.remove("M9"),
+    ):
         with pytest.raises(ValueError, match=f"M9 does not wait; waiting: {waiting.id}"):
             act()
-    assert desk.withdraw(waiting.id) == waiting
+    assert desk.queue.remove(waiting.id) == waiting
     with pytest.raises(ValueError, match="waiting: none"):
-        desk.withdraw(waiting.id)
+        desk.queue.remove(waiting.id)
 
 
 def test_the_queue_is_told_once_a_change() -> None:
     desk = intake()
     assert list(desk.changes()) == []
-    first, _ = desk.submit("first", active=False)
-    second, _ = desk.submit("second", active=False)
+    first, _ = desk.submit(ReadText("first", "first"), active=False)
+    second, _ = desk.submit(ReadText("second", "second"), active=False)
     [change] = desk.changes()
     assert [entry.mission for entry in change.entries] == [first, second]
     assert list(desk.changes()) == []
-    desk.defer(first.id)
+    desk.queue.defer(first.id)
     [change] = desk.changes()
     assert [(e.mission, e.deferred) for e in change.entries] == [(second, False), (first, True)]
-    desk.clear()
+    desk.queue.take()
     [change] = desk.changes()
     assert change.entries == ()

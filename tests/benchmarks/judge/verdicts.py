@@ -9,7 +9,7 @@ from pa_console.evaluation.runs.run_record import Opinion
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.llm.roles.judge import Judge, JudgeQuestion
 from pa_console.llm.roles.role_model import PROMPT_FORMATS
-from pa_console.mission.judge import ask_about_outcome, ask_about_plan
+from pa_console.mission.judge import ask_about_plan
 from pa_console.mission.verify import ask_about_outcome
 from pa_console.schema.base import StrictModel
 from pa_console.schema.finding import Verdict
