@@ -11,7 +11,7 @@ from pa_console.mission.candidate import Candidate
 from pa_console.mission.context import MissionContext, Services
 from pa_console.mission.judge import judge
 from pa_console.mission.plan import Unplanned, plan, take
-from pa_console.mission.propose import Question, ask_for_plan
+from pa_console.mission.propose import PlanQuestion, ask_for_plan
 from pa_console.mission.retrieve import Retrieved, retrieve
 from pa_console.mission.verify import OutcomeCase, ask_about_outcome
 from pa_console.policy.monitor import Monitor
@@ -164,7 +164,7 @@ class OurWay:
             usable=(proposed.plan is not None) + (judged.verdict is not None),
         )
 
-    def question(self, mission: BenchMission) -> Question:
+    def question(self, mission: BenchMission) -> PlanQuestion:
         """Return what the planner is asked."""
         hits = self._retriever.retrieve(mission.text)
         return ask_for_plan(self._services(mission.sim), Retrieved(_task(mission), hits))

@@ -31,7 +31,7 @@ from pa_console.llm.roles.grammar import slot_grammar
 from pa_console.llm.roles.judge import Judge, JudgeQuestion, OrderRead
 from pa_console.mission.context import Services
 from pa_console.mission.judge import DOUBT, LEAST, compare_with_order
-from pa_console.mission.propose import Question, ask_for_plan
+from pa_console.mission.propose import PlanQuestion, ask_for_plan
 from pa_console.mission.retrieve import Retrieved
 from pa_console.mission.tasking.choices import commands_serving
 from pa_console.mission.tasking.moves import PlanMoves
@@ -174,7 +174,7 @@ def _orders(plan: Plan) -> frozenset[tuple[str, str]]:
 
 
 async def _reads(
-    judge: Judge, services: Services, question: Question, task: Mission, hits: Sequence[RuleHit]
+    judge: Judge, services: Services, question: PlanQuestion, task: Mission, hits: Sequence[RuleHit]
 ) -> OrderRead:
     world, prompt_format = services.fleet.world, services.prompt_format
     rules = [services.rulebook.get(hit.rule_id) for hit in hits]
@@ -184,7 +184,9 @@ async def _reads(
     return await judge.read(JudgeQuestion("judge", prompt, opening))
 
 
-async def _plan_for(services: Services, question: Question, text: str, asked: str) -> Plan | None:
+async def _plan_for(
+    services: Services, question: PlanQuestion, text: str, asked: str
+) -> Plan | None:
     """Return the plan for another reading: the console gives the commands, the planner chooses."""
     fleet, reading = services.fleet, read_asked(asked)
     if reading is None or not reading.readable:
