@@ -11,7 +11,7 @@ from pa_console.schema.telemetry import CameraReport, GateCover
 from pa_console.tui.actions.whatif import what_ifs
 from pa_console.tui.map.canvas import Canvas
 from pa_console.tui.map.scene import ROLES, MapScene
-from pa_console.tui.report_condition import Reliance
+from pa_console.tui.status_words import Reliance
 from pa_console.tui.widgets.assets import AssetPane, AssetTable, track_cells, track_words
 from pa_console.tui.widgets.bars import StatusBar
 from pa_console.tui.widgets.map_view import LEGEND, MapView

@@ -20,7 +20,7 @@ from pa_console.schema.world import World
 from pa_console.session.mission_trace import Attempt, MissionTrace
 from pa_console.station.alternatives import order_for
 from pa_console.tui.actions.keymap import ALT_DIGITS, READING_KEYS
-from pa_console.tui.approval.plan_rows import action_rows, cover_row
+from pa_console.tui.approval.plan_rows import action_rows
 from pa_console.tui.plan_preview import PlanPreview
 from pa_console.tui.status_words import BAD, GOOD, QUIET, WARN
 from pa_console.tui.trace.rows import Row, row
@@ -56,13 +56,12 @@ def past_candidate(trace: MissionTrace, attempt: Attempt, world: World) -> Candi
     """Return a plan that came last of a mission; None where it was not rehearsed."""
     if attempt.plan is None or attempt.rehearsal is None:
         return None
-    verdict = attempt.verdict
     return Candidate(
         f"The plan of {trace.mission.id}",
         plain_reading(asked_words(attempt.plan.reason).rstrip("; ")),
         PlanPreview(world, attempt.plan, attempt.rehearsal),
         tuple(finding.rule_id for finding in attempt.findings if finding.broken),
-        judge="" if verdict is None else "objects" if verdict.verdict == "Failure" else "passes it",
+        judge=_judged(attempt),
         sure=attempt.sure,
     )
 
@@ -71,16 +70,20 @@ def waiting_candidate(trace: MissionTrace, preview: PlanPreview) -> Candidate:
     """Return the plan that waits for a decision."""
     request = trace.approval
     attempt = trace.find(request.attempt) if request is not None else None
-    verdict = attempt.verdict if attempt is not None else None
     broken = (*request.blocked_by, *request.acknowledge) if request is not None else ()
     return Candidate(
         "The plan that waits",
         plain_reading(said_of(trace)),
         preview,
         broken,
-        judge="" if verdict is None else "objects" if verdict.verdict == "Failure" else "passes it",
+        judge=_judged(attempt) if attempt is not None else "",
         sure=attempt.sure if attempt is not None else None,
     )
+
+
+def _judged(attempt: Attempt) -> str:
+    verdict = attempt.verdict
+    return "" if verdict is None else "objects" if verdict.verdict == "Failure" else "passes it"
 
 
 def said_of(trace: MissionTrace) -> str:
@@ -127,7 +130,8 @@ def candidate_rows(candidate: Candidate) -> Iterator[Row]:
     preview = candidate.preview
     yield row(_lead("read as"), candidate.reading or ("not told", QUIET))
     yield from action_rows(preview)
-    yield cover_row(preview) or row(("Guards  ", QUIET), "all gates keep theirs")
+    if not preview.cover_changes:
+        yield row(("Guards  ", QUIET), "all gates keep theirs")
     yield row(_lead("time"), f"{preview.duration_s:.0f} s")
     yield row(_lead("battery"), _battery(preview))
     if candidate.broken:

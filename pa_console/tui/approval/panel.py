@@ -14,26 +14,24 @@ from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.actions.keymap import READING_KEYS
-from pa_console.tui.approval.choices import (
+from pa_console.tui.approval.inputs import (
+    DECISION_KEYS,
+    Arming,
+    DecisionButtons,
     FocusAt,
+    GivenFields,
+    ReasonField,
     answering,
     blocked_reason,
     decision_of,
+    is_free,
     may_modify,
     next_key,
     not_to_sign,
     reading_of,
 )
-from pa_console.tui.approval.inputs import (
-    DECISION_KEYS,
-    Arming,
-    DecisionButtons,
-    GivenFields,
-    ReasonField,
-    is_free,
-)
 from pa_console.tui.approval.plan_rows import approval_rows, looked_at_rows
-from pa_console.tui.approval.plan_text import PlanText, panel_room
+from pa_console.tui.approval.plan_text import PlanText, panel_rows
 from pa_console.tui.plan_preview import PlanPreview
 from pa_console.tui.protocols import Clock, JoinedTo
 from pa_console.tui.status_words import term
@@ -105,7 +103,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         super().__init__(id="approval", classes=shown if decides else "-closed")
         self._decides, self._joined = decides, joined
         self.can_focus = decides
-        self._arming = Arming(clock, ARM_DELAY_S)
+        self.arming = Arming(clock, ARM_DELAY_S)
         self._trace: MissionTrace | None = None
         self._shown: tuple[str, int, int, bool] | None = None
         self._width = 0
@@ -140,7 +138,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         if key == self._shown:
             self._tell(trace, preview)
             return False
-        self._shown, self._arming.sent = key, False
+        self._shown, self.arming.sent = key, False
         self.display = True
         self._fill(trace, request, preview)
         self._disarm()
@@ -223,9 +221,9 @@ class ApprovalPanel(Vertical, can_focus=True):
         taken = sum(child.outer_size.height + child.styles.margin.height for child in others)
         taken += self.gutter.height
         compact = self.screen.has_class("-compact")
-        room = panel_room(self.screen.size.height, taken, compact=compact)
-        self.styles.max_height = room.panel
-        if self._body.fit(room.plan):
+        rows = panel_rows(self.screen.size.height, taken, compact=compact)
+        self.styles.max_height = rows
+        if self._body.fit(rows - taken):
             self.call_after_refresh(self._saw)
 
     def _saw(self) -> None:
@@ -259,22 +257,13 @@ class ApprovalPanel(Vertical, can_focus=True):
         safe.focus()
 
     @property
-    def arm_delay_s(self) -> float:
-        """Quiet seconds before the panel takes keys."""
-        return self._arming.delay_s
-
-    @arm_delay_s.setter
-    def arm_delay_s(self, delay_s: float) -> None:
-        self._arming.delay_s = delay_s
-
-    @property
     def armed(self) -> bool:
         """True if the panel accepts decisions: after a quiet moment, and until one is sent."""
-        return self._arming.armed
+        return self.arming.armed
 
     def _disarm(self) -> None:
-        self._arming.disarm()
-        self.set_timer(self.arm_delay_s + 0.05, self._saw)
+        self.arming.disarm()
+        self.set_timer(self.arming.delay_s + 0.05, self._saw)
         self.refresh_state()
 
     def refresh_state(self) -> None:
@@ -289,7 +278,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         why = self._why_not()
         self._buttons.of("approve").disabled = bool(why)
         waiting = "" if self.armed else "keys are ignored for a moment"
-        line = "decision sent" if self._arming.sent else why or waiting or self._next_key()
+        line = "decision sent" if self.arming.sent else why or waiting or self._next_key()
         self.border_subtitle = "Space stops the rehearsal" if self._playing else line
         self._tell_state()
 
@@ -490,11 +479,11 @@ class ApprovalPanel(Vertical, can_focus=True):
     def _send(self, decision: Decision | None) -> None:
         if decision is None:
             return
-        self._arming.sent = True
+        self.arming.sent = True
         self.refresh_state()
         self.post_message(self.Decided(decision))
 
     def refused(self) -> None:
         """Take decisions again after the last one could not be delivered."""
-        self._arming.sent = False
+        self.arming.sent = False
         self._disarm()

@@ -5,7 +5,6 @@ The schedule is a Gantt chart: who is under way or at work when, who guards a ga
 
 from collections.abc import Iterator, Sequence
 from itertools import groupby
-from typing import NamedTuple
 
 from textual.app import ComposeResult
 from textual.containers import VerticalScroll
@@ -159,21 +158,13 @@ WIDE_SHARE, COMPACT_SHARE = 0.7, 0.62
 LEAST_ROWS, LEAST_PLAN_ROWS = 13, 4
 
 
-class PanelRoom(NamedTuple):
-    """The largest numbers of rows: for the whole panel, and for the plan in it."""
-
-    panel: int
-    plan: int
-
-
-def panel_room(terminal: int, taken: int, *, compact: bool) -> PanelRoom:
-    """Return the room in a terminal of so many rows, of which the panel's other parts have `taken`.
+def panel_rows(terminal: int, taken: int, *, compact: bool) -> int:
+    """Return the most rows of the panel in a terminal of so many, if other parts have `taken`.
 
     `compact` says that the panel stands below the map and not beside it.
     """
     share = int((terminal - ROWS_ELSEWHERE) * (COMPACT_SHARE if compact else WIDE_SHARE))
-    most = max(share, LEAST_ROWS, taken + LEAST_PLAN_ROWS)
-    return PanelRoom(most, most - taken)
+    return max(share, LEAST_ROWS, taken + LEAST_PLAN_ROWS)
 
 
 class PlanText(VerticalScroll, can_focus=False):

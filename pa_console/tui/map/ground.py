@@ -7,6 +7,8 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from shapely import Polygon, contains_xy
+
 from pa_console.schema.base import Point
 from pa_console.schema.world import World
 from pa_console.tui.map.canvas import Blocks, Canvas, Cell, Spot, Strokes, touched
@@ -164,20 +166,12 @@ def _hatch(canvas: Canvas, view: Projection, barriers: Barriers, polygon: Sequen
     rows = range(
         max(min(c[1] for c in corners), 0), min(max(c[1] for c in corners) + 1, canvas.height)
     )
+    area = Polygon(polygon)
     for row in rows:
         for column in columns:
             cell = column, row
-            if cell not in barriers and inside(view.centre(cell), polygon):
+            if cell not in barriers and contains_xy(area, *view.centre(cell)):
                 canvas.put(cell, "╱", "zone")
-
-
-def inside(point: Point, polygon: Sequence[Point]) -> bool:
-    """Return whether a point lies in a polygon (crossings of a ray to the east are odd)."""
-    result = False
-    for (x1, y1), (x2, y2) in zip(polygon, [*polygon[1:], polygon[0]], strict=True):
-        if (y1 > point[1]) != (y2 > point[1]):
-            result ^= point[0] < x1 + (point[1] - y1) * (x2 - x1) / (y2 - y1)
-    return result
 
 
 def _middle(points: Sequence[Point]) -> Point:

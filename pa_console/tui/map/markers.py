@@ -11,8 +11,7 @@ from typing import NamedTuple
 from pa_console.schema.telemetry import AssetTelemetry, CameraReport, Track
 from pa_console.tui.map.canvas import Canvas, Cell, Run, Spot
 from pa_console.tui.map.labels import Labels
-from pa_console.tui.report_condition import Reliance
-from pa_console.tui.status_words import term
+from pa_console.tui.status_words import Reliance, term
 
 _ARROWS = "→↗↑↖←↙↓↘"
 _TRACK_GLYPHS = {"vehicle": "■", "person": "▪"}

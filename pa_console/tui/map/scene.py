@@ -26,8 +26,7 @@ from pa_console.tui.map.markers import (
 from pa_console.tui.map.plan_layer import PlanLayer, dimmed
 from pa_console.tui.map.projection import Projection
 from pa_console.tui.map.sensor_fields import Sensors, asset_fields, camera_fields
-from pa_console.tui.report_condition import Reliance, cover_state
-from pa_console.tui.status_words import short_names, term, track_names
+from pa_console.tui.status_words import Reliance, cover_state, short_names, term, track_names
 
 _ADJOINING = 2.0
 """The discount of a place right beside a marker, if it hides nothing."""

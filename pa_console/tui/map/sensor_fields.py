@@ -8,7 +8,7 @@ from typing import Literal
 from pa_console.schema.base import Point
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import AssetKind, World
-from pa_console.tui.report_condition import Reliance
+from pa_console.tui.status_words import Reliance
 
 RAY_DEG = 7.5
 """The angle between two rays of an outline."""

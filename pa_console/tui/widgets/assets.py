@@ -16,8 +16,17 @@ from pa_console.schema.text import few
 from pa_console.schema.world import World
 from pa_console.tui.map.markers import arrow
 from pa_console.tui.refresh import retitle
-from pa_console.tui.report_condition import FINE, Reliance, track_rank
-from pa_console.tui.status_words import BAD, KIND_WORDS, QUIET, WARN, short_names, term
+from pa_console.tui.status_words import (
+    BAD,
+    FINE,
+    KIND_WORDS,
+    QUIET,
+    WARN,
+    Reliance,
+    short_names,
+    term,
+    track_rank,
+)
 from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.row_views import NOTES, Cells, Layout, VirtualRows
 
