@@ -32,7 +32,7 @@ from pa_console.http.served_session import ServedSession
 from pa_console.http.tokens import Bearer, TokenBook
 from pa_console.schema.events import event as ev
 
-READS, WRITES, ASKS, WRONG = (50.0, 200), (5.0, 20), (2.0, 10), (2.0, 20)
+RATES = {"reads": (50.0, 200), "writes": (5.0, 20), "questions": (2.0, 10), "wrong": (2.0, 20)}
 """Requests a second and at once: reads, writes and questions of each person, wrong tokens of
 everybody. A question may take rehearsals."""
 MOST_READERS = 8
@@ -67,41 +67,28 @@ class _Doors:
 
     def __init__(self, tokens: TokenBook) -> None:
         self._tokens = tokens
-        self._reads, self._writes, self._asks = Rate(*READS), Rate(*WRITES), Rate(*ASKS)
-        self._wrong = Rate(*WRONG)
+        self._rates = {name: Rate(*limit) for name, limit in RATES.items()}
 
-    def observer(self, given: Given) -> Bearer:
-        """Admit a reader, within the rate limit."""
-        return self._count(self._reads, self._enter(given, "observer"))
+    def enter(self, given: Given, role: Role, rate: str = "") -> Bearer:
+        """Return whose token is `given`, within the limit of `rate` if one is named.
 
-    def asker(self, given: Given) -> Bearer:
-        """Admit a reader with a question, within the rate limit."""
-        return self._count(self._asks, self._enter(given, "observer"))
-
-    def lets_read(self, given: Given) -> bool:
-        """Return whether a reader's token is still valid."""
-        try:
-            return self._enter(given, "observer").may("observer")
-        except ProblemError:
-            return False
-
-    def operator(self, given: Given) -> Bearer:
-        """Admit an operator, within the rate limit."""
-        return self._count(self._writes, self._enter(given, "operator"))
-
-    def stopper(self, given: Given) -> Bearer:
-        """Admit a person who may stop everything, without a rate limit."""
-        return self._enter(given, "operator")
-
-    def _enter(self, given: HTTPAuthorizationCredentials | None, role: Role) -> Bearer:
-        """Return whose token is `given`; raises ProblemError for one who may not do so much."""
+        Raises ProblemError for a token that is not known or may not do so much.
+        """
         bearer = self._known(given)
         if not bearer.may(role):
             raise ProblemError(
                 403, "role-too-low", f"{bearer.person} is {bearer.role}; this needs {role}",
                 remedy="use a token of that role",
             )  # fmt: skip
-        return bearer
+        return self._count(rate, bearer) if rate else bearer
+
+    def lets_read(self, given: Given) -> bool:
+        """Return whether a reader's token is still valid."""
+        try:
+            self.enter(given, "observer")
+        except ProblemError:
+            return False
+        return True
 
     def _known(self, given: HTTPAuthorizationCredentials | None) -> Bearer:
         bearer = None
@@ -113,51 +100,40 @@ class _Doors:
         except (ValueError, OSError) as error:
             raise ProblemError(401, "no-tokens", str(error)) from error
         if bearer is None:
-            self._count(self._wrong, Bearer("", "observer"))
+            self._count("wrong", Bearer("", "observer"))
             raise ProblemError(
                 401, "no-token", "this needs a token of this session", field="Authorization",
                 remedy="Authorization: Bearer TOKEN; pa-console serve --make-token ROLE makes one",
             )  # fmt: skip
         return bearer
 
-    def _count(self, rate: Rate, bearer: Bearer) -> Bearer:
-        if after_s := rate.take(bearer.person):
+    def _count(self, rate: str, bearer: Bearer) -> Bearer:
+        if after_s := self._rates[rate].take(bearer.person):
             raise ProblemError(429, "too-often", "there were too many requests",
                                remedy=f"wait {after_s} s", after_s=after_s)  # fmt: skip
         return bearer
-
-
-def _observer(request: Request, given: Given) -> Bearer:
-    return _through(request, _doors(request).observer(given))
-
-
-def _asker(request: Request, given: Given) -> Bearer:
-    return _through(request, _doors(request).asker(given))
-
-
-def _operator(request: Request, given: Given) -> Bearer:
-    return _through(request, _doors(request).operator(given))
-
-
-def _stopper(request: Request, given: Given) -> Bearer:
-    return _through(request, _doors(request).stopper(given))
-
-
-def _through(request: Request, bearer: Bearer) -> Bearer:
-    """Return who was let in, and note that on the connection, which the guard has found."""
-    if CONNECTION in request.scope:
-        request.scope[CONNECTION].let_in(commands=bearer.may("operator"))
-    return bearer
 
 
 def _doors(request: Request) -> _Doors:
     return cast(_Doors, request.app.state.doors)
 
 
-Watching = Annotated[Bearer, Depends(_observer)]
-Asking = Annotated[Bearer, Depends(_asker)]
-Commanding = Annotated[Bearer, Depends(_operator)]
-Stopping = Annotated[Bearer, Depends(_stopper)]
+def _lets_in(role: Role, rate: str = "") -> Callable[[Request, Given], Bearer]:
+    """Return a dependency that lets in who has `role`, and notes that on the connection."""
+
+    def bearer_of(request: Request, given: Given) -> Bearer:
+        bearer = _doors(request).enter(given, role, rate)
+        if CONNECTION in request.scope:
+            request.scope[CONNECTION].let_in(commands=bearer.may("operator"))
+        return bearer
+
+    return bearer_of
+
+
+Watching = Annotated[Bearer, Depends(_lets_in("observer", "reads"))]
+Asking = Annotated[Bearer, Depends(_lets_in("observer", "questions"))]
+Commanding = Annotated[Bearer, Depends(_lets_in("operator", "writes"))]
+Stopping = Annotated[Bearer, Depends(_lets_in("operator"))]
 """The sender of a request, checked for the right to read, to ask, to command, or to stop
 everything."""
 

@@ -9,11 +9,10 @@ import asyncio
 from collections.abc import Callable, Generator, Iterable
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Protocol
 
 from pydantic import ValidationError
 
-from pa_console.fleets.authorization import RefusedError, UnsignedApproval
+from pa_console.fleets.authorization import RefusedError
 from pa_console.fleets.fleet import Countersigned
 from pa_console.fleets.station_authority import StationAuthority
 from pa_console.http.event_feed import EventFeed
@@ -28,86 +27,18 @@ from pa_console.http.views import (
     shown_sha256,
     to_sign_view,
 )
-from pa_console.language.questions import Question
 from pa_console.mission.approval import inadmissible
-from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
-from pa_console.schema.events.event import ApprovalRequested, DecisionMade
-from pa_console.schema.mission import ELSEWHERE, Decision, Mission
+from pa_console.schema.mission import ELSEWHERE, Decision
 from pa_console.schema.plan import Plan
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.session.state import SessionState
 from pa_console.station.answering import IS_QUESTION, NO_QUESTION
+from pa_console.station.station import Station
 
 
-class Countersigning:
-    """Prepares what a second person signs of a plan, and takes that signature in."""
-
-    def __init__(self, authority: StationAuthority | None) -> None:
-        """`authority` has the keys of the station, None where its site has none."""
-        self._authority = authority
-
-    def to_sign(self, request: ApprovalRequested, rules: Rulebook, person: str) -> UnsignedApproval:
-        """Return what `person` is to sign of `request`; raises ProblemError for nothing."""
-        authority = self._keys_for(request)
-        try:
-            authority.trust.approver(person)
-        except RefusedError as refused:
-            raise _may_not_sign(403, "may-not-sign", str(refused), "person") from refused
-        return authority.to_sign(request, rules, person)
-
-    def take(
-        self,
-        request: ApprovalRequested,
-        rules: Rulebook,
-        given: Countersigned,
-        made: Iterable[DecisionMade],
-    ) -> None:
-        """Take in what a person has `given` for `request`; raises ProblemError if it is no more.
-
-        `made` are the decisions of its mission so far.
-        """
-        authority, person = self._keys_for(request), given.person
-        if why := authority.objection_to_signature(request, rules, person, given.signature):
-            raise _may_not_sign(403, "signature-refused", why, "signed")
-        if person == authority.person:
-            raise ProblemError(
-                409, "decides-here", f"{person} sits at this station and decides there",
-                field="person", remedy="POST /v1/decisions",
-            )  # fmt: skip
-        before = _signatures(request, made)
-        both = Decision(kind="approve", signatures={**before, person: given.signature})
-        if person in before or person not in authority.valid(request, both, rules):
-            raise ProblemError(
-                409, "signed-already", f"this plan has the signature with the key of {person}",
-                field="person", remedy="let somebody else sign",
-            )  # fmt: skip
-
-    def _keys_for(self, request: ApprovalRequested) -> StationAuthority:
-        """Return the keys of the station if `request` is for others to sign, too."""
-        if self._authority is None:
-            raise ProblemError(
-                409, "no-keys", "this site has no keys, so nobody can be the second person",
-                remedy="pa-console keys make",
-            )  # fmt: skip
-        if request.blocked_by:
-            raise ProblemError(409, "not-admissible", "; ".join(request.blocked_by))
-        if not request.approvals:
-            raise ProblemError(
-                409, "one-is-enough", f"one person is enough, who is {self._authority.person}",
-                remedy="POST /v1/decisions",
-            )  # fmt: skip
-        return self._authority
-
-
-def _signatures(request: ApprovalRequested, made: Iterable[DecisionMade]) -> dict[str, str]:
-    """Return what has been signed of `request` so far, by name."""
-    now = [each.decision for each in made if each.attempt == request.attempt]
-    return {name: text for decision in now for name, text in decision.signatures.items()}
-
-
-def _may_not_sign(status: int, kind: str, why: str, field: str) -> ProblemError:
-    return ProblemError(status, kind, why, field=field, remedy="pa-console keys list says who may")
+def _may_not_sign(kind: str, why: str, field: str) -> ProblemError:
+    return ProblemError(403, kind, why, field=field, remedy="pa-console keys list says who may")
 
 
 ANSWERED_S = 10.0
@@ -115,71 +46,12 @@ ANSWERED_S = 10.0
 SEE_PLANS = "read /v1/plans and decide about what waits there now"
 
 
-class Commanded(Protocol):
-    """A station, as far as clients command it."""
-
-    @property
-    def rulebook(self) -> Rulebook:
-        """The rules in force."""
-        ...
-
-    @property
-    def stopped(self) -> bool:
-        """True while everything is stopped."""
-        ...
-
-    @property
-    def worked_on(self) -> str:
-        """The id of the mission that is being worked on, '' for none."""
-        ...
-
-    def submit(self, text: str) -> Mission:
-        """Queue a mission; raises ValueError when it cannot be taken."""
-        ...
-
-    def question_in(self, text: str) -> Question | None:
-        """Return the question about the record in `text`; None for any other text."""
-        ...
-
-    async def answer(self, question: Question) -> ev.QuestionAnswered:
-        """Answer a question; nothing is decided by that, and nobody moves."""
-        ...
-
-    def decide(self, decision: Decision) -> None:
-        """Answer the plan that waits; raises ValueError when none does."""
-        ...
-
-    def countersign(self, signed: Countersigned) -> None:
-        """Take in what a second person has signed; raises ValueError when that cannot be."""
-        ...
-
-    def acknowledge(self, alarm_id: str, by: str) -> None:
-        """Note that an alarm was seen; raises ValueError when it is not open."""
-        ...
-
-    def cancel(self) -> None:
-        """Cancel the mission that is worked on; raises ValueError when none is."""
-        ...
-
-    def withdraw(self, mission_id: str) -> None:
-        """Take a waiting mission out of the queue; raises ValueError when it does not wait."""
-        ...
-
-    def stop_all(self, by: str) -> None:
-        """Make every asset hold until `release`."""
-        ...
-
-    def release(self, by: str) -> None:
-        """Release the stop; raises ValueError when nothing is stopped."""
-        ...
-
-
 class ServedSession:
     """What the clients of one station share: its state, its events, and its commands."""
 
     def __init__(
         self,
-        station: Commanded,
+        station: Station,
         state: SessionState,
         log: Callable[[], Path | None],
         *,
@@ -191,8 +63,7 @@ class ServedSession:
         `authority` has the keys with which this station and the person at it sign, None where a
         site has none: nobody else is made to have approved anything.
         """
-        self.station, self._countersigning = station, Countersigning(authority)
-        self._authority = authority
+        self.station, self._authority = station, authority
         self.state = state
         self.feed = EventFeed(log, told)
         self._asked: dict[tuple[str, str], asyncio.Future[ev.DecisionMade]] = {}
@@ -281,9 +152,13 @@ class ServedSession:
     def to_sign(self, request_id: str, person: str) -> ToSignView:
         """Return what `person` is to sign of the plan that waits as `request_id`."""
         _, request = self._waits(request_id)
-        unsigned = self._countersigning.to_sign(request, self.station.rulebook, person)
-        name = self._authority.name if self._authority is not None else ""
-        return to_sign_view(name, request, unsigned)
+        authority = self._keys_for(request)
+        try:
+            authority.trust.approver(person)
+        except RefusedError as refused:
+            raise _may_not_sign("may-not-sign", str(refused), "person") from refused
+        unsigned = authority.to_sign(request, self.station.rulebook, person)
+        return to_sign_view(authority.name, request, unsigned)
 
     async def countersign(self, request_id: str, body: SignatureBody) -> DecisionView:
         """Take in what a second person has signed of the plan that waits as `request_id`.
@@ -292,10 +167,50 @@ class ServedSession:
         """
         trace, request = self._waits(request_id)
         given = Countersigned(request.request_id, body.person, body.signed)
-        self._countersigning.take(request, self.station.rulebook, given, trace.decisions)
+        self._check_signature(request, given, trace.decisions)
         with _refused("signature-not-taken", "signed"):
             self.station.countersign(given)
         return await self._heard_of(request, f"{body.person} {ELSEWHERE}")
+
+    def _check_signature(
+        self, request: ev.ApprovalRequested, given: Countersigned, made: Iterable[ev.DecisionMade]
+    ) -> None:
+        """Raise ProblemError unless what a person has `given` counts for `request`.
+
+        `made` are the decisions of its mission so far.
+        """
+        authority, person, rules = self._keys_for(request), given.person, self.station.rulebook
+        if why := authority.objection_to_signature(request, rules, person, given.signature):
+            raise _may_not_sign("signature-refused", why, "signed")
+        if person == authority.person:
+            raise ProblemError(
+                409, "decides-here", f"{person} sits at this station and decides there",
+                field="person", remedy="POST /v1/decisions",
+            )  # fmt: skip
+        decided = (each.decision for each in made if each.attempt == request.attempt)
+        before = {name: text for given in decided for name, text in given.signatures.items()}
+        both = Decision(kind="approve", signatures={**before, person: given.signature})
+        if person in before or person not in authority.valid(request, both, rules):
+            raise ProblemError(
+                409, "signed-already", f"this plan has the signature with the key of {person}",
+                field="person", remedy="let somebody else sign",
+            )  # fmt: skip
+
+    def _keys_for(self, request: ev.ApprovalRequested) -> StationAuthority:
+        """Return the keys of the station if `request` is for others to sign, too."""
+        if self._authority is None:
+            raise ProblemError(
+                409, "no-keys", "this site has no keys, so nobody can be the second person",
+                remedy="pa-console keys make",
+            )  # fmt: skip
+        if request.blocked_by:
+            raise ProblemError(409, "not-admissible", "; ".join(request.blocked_by))
+        if not request.approvals:
+            raise ProblemError(
+                409, "one-is-enough", f"one person is enough, who is {self._authority.person}",
+                remedy="POST /v1/decisions",
+            )  # fmt: skip
+        return self._authority
 
     async def _heard_of(self, request: ev.ApprovalRequested, by: str) -> DecisionView:
         """Wait until the session emits the result of the decision that was given just now."""

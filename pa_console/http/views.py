@@ -22,7 +22,7 @@ from pa_console.schema.mission import (
 from pa_console.schema.plan import MAX_ACTIONS, Action, Plan
 from pa_console.schema.rule import Rule, RulesSeal
 from pa_console.schema.telemetry import Picture
-from pa_console.session.mission_trace import Attempt, MissionTrace
+from pa_console.session.mission_trace import MissionTrace
 from pa_console.session.state import SessionState
 
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
@@ -141,6 +141,8 @@ class WhoView(BaseModel):
 class AlarmView(BaseModel):
     """An alarm that is open."""
 
+    model_config = ConfigDict(from_attributes=True)
+
     alarm: Alarm
     acknowledged_by: str
 
@@ -179,6 +181,8 @@ class MissionView(BaseModel):
 
 class AttemptView(BaseModel):
     """One plan that was made for a mission, and the findings on it."""
+
+    model_config = ConfigDict(from_attributes=True)
 
     number: int
     author: str
@@ -248,10 +252,7 @@ def state_view(state: SessionState, number: int) -> StateView:
         active=state.active,
         waits_for_decision=current is not None and current.approval is not None,
         queue=state.queue,
-        alarms=tuple(
-            AlarmView(alarm=item.alarm, acknowledged_by=item.acknowledged_by)
-            for item in state.alarms
-        ),
+        alarms=tuple(AlarmView.model_validate(item) for item in state.alarms),
         picture=state.picture,
         ended=state.ended,
     )
@@ -268,27 +269,11 @@ def mission_detail(trace: MissionTrace) -> MissionDetail:
         **_short(trace),
         question=_question(trace),
         choices=trace.choices,
-        attempts=tuple(attempt_view(attempt) for attempt in trace.attempts),
+        attempts=tuple(AttemptView.model_validate(attempt) for attempt in trace.attempts),
         decisions=tuple(trace.decisions),
         verification=trace.verification,
         report=trace.report,
         metrics=trace.metrics,
-    )
-
-
-def attempt_view(attempt: Attempt) -> AttemptView:
-    """Return one plan with the findings on it."""
-    return AttemptView(
-        number=attempt.number,
-        author=attempt.author,
-        plan=attempt.plan,
-        error=attempt.error,
-        confidence=attempt.confidence,
-        unmet=attempt.unmet,
-        gaps=attempt.gaps,
-        findings=attempt.findings,
-        verdict=attempt.verdict,
-        judge_error=attempt.judge_error,
     )
 
 
@@ -299,7 +284,7 @@ def plan_view(trace: MissionTrace, request: ev.ApprovalRequested) -> PlanView:
         mission=mission_view(trace),
         request=request,
         shown_sha256=shown_sha256(request),
-        attempt=attempt_view(attempt) if attempt is not None else None,
+        attempt=AttemptView.model_validate(attempt) if attempt is not None else None,
         question=_question(trace),
         choices=trace.choices,
     )

@@ -20,7 +20,7 @@ from pa_console.fleets.fleet import Countersigned
 from pa_console.fleets.station_authority import approval_of
 from pa_console.http.guard import ProblemError
 from pa_console.http.http_app import make_app
-from pa_console.http.served_session import Commanded, ServedSession
+from pa_console.http.served_session import ServedSession
 from pa_console.http.tokens import Bearer, TokenBook
 from pa_console.http.views import DecisionBody, SignatureBody, shown_sha256
 from pa_console.mission.context import Stopwatch
@@ -29,6 +29,7 @@ from pa_console.mission.rehearse import device_commands
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision, Mission
 from pa_console.session.state import SessionState
+from pa_console.station.station import Station
 from tests.fleets.keyring import KEYS, PUBLIC, RULES, TO_SOUTH
 from tests.mission.gate import send
 from tests.mission.test_two_people import BOOK, Site, decision_on, request
@@ -47,7 +48,7 @@ class Waiting:
         self.rulebook, self._given = BOOK, asyncio.Queue[Decision]()
         self.state = SessionState()
         self.session = ServedSession(
-            cast(Commanded, self), self.state, lambda: None, authority=self.site.authority
+            cast(Station, self), self.state, lambda: None, authority=self.site.authority
         )
         mission = Mission(id="M1", text="Block the gate.", created=NOW)
         for data in (ev.MissionReceived(mission=mission, position=0), ev.MissionStarted()):

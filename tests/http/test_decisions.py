@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from pa_console.fleets.station_authority import Keys, StationAuthority
 from pa_console.http.guard import ProblemError
-from pa_console.http.served_session import Commanded, ServedSession
+from pa_console.http.served_session import ServedSession
 from pa_console.http.tokens import Bearer
 from pa_console.http.views import DecisionBody, shown_sha256
 from pa_console.mission.approval import inadmissible
@@ -18,6 +18,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.plan import Action, Plan
 from pa_console.session.state import SessionState
+from pa_console.station.station import Station
 from tests.mission.test_two_people import keys_of
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
@@ -51,7 +52,7 @@ def waiting(
     told = (ev.MissionReceived(mission=mission, position=0), ev.MissionStarted(), *requests)
     for data in told:
         state.apply(ev.Event(t=NOW, tick=0, mission="M1", data=data))
-    session = ServedSession(cast(Commanded, heard), state, lambda: None, authority=authority)
+    session = ServedSession(cast(Station, heard), state, lambda: None, authority=authority)
     heard.session = session
     return session, heard
 
