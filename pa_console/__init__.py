@@ -92,7 +92,7 @@ _HOMES = {
     "schema.plan": ("Plan",),
     "schema.telemetry": ("AssetTelemetry", "GateCover", "Picture", "Track"),
     "schema.world": ("World",),
-    "session.state.fold": ("SessionState",),
+    "session.state": ("SessionState",),
 }  # fmt: skip
 """The public names by the module that each is imported from."""
 

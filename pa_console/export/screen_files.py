@@ -193,10 +193,16 @@ class Shot:
 def shots_at(recording: Recording, kinds: Iterable[str], first: float, last: float) -> list[Shot]:
     """Return a shot after every event of one of `kinds`; telemetry is left out."""
     wanted = frozenset(kinds)
-    span = range(recording.count_until(first - JUST_BEFORE_S), recording.count_until(last))
-    others = (index for index in span if not recording.is_telemetry(index))
+    span = range(
+        recording.timeline.count_until(first - JUST_BEFORE_S), recording.timeline.count_until(last)
+    )
+    others = (index for index in span if not recording.timeline.is_telemetry(index))
     found = [(index, recording[index].data.kind) for index in others]
-    return [Shot(recording.offset(index), kind, index) for index, kind in found if kind in wanted]
+    return [
+        Shot(recording.timeline.seconds[index], kind, index)
+        for index, kind in found
+        if kind in wanted
+    ]
 
 
 def shots_every(step: float, first: float, last: float) -> list[Shot]:
@@ -235,14 +241,14 @@ END = "\x1b[0m\x1b[?25h\r\n"
 def positions(recording: Recording, first: float, last: float, step: float) -> list[float]:
     """Return seconds to show, `step` apart, without those at which there is no new event."""
     shown = [first]
-    known = recording.count_until(first)
+    known = recording.timeline.count_until(first)
     for number in range(1, int((last - first) / step) + 1):
         at = first + number * step
-        count = recording.count_until(at)
+        count = recording.timeline.count_until(at)
         if count > known:
             shown.append(at)
             known = count
-    if recording.count_until(last) > known:
+    if recording.timeline.count_until(last) > known:
         shown.append(last)
     return shown
 
@@ -273,7 +279,7 @@ class CastWriter:
     async def shoot(self, screen: ReplayedScreen, shown: list[float]) -> None:
         """Write a frame for each of the positions, and a marker for each mission that arrives."""
         screen.player.rate = self._speed
-        done = screen.player.recording.count_until(shown[0])
+        done = screen.player.recording.timeline.count_until(shown[0])
         screen.player.seek(shown[0])
         screen.player.playing = True
         await screen.show()

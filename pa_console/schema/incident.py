@@ -174,13 +174,14 @@ Incident = Annotated[
 ]  # fmt: skip
 
 
-def unknown_name(incident: Incident, world: World) -> tuple[str, str]:
-    """Return the field of `incident` that names what `world` lacks and a remedy; ('', '') if none.
+def unknown_name(given: StrictModel, world: World) -> tuple[str, str]:
+    """Return the field of `given` that names what `world` lacks and a remedy; ('', '') if none.
 
-    A scenario's own handles of tracks are not names of the world.
+    It is an incident, or a condition of a script; its own handles of tracks are not names of the
+    world.
     """
     for field in ("asset", "gate", "frame", "sensor"):
-        value = getattr(incident, field, None)
+        value = getattr(given, field, None)
         if value is None:
             continue
         names = {

@@ -141,26 +141,9 @@ class Recording:
             raise LogError(str(self._path), 0, f"event {index + 1} has {_CHANGED}")
         return "{" + line[first + 1 : end].decode("utf-8", "replace") + "}"
 
-    @property
-    def duration(self) -> float:
-        """Seconds from the first event to the last."""
-        return self.timeline.duration
-
-    def offset(self, index: int) -> float:
-        """Return the time of event `index`, in seconds from the first."""
-        return self.timeline.seconds[index]
-
-    def count_until(self, seconds: float) -> int:
-        """Return the number of events up to `seconds` after the first."""
-        return self.timeline.count_until(seconds)
-
-    def is_telemetry(self, index: int) -> bool:
-        """Return True if event `index` is telemetry; the event is not read for that."""
-        return self.timeline.is_telemetry(index)
-
     def of_mission(self, index: int) -> bool:
         """Return True if event `index` belongs to a mission."""
-        return not self.is_telemetry(index) and self[index].mission is not None
+        return not self.timeline.is_telemetry(index) and self[index].mission is not None
 
 
 RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
@@ -199,7 +182,7 @@ class Player:
     @property
     def duration(self) -> float:
         """Seconds from the first event to the last."""
-        return self.recording.duration
+        return self.recording.timeline.duration
 
     @property
     def finished(self) -> bool:
@@ -234,7 +217,7 @@ class Player:
             return frozenset()
         self.position = min(self.position + wall_s * self._rate, self.duration)
         first = self.index
-        self._go_to(self.recording.count_until(self.position))
+        self._go_to(self.recording.timeline.count_until(self.position))
         self.playing = not self.finished
         return self.recording.timeline.kinds_between(first, self.index)
 
@@ -281,13 +264,13 @@ class Player:
     def seek(self, seconds: float) -> None:
         """Go to `seconds` from the first event, or to the nearer end; playing goes on."""
         self.position = min(max(seconds, 0.0), self.duration)
-        self._go_to(self.recording.count_until(self.position))
+        self._go_to(self.recording.timeline.count_until(self.position))
 
     def _step_to(self, index: int) -> None:
         self.pause()
         index = min(max(index, 0), len(self.recording))
         self._go_to(index)
-        self.position = self.recording.offset(index - 1) if index else 0.0
+        self.position = self.recording.timeline.seconds[index - 1] if index else 0.0
 
     def _go_to(self, index: int) -> None:
         """Make `state` that after `index` events; of skipped telemetry, only the last is read."""

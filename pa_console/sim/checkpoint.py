@@ -1,5 +1,6 @@
 """The simulated checkpoint: fixed step, seeded, forkable; knows nothing of LLMs or rules."""
 
+import copy
 import random
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -214,13 +215,10 @@ class Checkpoint:
 
     def fork(self) -> "Checkpoint":
         """Return an independent copy; equal inputs keep the two equal, contacts included."""
-        twin = Checkpoint.__new__(Checkpoint)
-        twin.world, twin.seed, twin.scenario = self.world, self.seed, self.scenario
+        twin = copy.copy(self)
+        twin.admit, twin._traffic = None, None
         twin._happened, twin._skipped = list(self._happened), list(self._skipped)
-        twin.arrived = self.arrived
-        twin._terrain, twin._period, twin._traffic = self._terrain, self._period, None
-        twin._scene, twin._draft = self._scene.copy(), self._draft
-        twin._picture = self._picture
+        twin._scene = self._scene.copy()
         return twin
 
     def state_hash(self) -> str:

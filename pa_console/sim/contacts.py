@@ -162,7 +162,7 @@ def _ground_way(terrain: Terrain, start: Point, goal: Point) -> tuple[Point, ...
 
 
 def _inside(terrain: Terrain, contact: ContactState) -> bool:
-    return not contact.on_lane and terrain.sight.depth(contact.position) > 0.0
+    return not contact.on_lane and terrain.depth(contact.position) > 0.0
 
 
 def _leave(terrain: Terrain, scene: Scene, contact: ContactState, dt_s: float) -> None:
@@ -263,7 +263,7 @@ def _pass_by(terrain: Terrain, contact: ContactState, ground: _Ground, dt_s: flo
     for turn_deg in _ASIDE_DEG if here != target else ():
         way = ahead + math.radians(turn_deg)
         there = (here[0] + step * math.cos(way), here[1] + step * math.sin(way))
-        clear = terrain.sight.clear(np.array([here]), np.array([there]))[0]
+        clear = terrain.in_sight(np.array([here]), np.array([there]))[0]
         if clear and not ground.nears(here, there, BUMPER_M):
             contact.x, contact.y = there
             contact.heading, contact.speed = way, contact.cruise_mps

@@ -110,7 +110,7 @@ def _in_view(terrain: Terrain, name: str, point: Point, weather: Weather) -> boo
     return (
         math.hypot(dx, dy) <= camera.sensor_range_m * WEATHER[weather][0] - SEEN_M
         and abs(off) <= math.radians(camera.field_of_view_deg / 2)
-        and bool(terrain.sight.clear(np.array([camera.at]), np.array([point]))[0])
+        and bool(terrain.in_sight(np.array([camera.at]), np.array([point]))[0])
     )
 
 

@@ -116,14 +116,8 @@ class LinkState:
 
     def copy(self) -> "LinkState":
         """Return an independent copy; messages are immutable."""
-        return LinkState(
-            sent=self.sent,
-            commands=self.commands,
-            replies=self.replies,
-            reports={due: list(reports) for due, reports in self.reports.items()},
-            latest_due=dict(self.latest_due),
-            jams=self.jams,
-        )
+        reports = {due: list(reports) for due, reports in self.reports.items()}
+        return replace(self, reports=reports, latest_due=dict(self.latest_due))
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +171,8 @@ class StationState:
 
     def copy(self) -> "StationState":
         """Return an independent copy; reports and covers are immutable."""
-        return StationState(
+        return replace(
+            self,
             heard=dict(self.heard),
             shown=dict(self.shown),
             at_gate={gate: dict(names) for gate, names in self.at_gate.items()},
@@ -204,14 +199,7 @@ class ScriptState:
 
     def copy(self) -> "ScriptState":
         """Return an independent copy."""
-        return ScriptState(
-            seed=self.seed,
-            due_s=dict(self.due_s),
-            happened=self.happened,
-            skipped=self.skipped,
-            drawn=self.drawn,
-            next_s=self.next_s,
-        )
+        return replace(self, due_s=dict(self.due_s))
 
 
 @dataclass(slots=True)
@@ -323,18 +311,16 @@ class Scene:
         """Return an independent copy; immutable messages and reports are shared."""
         rng = random.Random()
         rng.setstate(self.rng.getstate())
-        return Scene(
+        return replace(
+            self,
             rng=rng,
-            tick=self.tick,
             assets={name: copy.copy(asset) for name, asset in self.assets.items()},
             link=self.link.copy(),
             sensing=self.sensing.copy(),
             script=self.script.copy(),
-            obstructions=self.obstructions,
             station=self.station.copy(),
             covered_tick=dict(self.covered_tick),
             active=set(self.active),
-            ideal=self.ideal,
             touched=set(self.touched),
         )
 

@@ -1,7 +1,7 @@
 """The state of sensing: contacts, detections, findings, tracks."""
 
 import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
 from pa_console.schema.base import Point
@@ -192,16 +192,11 @@ class SensingState:
 
     def copy(self) -> "SensingState":
         """Return an independent copy; immutable values are shared."""
-        return SensingState(
+        return replace(
+            self,
             contacts={name: copy.copy(contact) for name, contact in self.contacts.items()},
-            spawned=self.spawned,
             named=dict(self.named),
-            cleared=self.cleared,
-            weather=self.weather,
-            broken=self.broken,
-            phantoms=self.phantoms,
             watched=dict(self.watched),
             findings=dict(self.findings),
             files={name: copy.copy(file) for name, file in self.files.items()},
-            numbered=self.numbered,
         )

@@ -106,7 +106,7 @@ def _hits(terrain: Terrain, scene: Scene) -> list[_Hit]:
     close_by = [eyes.near_gate[s] == contacts[c].gate for s, c in pairs]
     needs = [index for index, (s, _) in enumerate(pairs) if eyes.walled[s] and not close_by[index]]
     clear = np.ones(len(pairs), dtype=np.bool_)
-    clear[needs] = terrain.sight.clear(rows[needs, :2], targets[reached[1][needs]])
+    clear[needs] = terrain.in_sight(rows[needs, :2], targets[reached[1][needs]])
     hits: list[_Hit] = []
     for index, (s, c) in enumerate(pairs):
         if not (close_by[index] or (viewed[index] and clear[index])):

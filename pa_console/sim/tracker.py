@@ -97,7 +97,7 @@ _DEFIANT_M = 2.0
 def conclude(terrain: Terrain, file: TrackFile) -> None:
     """Update status, heading, gate and defiance of a track after a detection."""
     dt_s = terrain.world.dt_s
-    depth = terrain.sight.depth(file.position)
+    depth = terrain.depth(file.position)
     displaced = _displaced(terrain, file)
     says = _says(terrain, file, depth)
     if displaced is not None and says == file.status == "stopped":
@@ -109,7 +109,7 @@ def conclude(terrain: Terrain, file: TrackFile) -> None:
     if is_moving(file):
         file.heading = math.atan2(file.vy, file.vx)
     if depth < 0.0 and file.status not in {"inside", "stopped"}:
-        file.gate = terrain.sight.gate_of(file.position)
+        file.gate = terrain.gate_of(file.position)
     _watch_defiance(terrain, file)
 
 
@@ -225,7 +225,7 @@ def _open(terrain: Terrain, scene: Scene, stamp: int, detection: Detection, at: 
     """Begin a track, numbered in the order of first detection, heading for its gate."""
     state = scene.sensing
     state.numbered += 1
-    gate = terrain.sight.gate_of(at)
+    gate = terrain.gate_of(at)
     ahead = terrain.world.frames[gate].at
     file = TrackFile(
         id=f"Track_{state.numbered:02d}",

@@ -100,7 +100,7 @@ def _is_timing(a: Recording, b: Recording, found: EventDifference) -> bool:
     """Return True for a difference of telemetry, or of the tick only."""
     if found.a >= len(a) or found.b >= len(b):
         return True
-    telemetry = a.is_telemetry(found.a) or b.is_telemetry(found.b)
+    telemetry = a.timeline.is_telemetry(found.a) or b.timeline.is_telemetry(found.b)
     return telemetry or [change.path for change in found.changes] == [TICK]
 
 

@@ -165,7 +165,7 @@ def span_of(
 ) -> tuple[float, float]:
     """Return from when to when is filmed, in seconds; raises ValueError when that is nothing."""
     recording = session.recording
-    last = min(recording.duration if until is None else until, recording.duration)
+    last = min(recording.timeline.duration if until is None else until, recording.timeline.duration)
     if mission is not None:
         wanted = choose_mission(session.final_state().missions, mission).mission.id
         of_it = [
@@ -173,12 +173,12 @@ def span_of(
             for index in range(len(recording))
             if recording.of_mission(index) and _mission_at(session, index) == wanted
         ]
-        first = max(first, recording.offset(of_it[0]))
-        last = min(last, recording.offset(of_it[-1]))
+        first = max(first, recording.timeline.seconds[of_it[0]])
+        last = min(last, recording.timeline.seconds[of_it[-1]])
     if last < first:
         raise ValueError(
             f"nothing to film from {first:g} s to {last:g} s; the session lasts "
-            f"{recording.duration:.1f} s"
+            f"{recording.timeline.duration:.1f} s"
         )
     return first, last
 

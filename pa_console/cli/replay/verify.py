@@ -96,9 +96,8 @@ def _print_difference(
         event = recording[at]
         words = f"{event.mission or ''} {kind_in_words(event.data.kind)}".strip()
         said = event_in_words(event.data)
-        line = Text(
-            f"  {letter}  event {at + 1}, {recording.offset(at):.1f} s, tick {event.tick}: "
-        )
+        when = f"{recording.timeline.seconds[at]:.1f} s, tick {event.tick}"
+        line = Text(f"  {letter}  event {at + 1}, {when}: ")
         line.append(words, "bold").append(f" {said[:160]}")
         out.print(line, soft_wrap=True)
     for change in found.changes[:CHANGES]:

@@ -104,7 +104,7 @@ class _Recorded:
     def events(self, ended: Callable[[], bool]) -> Iterator[Event | None]:
         begun, first = time.monotonic(), datetime.now(UTC)
         for number in range(len(self.recording)):
-            due_s = self.recording.offset(number) / self.speed
+            due_s = self.recording.timeline.seconds[number] / self.speed
             while not ended() and (left_s := begun + due_s - time.monotonic()) > 0:
                 time.sleep(min(left_s, LOOK_S))
                 yield None

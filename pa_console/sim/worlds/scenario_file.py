@@ -109,12 +109,9 @@ def scenario_problems(scenario: Scenario, world: World) -> Iterator[Problem]:
     for index, event in enumerate(scenario.events):
         if isinstance(event.when, AssetIs):
             field = ("events", index, "when")
-            if event.when.asset not in world.assets:
-                known = ", ".join(world.assets)
-                yield (
-                    (*field, "asset"),
-                    f"there is no asset {event.when.asset!r} in this world; known: {known}",
-                )
+            missing, remedy = unknown_name(event.when, world)
+            if missing:
+                yield (*field, missing), remedy
             if event.when.at is not None and event.when.at not in world.frames:
                 known = ", ".join(world.frames)
                 yield (

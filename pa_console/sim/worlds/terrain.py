@@ -106,44 +106,6 @@ class LaneLine:
 
 
 Floats = npt.NDArray[np.float64]
-
-
-class Sight:
-    """Geometry for sensing in one world; shared by a simulation and all its forks."""
-
-    def __init__(self, world: World) -> None:
-        self._walls = shapely.STRtree([LineString((wall.start, wall.end)) for wall in world.walls])
-        self._perimeter = Polygon(world.perimeter)
-        shapely.prepare(self._perimeter)
-        self._edge = self._perimeter.exterior
-        self._lane_gates = [lane.gate for lane in world.lanes.values()]
-        lanes = [LineString(lane.points) for lane in world.lanes.values()]
-        self._lanes = np.array(lanes, dtype=object)
-        self._gate_at = np.array([world.frames[gate].at for gate in world.gates])
-        self._gates = world.gates
-
-    def clear(self, eyes: Floats, targets: Floats) -> npt.NDArray[np.bool_]:
-        """Return, for each pair of (n, 2) points, whether no wall lies between the two."""
-        clear = np.ones(len(eyes), dtype=np.bool_)
-        if len(eyes):
-            lines = shapely.linestrings(np.stack((eyes, targets), axis=1))
-            clear[self._walls.query(lines, predicate="intersects")[0]] = False
-        return clear
-
-    def depth(self, point: Point) -> float:
-        """Return how far inside the perimeter a point lies, metres; negative outside it."""
-        gap = float(shapely.distance(self._edge, shapely.Point(point)))
-        return gap if shapely.contains_xy(self._perimeter, *point) else -gap
-
-    def gate_of(self, point: Point) -> str:
-        """Return the gate of the lane nearest to a point; without lanes the nearest gate."""
-        if len(self._lanes):
-            return self._lane_gates[
-                int(np.argmin(shapely.distance(self._lanes, shapely.Point(point))))
-            ]
-        return self._gates[int(np.argmin(np.linalg.norm(self._gate_at - point, axis=1)))]
-
-
 PLACE_GAP_M = 0.8
 _CELL_M = 2.0
 _FRAME_CELL_M = 16.0
@@ -156,18 +118,22 @@ class Terrain:
     def __init__(self, world: World) -> None:
         self.world = world
         self.planner = Planner(world)
-        self.sight = Sight(world)
         self.limits = platform_limits(world)
         self.gates = world.gates
         self.lanes = {name: LaneLine(world, name) for name in world.lanes}
         self.spacing_m = PLACE_GAP_M + 2 * max(p.radius_m for p in world.platforms.values())
         self._perimeter = Polygon(world.perimeter)
         shapely.prepare(self._perimeter)
+        self._edge = self._perimeter.exterior
         widest = max(p.radius_m for p in world.platforms.values())
         fastest = max(p.speed_mps for p in world.platforms.values())
         self.contact_m = 2 * (widest + fastest * world.dt_s)
         """Two assets with their centres farther apart cannot touch within a step, metres."""
         self._walls = shapely.STRtree([LineString((w.start, w.end)) for w in world.walls])
+        lanes = [LineString(lane.points) for lane in world.lanes.values()]
+        self._lane_lines = np.array(lanes, dtype=object)
+        self._lane_gates = [lane.gate for lane in world.lanes.values()]
+        self._gate_at = np.array([world.frames[gate].at for gate in world.gates])
         self._thickest_m = max((wall.thickness_m for wall in world.walls), default=0.0)
         self._near: dict[tuple[int, int], tuple[Wall, ...]] = {}
         self._frames = _by_cell(world.frames)
@@ -253,6 +219,27 @@ class Terrain:
             (round(x, 6), round(y, 6)) for (x, y), here in zip(grid, free, strict=True) if here
         ]
         return sorted(points, key=lambda p: (round(math.dist(p, spec.at), 6), p))
+
+    def in_sight(self, eyes: Floats, targets: Floats) -> npt.NDArray[np.bool_]:
+        """Return, for each pair of (n, 2) points, whether no wall lies between the two."""
+        clear = np.ones(len(eyes), dtype=np.bool_)
+        if len(eyes):
+            lines = shapely.linestrings(np.stack((eyes, targets), axis=1))
+            clear[self._walls.query(lines, predicate="intersects")[0]] = False
+        return clear
+
+    def depth(self, point: Point) -> float:
+        """Return how far inside the perimeter a point lies, metres; negative outside it."""
+        gap = float(shapely.distance(self._edge, shapely.Point(point)))
+        return gap if shapely.contains_xy(self._perimeter, *point) else -gap
+
+    def gate_of(self, point: Point) -> str:
+        """Return the gate of the lane nearest to a point; without lanes the nearest gate."""
+        if len(self._lane_lines):
+            return self._lane_gates[
+                int(np.argmin(shapely.distance(self._lane_lines, shapely.Point(point))))
+            ]
+        return self.gates[int(np.argmin(np.linalg.norm(self._gate_at - point, axis=1)))]
 
 
 def _by_cell(frames: Mapping[str, Frame]) -> _Cells:

@@ -42,7 +42,7 @@ def around(recording: Recording, at: int, width: int) -> tuple[Row, ...]:
     rows: list[Row] = []
     for index in range(max(at - BEFORE, 0), min(at + AFTER + 1, len(recording))):
         event = recording[index]
-        when = f"{clock_text(recording.offset(index))} "
+        when = f"{clock_text(recording.timeline.seconds[index])} "
         kind, text = kind_in_words(event.data.kind), event_in_words(event.data)
         line = Content.assemble(
             (when, QUIET), (event.mission or "", "bold"), " " if event.mission else "",

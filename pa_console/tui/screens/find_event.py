@@ -44,7 +44,7 @@ class HitRows(VirtualRows):
         del width
         hit = self._hits[self.keys[index]]
         return Content.assemble(
-            column(clock_text(self._recording.offset(hit.index)), 7, QUIET),
+            column(clock_text(self._recording.timeline.seconds[hit.index]), 7, QUIET),
             column(hit.mission, 9, "bold"),
             (f"{kind_in_words(hit.kind)}  ", NOTE),
             hit.excerpt,
