@@ -123,8 +123,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(KEY_VARIABLE, str(folder / "key" / "key.pem"))
         patch.setenv("XDG_STATE_HOME", str(folder / "state"))
-        patch.setattr(http_app, "WRITES", (0.001, WRITES_AT_ONCE))
-        patch.setattr(http_app, "ASKS", (0.001, ASKS_AT_ONCE))
+        patch.setitem(http_app.RATES, "writes", (0.001, WRITES_AT_ONCE))
+        patch.setitem(http_app.RATES, "questions", (0.001, ASKS_AT_ONCE))
         served = Site(folder)
         served.start()
         yield served
