@@ -5,12 +5,32 @@ import json
 import os
 from pathlib import Path
 
-from pa_console.policy.shipped_rules import CONTENT_SHA256, NAME
+from pa_console.schema.base import StrictModel
 from pa_console.schema.document import Document, DocumentError
 from pa_console.schema.rule import SHORT, Rule, RuleSet, RulesSeal, RulesSignature, Workflow
 from pa_console.signing import Signer, fingerprint, is_signature, known_keys, named_keys
 
 Plain = dict[str, object]
+
+SHIPPED_FILE = Path(__file__).with_name("shipped_rules.json")
+
+
+class ShippedRules(StrictModel):
+    """The rules that the package itself vouches for; `rules pin --write` writes their file."""
+
+    name: str
+    content_sha256: str
+    """The content that a set called `name` has when it is as shipped."""
+    core: tuple[Rule, ...]
+    """Rules that no file can weaken, only add to (`core_rules.py`)."""
+
+    @property
+    def text(self) -> str:
+        """The text of their file."""
+        return self.model_dump_json(indent=1, exclude_defaults=True) + "\n"
+
+
+SHIPPED = ShippedRules.model_validate_json(SHIPPED_FILE.read_bytes())
 
 
 def content_sha256(rule_set: RuleSet) -> str:
@@ -104,7 +124,7 @@ def seal_of(path: Path, rule_set: RuleSet) -> RulesSeal:
         content_sha256=content_sha256(rule_set),
         no_critical_check=not decided,
     )
-    if (rule_set.name, unsigned.content_sha256) == (NAME, CONTENT_SHA256):
+    if (rule_set.name, unsigned.content_sha256) == (SHIPPED.name, SHIPPED.content_sha256):
         return unsigned.model_copy(update={"standing": "shipped"})
     place = signature_path(path)
     if not os.path.lexists(place):

@@ -18,13 +18,19 @@ from pa_console.policy.authoring.examples import (
     example_rehearsal,
     example_sightings,
 )
-from pa_console.policy.core_rules import CORE_IDS, shipped_source, with_core
+from pa_console.policy.core_rules import CORE_IDS, shipped_rules, with_core
 from pa_console.policy.monitor import Monitor
 from pa_console.policy.pinned_rules import RefusedRulesError, RulesPins, pin_of
 from pa_console.policy.rule_checks import check_mission, check_plan
-from pa_console.policy.rule_seal import content_sha256, seal_of, sign_rules, signature_path
+from pa_console.policy.rule_seal import (
+    SHIPPED,
+    SHIPPED_FILE,
+    content_sha256,
+    seal_of,
+    sign_rules,
+    signature_path,
+)
 from pa_console.policy.rulebook import Rulebook, load_rules, read_rule_set
-from pa_console.policy.shipped_rules import CONTENT_SHA256, CORE
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Mission
 from pa_console.schema.rule import PRIORITIES, Rule, RuleExample, RulesSeal
@@ -308,18 +314,12 @@ def test_no_history_takes_a_signed_set_s_place_without_an_acceptance(
 
 def test_the_package_pins_the_shipped_file_and_its_core() -> None:
     rule_set = read_rule_set(RULES)[1]
-    assert content_sha256(rule_set) == CONTENT_SHA256, "run: pa-console rules pin --write"
-    source = Path(pin_module()).read_text(encoding="utf-8")
-    assert source == shipped_source(rule_set), "run: pa-console rules pin --write"
+    assert content_sha256(rule_set) == SHIPPED.content_sha256, "run: pa-console rules pin --write"
+    source = SHIPPED_FILE.read_text(encoding="utf-8")
+    assert source == shipped_rules(rule_set).text, "run: pa-console rules pin --write"
     assert seal_of(RULES, rule_set).standing == "shipped"
     by_id = {rule.id: rule.model_copy(update={"examples": ()}) for rule in rule_set.rules}
-    assert tuple(by_id[name] for name in CORE_IDS) == CORE
-
-
-def pin_module() -> str:
-    from pa_console.policy import shipped_rules  # noqa: PLC0415
-
-    return shipped_rules.__file__
+    assert tuple(by_id[name] for name in CORE_IDS) == SHIPPED.core
 
 
 def test_a_set_of_the_shipped_name_with_other_content_is_not_the_shipped_one(
@@ -381,7 +381,7 @@ def test_no_file_weakens_the_core(
         monitor=Monitor(book, WORLD, seen),
     )  # fmt: skip
     (one,) = (finding for finding in found if finding.rule_id == name)
-    core = next(rule for rule in CORE if rule.id == name)
+    core = next(rule for rule in SHIPPED.core if rule.id == name)
     assert one.blocking
     assert PRIORITIES.index(one.priority) <= PRIORITIES.index(core.priority)
     if example.mission and name in ("ROE-01", "ROE-05"):

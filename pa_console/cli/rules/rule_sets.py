@@ -7,10 +7,11 @@ import typer
 from rich.text import Text
 
 from pa_console.cli.output import BAD_INPUT, FAILED, JsonOption, out, print_json
-from pa_console.policy import shipped_rules
 from pa_console.policy.authoring.differences import Change, FieldChange, compare_rules, word_changes
-from pa_console.policy.core_rules import shipped_source
+from pa_console.policy.core_rules import shipped_rules
 from pa_console.policy.rule_seal import (
+    SHIPPED,
+    SHIPPED_FILE,
     canonical,
     content_sha256,
     seal_of,
@@ -33,12 +34,12 @@ def pin(
 
     For maintainers: after a change of rules/checkpoint.yaml the package must be made to agree.
     """
-    path = find_data("rules", shipped_rules.NAME, "rules.yaml")
+    path = find_data("rules", SHIPPED.name, "rules.yaml")
     load_rules(path)
     rule_set = read_rule_set(path)[1]
     found = content_sha256(rule_set)
-    target = Path(shipped_rules.__file__)
-    source = shipped_source(rule_set)
+    target = SHIPPED_FILE
+    source = shipped_rules(rule_set).text
     if write:
         target.write_text(source, encoding="utf-8")
     agrees = target.read_text(encoding="utf-8") == source
