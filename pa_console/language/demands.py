@@ -12,133 +12,48 @@ from dataclasses import dataclass, field
 from itertools import combinations, dropwhile, pairwise
 from typing import NamedTuple
 
+from pa_console.language.lexicon import word_lists
 from pa_console.language.mentions import KINDS
 from pa_console.language.name_linking import LinkedText
 from pa_console.language.references.reader import CONTACTS, Token, read_tokens
 from pa_console.schema.world import AssetKind, World
 
 GOING, STAYING = "go", "stay"
-_VERBS = {
-    GOING: "send move dispatch deploy redeploy drive fly go proceed relocate reposition bring "
-    "return recall",
-    STAYING: "hold stay wait remain freeze halt keep leave park",
-    "look": "look observe watch monitor",
-    "identify": "identify",
-    "warn": "warn",
-    "block": "block barricade close shut seal",
-    "report": "report",
-}
 _FORMS = {
     form: act
-    for act, verbs in _VERBS.items()
-    for verb in verbs.split()
+    for act, verbs in word_lists("acts").items()
+    for verb in verbs
     for form in (verb, f"{verb}s", f"{verb}es", f"{verb}ing", f"{verb.removesuffix('e')}ing")
 }
 """Forms of the verbs that ask for something, each with its act."""
-_NOT = frozenset(("not", "never", "dont", "avoid", "refrain", "nobody"))
-_NOT_PHRASES = ("under no circumstances", "on no account", "by no means", "in no case")
-_PUT = (
-    *(
-        "where it is",
-        "where they are",
-        "where he is",
-        "where she is",
-        "where it stands",
-        "as it is",
-    ),
-    *(
-        "where you are",
-        "as you are",
-        "where they stand",
-        "in place",
-        "in position",
-        "at its post",
-        "at their posts",
-        "at his post",
-    ),
-    *("put", "still", "on its post", "in its place"),
-)
+_WORDS = word_lists("demands")
+_NOT = frozenset(_WORDS["not"])
+_NOT_PHRASES = _WORDS["not_phrases"]
+_PUT = _WORDS["put"]
 """Phrases for the place where an asset is now."""
-_TO = frozenset(("to", "towards", "toward", "into", "at", "over", "on"))
-_FROM = frozenset(
-    ("from", "of", "near", "via", "through", "past", "by", "between", "beside", "with", "for")
-)
+_TO = frozenset(_WORDS["to"])
+_FROM = frozenset(_WORDS["from"])
 """Words before a place that is not where an asset is sent."""
-_BESIDES = frozenset(("relieve", "relieves", "replace", "replaces", "with", "for", "like", "as"))
+_BESIDES = frozenset(_WORDS["besides"])
 """Words before an asset that is mentioned without being sent."""
-_IT = frozenset(("it", "him", "her", "them", "they", "he", "she"))
-_MODAL = frozenset(("must", "should", "shall", "may", "is", "are", "can", "do", "does"))
-_KNOWN = frozenset(
-    (
-        *("the", "a", "an", "any", "please", "to", "at", "in", "of", "over", "on", "up", "out"),
-        *("off", "down", "back", "there", "here", "ever", "also", "however", "but", "and", "be"),
-        *("must", "shall", "may", "can", "do", "does", "is", "are", "let", "have", "has", "you"),
-        *("allowed", "supposed", "want", "will", "anywhere", "this", "that", "gate", "post", "by"),
-        *("base", "home", "lane", "unit", "asset", "right", "away", "now", "immediately", "once"),
-        *("circumstances", "account", "means", "under", "with", "towards", "into", "whatsoever"),
-        *("no", "from", "its", "their", ",", "get", "put", "place", "order", "position", "station"),
-        *("i", "we", "same", "time", "one"),
-    )
-)
+_IT = frozenset(_WORDS["it"])
+_MODAL = frozenset(_WORDS["modal"])
+_KNOWN = frozenset(_WORDS["known"])
 """Words that change nothing in what a clause demands or forbids."""
-_CONDITION = frozenset(
-    (
-        *("if", "when", "whenever", "unless", "otherwise", "else", "provided", "once", "until"),
-        *("till", "before", "after", "while", "whether", "should", "or", "either"),
-    )
-)
-_LATER = frozenset(
-    (
-        *("then", "later", "afterwards", "first", "next", "finally", "second", "secondly", "soon"),
-        *(
-            "tomorrow",
-            "tonight",
-            "eventually",
-            "subsequently",
-            "last",
-            "minutes",
-            "seconds",
-            "hour",
-        ),
-        *("hours", "minute", "today", "again", "via", "through", "past", "way", "meanwhile"),
-        *("already", "patrol", "turn", "turns", "round", "between"),
-    )
-)
+_CONDITION = frozenset(_WORDS["condition"])
+_LATER = frozenset(_WORDS["later"])
 """Words by which two things can be at different times."""
-_BACK = frozenset(("return", "returns", "back", "recall"))
+_BACK = frozenset(_WORDS["back"])
 """Words by which an asset comes from where it was sent."""
-_TOLD = frozenset(
-    (
-        *(
-            "was",
-            "were",
-            "had",
-            "did",
-            "been",
-            "said",
-            "says",
-            "told",
-            "asked",
-            "wanted",
-            "thought",
-        ),
-        *("planned", "reported", "why", "how", "what", "who", "which", "think", "suggest"),
-    )
-)
-_CORRECTING = frozenset(
-    (
-        *("sorry", "oops", "wrong", "actually", "rather", "instead", "meant", "mean", "mistake"),
-        *("correction", "scratch", "cancel", "belay", "disregard", "forget", "ignore", "undo"),
-        *("revert", "strike", "nevermind", "mind"),
-    )
-)
+_TOLD = frozenset(_WORDS["told"])
+_CORRECTING = frozenset(_WORDS["correcting"])
 _STOPS = frozenset((".", "!", "?", ";", ":", "–", "—", "…"))
 _JOINS = frozenset((",", "and", "but", "yet", "though"))
-_FILLERS = frozenset(("please", "also", "just", "you", "the", "have", "let"))
+_FILLERS = frozenset(_WORDS["fillers"])
 _ASSET_NAME = re.compile(r"[a-z]+_[a-z]?\d+")
-_LEAVING = frozenset(("leave", "leaves", "leaving"))
+_LEAVING = frozenset(_WORDS["leaving"])
 _KEEPING = frozenset(("keep", "keeps", "keeping")) | _LEAVING
-_RECALLING = frozenset(("recall", "recalls", "recalling", "return", "returns", "returning"))
+_RECALLING = frozenset(_WORDS["recalling"])
 _NOBODY = re.compile(r" (?:nobody|no one) ")
 _QUOTED = re.compile(r"\"[^\"]*\"|“[^”]*”|«[^»]*»|(?<!\w)'[^']{3,}'(?!\w)")
 

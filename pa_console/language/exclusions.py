@@ -8,8 +8,8 @@ SouthGate* is a matter of demands (`demands.py`). Quoted words are no part of th
 import re
 from collections.abc import Iterator, Sequence
 
+from pa_console.language.lexicon import find_verbs
 from pa_console.language.name_linking import LinkedText, WorldNames
-from pa_console.language.verb_lexicon import find_verbs
 from pa_console.schema.world import World
 
 _QUOTED = re.compile(r"\"[^\"]*\"|“[^”]*”|(?<!\w)'[^']{3,}'(?!\w)")

@@ -7,39 +7,21 @@ asks in no clause, every clause counts as asking.
 """
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Literal, NamedTuple
 
+from pa_console.language.lexicon import find_verbs, word_lists
 from pa_console.language.name_linking import GATE, NUMBERS, WORD, WorldNames, link_names
 from pa_console.language.order import Task
-from pa_console.language.verb_lexicon import find_verbs
-from pa_console.schema.world import AssetKind, World
+from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
 
 Sort = Literal["place", "asset", "track", "kind", "number", "numeral", "verb"]
 _COMPASS = {
     f"{word}{end}": word for word in ("north", "east", "south", "west") for end in ("", "ern")
 }
 
-KINDS: dict[str, AssetKind] = {
-    **dict.fromkeys(
-        ("drone", "uav", "uas", "quad", "copter", "quadcopter", "hexacopter", "multicopter"), "uav"
-    ),
-    **dict.fromkeys(
-        (
-            "quadrotor",
-            "multirotor",
-            "rotorcraft",
-            "aircraft",
-            "helicopter",
-            "chopper",
-            "airframe",
-            "flyer",
-            "flier",
-        ),
-        "uav",
-    ),
-    **dict.fromkeys(("ugv", "rover", "buggy", "buggie"), "ugv"),
-    **dict.fromkeys(("robot", "bot", "humanoid", "android", "walker", "biped", "droid"), "robot"),
+KINDS: Mapping[str, AssetKind] = {
+    word: kind for kind in PLAIN_KINDS for word in word_lists("kinds")[kind]
 }
 """The words for kinds; a vehicle may as well be one that comes to a gate."""
 ASSETS = frozenset(("asset", "unit", "machine", "device", "platform"))

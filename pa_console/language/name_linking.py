@@ -15,6 +15,7 @@ from typing import NamedTuple
 from rapidfuzz import fuzz, process
 from rapidfuzz.distance import OSA
 
+from pa_console.language.lexicon import word_lists
 from pa_console.schema.world import AssetKind, World
 
 KIND_WORDS: dict[str, AssetKind] = {
@@ -221,28 +222,11 @@ def _is_said(word: str, said: list[str]) -> bool:
     return process.extractOne(word, said, scorer=fuzz.ratio, score_cutoff=NEARLY) is not None
 
 
-_BEFORE_NUMBER = frozenset(("number", "no", "nr", "t", "tango"))
+_WORDS = word_lists("names")
+_BEFORE_NUMBER = frozenset(_WORDS["before_number"])
 _AND = frozenset((",", "and", "&", "/", "+", "or", "plus"))
-_MEASURES = frozenset(("m", "km", "meters", "metres", "minutes", "min", "seconds", "percent"))
-_DETERMINERS = frozenset(
-    (
-        *("a", "an", "one", "two", "three", "four", "any", "all", "both", "every", "each", "some"),
-        *(
-            "another",
-            "the",
-            "this",
-            "that",
-            "your",
-            "our",
-            "my",
-            "of",
-            "available",
-            "free",
-            "spare",
-        ),
-        *("idle", "single", "other", "more"),
-    )
-)
+_MEASURES = frozenset(_WORDS["measures"])
+_DETERMINERS = frozenset(_WORDS["determiners"])
 _TOKEN = re.compile(rf"{WORD.pattern}|[,&/+]")
 _ARTICLES = re.compile(r"\b(?:the )+$")
 _JOINTS = frozenset(("", " ", "-", "_", " #", "#"))

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from pa_console.language import question_words as words
+from pa_console.language.lexicon import word_lists
 from pa_console.language.name_linking import link_names
 from pa_console.language.references.description import fitting, is_bare
 from pa_console.language.references.description_grammar import find_descriptions
@@ -31,6 +31,7 @@ class Question:
     subjects: tuple[str, ...] = ()
 
 
+_WORDS = word_lists("questions")
 MOST_WORDS = 24
 """A longer text is no question of these."""
 
@@ -62,7 +63,7 @@ class _Grammar:
 
     def question(self) -> _Asked | None:
         reader = self._reader
-        while reader.take(*words.OPENING):
+        while reader.take(*_WORDS["opening"]):
             pass
         ways: tuple[Callable[[], _Asked | None], ...] = (
             self._alternatives, self._against, self._why_gate, self._why_plan, self._why_asset,
@@ -78,11 +79,11 @@ class _Grammar:
 
     def _ended(self) -> bool:
         """Return whether the text ends here."""
-        self._reader.skip(words.CLOSING)
+        self._reader.skip(_WORDS["closing"])
         return self._reader.over
 
     def _why(self) -> bool:
-        taken = self._reader.take(*words.WHY)
+        taken = self._reader.take(*_WORDS["why"])
         self._reader.take(",")
         return bool(taken)
 
@@ -93,20 +94,20 @@ class _Grammar:
         reader = self._reader
         if not self._why():
             return None
-        if reader.take(*words.THAT) and self._at_end():
+        if reader.take(*_WORDS["that"]) and self._at_end():
             return _Asked("plan")
         reader.take("not")
         if self._at_end():
             return _Asked("plan")
-        auxiliary = reader.take_in(words.AUXILIARIES)
-        if not auxiliary and not reader.take(*words.PLAN_SUBJECTS):
+        auxiliary = reader.take_in(_WORDS["auxiliaries"])
+        if not auxiliary and not reader.take(*_WORDS["plan_subjects"]):
             return None
         if reader.take("not") and auxiliary in _SUGGESTING:
             return None
-        reader.take(*words.PLAN_SUBJECTS)
-        reader.take_in(words.AUXILIARIES)
-        reader.skip(words.NOTHING_ELSE)
-        return _Asked("plan") if reader.take(*words.DONE_TO_PLAN) else None
+        reader.take(*_WORDS["plan_subjects"])
+        reader.take_in(_WORDS["auxiliaries"])
+        reader.skip(_WORDS["nothing_else"])
+        return _Asked("plan") if reader.take(*_WORDS["done_to_plan"]) else None
 
     def _at_end(self) -> bool:
         """Return whether the text ends here; further words are not passed over."""
@@ -123,12 +124,12 @@ class _Grammar:
         if not self._why():
             return None
         if subjects := self._assets():
-            if reader.take(*words.INSTEAD_OF):
+            if reader.take(*_WORDS["instead_of"]):
                 others = self._assets()
                 return _Asked("other_asset", others) if others else None
             self._task()
             return _Asked("asset", subjects)
-        if not reader.take_in(words.AUXILIARIES):
+        if not reader.take_in(_WORDS["auxiliaries"]):
             return None
         return self._sending(negated=False)
 
@@ -147,7 +148,7 @@ class _Grammar:
             self._place()
             reader.take("instead")
             return _Asked("other_asset", subjects) if subjects else None
-        auxiliary = reader.take_in(words.AUXILIARIES)
+        auxiliary = reader.take_in(_WORDS["auxiliaries"])
         suggests = auxiliary in _SUGGESTING and reader.word() == "not"
         return self._sending(negated=True) if auxiliary and not suggests else None
 
@@ -158,9 +159,9 @@ class _Grammar:
         if reader.take("it"):
             subjects = self._assets()
             return _Asked("asset", subjects) if subjects and not (no or negated) else None
-        if reader.take(*words.SPEAKERS):
+        if reader.take(*_WORDS["speakers"]):
             no = bool(reader.take("not")) or no
-            if not reader.take_in(words.SENDING):
+            if not reader.take_in(_WORDS["sending"]):
                 return None
             reader.take("with", "for", "on")
             subjects = self._assets()
@@ -168,7 +169,7 @@ class _Grammar:
             subjects = self._assets()
             no = bool(reader.take("not")) or no
             reader.take("being", "been", "to be", "the one")
-            if subjects and not reader.take_in(words.SENDING):
+            if subjects and not reader.take_in(_WORDS["sending"]):
                 return None
         self._task()
         if not subjects or no != negated:
@@ -177,9 +178,9 @@ class _Grammar:
 
     def _against(self) -> _Asked | None:
         """Read *what speaks against the robot*."""
-        if not self._reader.take(*words.AGAINST):
+        if not self._reader.take(*_WORDS["against"]):
             return None
-        if self._reader.take(*words.THAT) and self._at_end():
+        if self._reader.take(*_WORDS["that"]) and self._at_end():
             return _Asked("plan")
         subjects = self._assets()
         self._task()
@@ -253,11 +254,11 @@ class _Grammar:
         reader = self._reader
         if not self._why():
             return None
-        auxiliary = reader.take_in(words.AUXILIARIES)
+        auxiliary = reader.take_in(_WORDS["auxiliaries"])
         reader.take("there")
-        if auxiliary and reader.take(*words.NOBODY):
+        if auxiliary and reader.take(*_WORDS["nobody"]):
             reader.take("there", "left", "standing")
-            gate = self._gate() if reader.take(*words.AT) else ""
+            gate = self._gate() if reader.take(*_WORDS["at"]) else ""
             return _Asked("gate", (gate,)) if gate else None
         reader.take("you", "we", "they")
         leaves = bool(reader.take("leave", "left", "leaving"))
@@ -265,7 +266,7 @@ class _Grammar:
         if not gate or not auxiliary:
             return None
         reader.take("still", "suddenly", "always", "currently")
-        bare = reader.take_in(BARE) or reader.take(*(f"not {way}" for way in words.GUARDED))
+        bare = reader.take_in(BARE) or reader.take(*(f"not {way}" for way in _WORDS["guarded"]))
         bare = bare or reader.take("without a guard", "without guard", "without cover", "alone")
         if not bare and not leaves and reader.take("have", "got", ""):
             bare = reader.take("no guard", "no guards", "no cover", "nobody")
@@ -306,21 +307,23 @@ class _Grammar:
         reader = self._reader
         if not reader.take("what"):
             return False
-        other = bool(reader.take_in(words.ELSE))
+        other = bool(reader.take_in(_WORDS["else"]))
         if other and self._at_end():
             return True
         if other and reader.take("is there", "is possible", "is on offer", "would work", "is left"):
             return True
-        if not reader.take_in(words.WOULD):
+        if not reader.take_in(_WORDS["would"]):
             return False
-        if not reader.take(*words.WHOSE_TURN) and not other:
+        if not reader.take(*_WORDS["whose_turn"]) and not other:
             return False
-        other = bool(reader.take_in(words.ELSE)) or other
-        if not reader.take(*words.DOING):
+        other = bool(reader.take_in(_WORDS["else"])) or other
+        if not reader.take(*_WORDS["doing"]):
             return False
-        reader.take(*words.ABOUT_IT)
-        other = bool(reader.take(*words.INSTEAD_OF_IT) or reader.take_in(words.ELSE)) or other
-        reader.take(*words.ABOUT_IT)
+        reader.take(*_WORDS["about_it"])
+        other = (
+            bool(reader.take(*_WORDS["instead_of_it"]) or reader.take_in(_WORDS["else"])) or other
+        )
+        reader.take(*_WORDS["about_it"])
         return other
 
     def _how_else(self) -> bool:
@@ -330,12 +333,12 @@ class _Grammar:
             return False
         if self._at_end():
             return True
-        if not reader.take_in(words.WOULD):
+        if not reader.take_in(_WORDS["would"]):
             return False
         return bool(
             reader.take("it be done", "this be done", "that be done")
             or (
-                reader.take(*words.WHOSE_TURN)
+                reader.take(*_WORDS["whose_turn"])
                 and reader.take("do it", "do this", "do that", "do so")
             )
         )
@@ -343,18 +346,18 @@ class _Grammar:
     def _other_options(self) -> bool:
         """Read *is there another way*, *any other option*, *show me other plans*."""
         reader = self._reader
-        reader.take(*words.IS_THERE)
-        reader.take(*words.ARTICLES)
+        reader.take(*_WORDS["is_there"])
+        reader.take(*_WORDS["articles"])
         reader.take("sound", "good", "legal", "possible")
-        if reader.take_in(words.ALTERNATIVES):
+        if reader.take_in(_WORDS["alternatives"]):
             reader.take("plan", "plans")
         else:
-            other = bool(reader.take(*words.OTHER))
+            other = bool(reader.take(*_WORDS["other"]))
             reader.take("possible", "sound", "good")
-            if not other or not reader.take_in(words.OPTIONS):
+            if not other or not reader.take_in(_WORDS["options"]):
                 return False
-        reader.take(*words.INSTEAD_OF_IT, "instead")
-        reader.take(*words.ABOUT_IT)
+        reader.take(*_WORDS["instead_of_it"], "instead")
+        reader.take(*_WORDS["about_it"])
         return True
 
     def _differently(self) -> bool:
@@ -368,6 +371,6 @@ class _Grammar:
         ):
             return False
         return bool(
-            reader.take_in(words.ELSE)
+            reader.take_in(_WORDS["else"])
             or reader.take("another way", "in another way", "any other way", "some other way")
         )

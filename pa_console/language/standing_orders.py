@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
+from pa_console.language.lexicon import word_lists
 from pa_console.language.mentions import ASSETS
 from pa_console.language.name_linking import link_names
 from pa_console.language.references.conversation import Unclear
@@ -34,21 +35,15 @@ from pa_console.language.references.scene import Scene
 from pa_console.schema.mission import MOST_STARTS, PLACE, SUBJECT, SubjectKind
 from pa_console.schema.world import PLAIN_KINDS, AssetKind
 
-_IS = ("is", "'s", "are", "gets", "goes", "becomes", "turns", "comes to be", "falls", "drops",
-       "sinks", "runs", "reports")  # fmt: skip
-_ARTICLES = ("any of the", "any of our", "one of the", "one of our", "a", "an", "any", "some",
-             "another")  # fmt: skip
-_BELOW = ("below", "under", "less than", "lower than", "beneath", "to less than", "to below")
-_ABOVE = ("above", "over", "more than", "higher than")
-_PERCENT = frozenset(("%", "percent", "pct"))
-_SOMEBODY = frozenset(
-    ("somebody", "someone", "something", "anybody", "anyone", "anything", "people")
-)
-_COMES = frozenset(
-    ("approaches", "comes", "arrives", "appears", "nears", "drives", "walks", "heads", "rolls",
-     "pulls")
-)  # fmt: skip
-_STOPS = frozenset(("stops", "waits", "parks", "halts", "stands"))
+_WORDS = word_lists("standing_orders")
+_IS = _WORDS["is"]
+_ARTICLES = _WORDS["articles"]
+_BELOW = _WORDS["below"]
+_ABOVE = _WORDS["above"]
+_PERCENT = frozenset(_WORDS["percent"])
+_SOMEBODY = frozenset(_WORDS["somebody"])
+_COMES = frozenset(_WORDS["comes"])
+_STOPS = frozenset(_WORDS["stops"])
 _KNOWN = {
     "unknown": ("it.identity == 'unknown'", "unknown"),
     "unidentified": ("it.identity == 'unknown'", "unknown"),
@@ -385,9 +380,9 @@ _PLACES: dict[SubjectKind, tuple[str, ...]] = {
     "gate": (),
     "track": ("that gate", "its gate", "the gate"),
 }
-_THERE = ("over there", "there")
-_LEADS = frozenset(("to", "at", "from", "over", "towards"))
-_STRAY = frozenset(("its", "it", "him", "her", "them", "their", "they", "there"))
+_THERE = _WORDS["there"]
+_LEADS = frozenset(_WORDS["leads"])
+_STRAY = frozenset(_WORDS["stray"])
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ Such an order depends on the picture. It is written as one condition and what is
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from pa_console.language.lexicon import word_lists
 from pa_console.language.order import CONDITIONS, Condition, Fact
 from pa_console.language.references.reader import (
     CONTACTS,
@@ -18,33 +19,20 @@ from pa_console.language.references.reader import (
 from pa_console.language.references.scene import Scene
 from pa_console.schema.world import AssetKind
 
-_SOMEBODY = ("anybody", "anyone", "somebody", "someone", "a guard", "any guard", "cover")
-_AT = ("at", "on", "over", "covering", "guarding", "watching", "for", "there at", "in front of")
-_SO = (
-    *("if so", "if yes", "in that case", "in this case", "then", "if it is", "if they are"),
-    *(
-        "if there is one",
-        "if there is",
-        "if it has",
-        "if that is so",
-        "if one is",
-        "if somebody is",
-    ),
-)
-_NOT_SO = (
-    *("if not", "if no", "otherwise", "or else", "else", "if it is not", "if there is not"),
-    *("if there is nobody", "if nobody is", "if nobody", "if no one is", "if it has not"),
-    *("if nothing is", "if it does not", "if none is"),
-)
+_WORDS = word_lists("asked_conditions")
+_SOMEBODY = _WORDS["somebody"]
+_AT = _WORDS["at"]
+_SO = _WORDS["so"]
+_NOT_SO = _WORDS["not_so"]
 _OPPOSITE: dict[Fact, Fact] = {
     "covered": "uncovered", "uncovered": "covered", "low": "not_low", "not_low": "low",
     "down": "up", "up": "down", "track_at": "no_track_at", "no_track_at": "track_at",
     "free": "none_free", "none_free": "free",
 }  # fmt: skip
-_FAILED = ("failed", "down", "dead", "broken", "out of order", "broken down", "gone")
-_WORKING = ("alive", "ok", "okay", "up", "working", "in order", "fine", "all right")
+_FAILED = _WORDS["failed"]
+_WORKING = _WORDS["working"]
 _PLAIN_KIND: dict[AssetKind, str] = {"uav": "drone", "ugv": "ground vehicle", "robot": "robot"}
-_STAYS_PUT = frozenset(("home", "base", "report", "reports", "hold", "stay", "stays"))
+_STAYS_PUT = frozenset(_WORDS["stays_put"])
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from pa_console.language.lexicon import find_verbs, word_lists
 from pa_console.language.references.reader import Reader, asset_at, place_at, read_tokens
 from pa_console.language.references.scene import STILL, Move, PastMission, Scene
-from pa_console.language.verb_lexicon import find_verbs
 from pa_console.schema.command import ENCOUNTERS
 
 
@@ -57,40 +57,22 @@ def listed(names: Sequence[str], last: str = " and ") -> str:
     return f"{', '.join(firsts)}{last}{end}" if firsts else end
 
 
-_CORRECTING = frozenset(
-    (
-        *("no", "sorry", "oops", "wrong", "actually", "rather", "instead", "meant", "mean"),
-        *("mistake", "correction", "not", "wanted", "change"),
-    )
-)
-_CORRECTING_PHRASES = ("hold on", "make that", "should have been", "make it")
-_UNDOING = (
-    *("undo", "revert", "reverse", "scratch that", "scratch it", "take that back", "never mind"),
-    *("take it back", "forget it", "forget that", "cancel that", "cancel it", "as it was"),
-    *("way they were", "way it was", "as they were", "old positions", "put it back", "put back"),
-    *("roll that back", "unsend", "i take it back"),
-)
-_SAME = frozenset(("same", "ditto", "likewise", "too", "also", "similarly"))
-_MORE = ("another", "one more", "a second", "second", "an additional", "an extra")
-_THERE = (
-    *("over there", "out there", "there", "to that gate", "at that gate", "to the same gate"),
-    *("at the same gate", "same gate", "same place", "that gate", "that place", "the same gate"),
-    *("this gate", "here"),
-)
-_IT = ("that one", "this one", "it", "that thing")
-_THEM = ("both of them", "the both of them", "the two of them", "they both", "them both")
-_THEY = ("them", "they", "these two", "those two", "both")
-_WELL = frozenset(("ok", "okay", "doing", "well", "status", "fine"))
+_WORDS = word_lists("conversation")
+_CORRECTING = frozenset(_WORDS["correcting"])
+_CORRECTING_PHRASES = _WORDS["correcting_phrases"]
+_UNDOING = _WORDS["undoing"]
+_SAME = frozenset(_WORDS["same"])
+_MORE = _WORDS["more"]
+_THERE = _WORDS["there"]
+_IT = _WORDS["it"]
+_THEM = _WORDS["them"]
+_THEY = _WORDS["they"]
+_WELL = frozenset(_WORDS["well"])
 """The words that ask about an asset's condition."""
-_HOME = frozenset(("home", "base"))
+_HOME = frozenset(_WORDS["home"])
 _SHORT = 9
 """An order of more words is put in full by itself."""
-_WEATHER = frozenset(
-    (
-        *("raining", "rains", "snowing", "foggy", "windy", "dark", "cold", "hot", "late", "early"),
-        *("wet", "icy", "seems", "looks", "weather", "time"),
-    )
-)
+_WEATHER = frozenset(_WORDS["weather"])
 """The verbs and nouns of an *it* that is no asset."""
 _OWN_TASKS = frozenset(("report", "identify", "warn", "block", "look", "hold", "relieve", "swap"))
 _PUTTING = frozenset(("go", "mass", "cover", "home"))

@@ -8,6 +8,7 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
+from pa_console.language.lexicon import word_lists
 from pa_console.language.name_linking import NUMBERS
 from pa_console.language.references.scene import Scene
 
@@ -96,61 +97,50 @@ class Reader:
             pass
 
 
-DEFINITE = frozenset(("the", "our", "my", "your", "those", "these", "this", "that"))
-INDEFINITE = frozenset(("a", "an", "any", "some", "another", "one", "no"))
-FREE_CHOICE = frozenset(("whichever", "whatever", "which"))
-EVERY = frozenset(("all", "every", "each"))
-ANYBODY = frozenset(("whoever", "whomever", "whatever"))
-EVERYBODY = frozenset(("everyone", "everybody", "everything"))
-NEAR = frozenset(("nearest", "closest", "nearer", "closer"))
-FAR = frozenset(("farthest", "furthest", "remotest", "farther", "further"))
-MOST = frozenset(("fullest", "most", "best", "highest", "more", "higher", "better", "strongest"))
-LEAST = frozenset(
-    ("least", "lowest", "emptiest", "flattest", "weakest", "worst", "less", "lower", "poorest")
-)
-CHARGE = frozenset(("battery", "batteries", "charge", "power", "juice", "cells", "energy"))
-BARE = frozenset(
-    ("unguarded", "uncovered", "empty", "unmanned", "bare", "deserted", "undefended", "unprotected")
-)
-GUARDS = frozenset(("guard", "guards", "sentry", "cover", "asset", "assets", "unit", "units"))
+_WORDS = word_lists("descriptions")
+DEFINITE = frozenset(_WORDS["definite"])
+INDEFINITE = frozenset(_WORDS["indefinite"])
+FREE_CHOICE = frozenset(_WORDS["free_choice"])
+EVERY = frozenset(_WORDS["every"])
+ANYBODY = frozenset(_WORDS["anybody"])
+EVERYBODY = frozenset(_WORDS["everybody"])
+NEAR = frozenset(_WORDS["near"])
+FAR = frozenset(_WORDS["far"])
+MOST = frozenset(_WORDS["most"])
+LEAST = frozenset(_WORDS["least"])
+CHARGE = frozenset(_WORDS["charge"])
+BARE = frozenset(_WORDS["bare"])
+GUARDS = frozenset(_WORDS["guards"])
 GUARDING = frozenset(
     word
     for stem in ("guard", "cover", "watch", "protect", "hold", "mann")
     for word in (stem, f"{stem}s", f"{stem}ing", f"{stem}es")
 )
-GUARDED = frozenset(("guarded", "covered", "watched", "held", "protected", "manned"))
-COPULA = frozenset(
-    ("is", "are", "'s", "'re", "was", "stands", "stand", "standing", "sits", "sitting", "waits")
-)
+GUARDED = frozenset(_WORDS["guarded"])
+COPULA = frozenset(_WORDS["copula"])
 SAYING = COPULA - {"standing", "sitting"} | {"hovers", "stays"}
 """The beginnings of a statement without *that* or *who* before it."""
 STANDING = COPULA | {
     *("waiting", "hovers", "hovering", "parked", "posted", "stationed", "hanging", "stays"),
     *("around", "right", "now", "currently", "still", "up", "about", "just", "idling", "parking"),
 }
-IN = frozenset(("at", "in", "over", "on", "by", "near", "above", "around", "from", "beside"))
-IDLE = frozenset(("free", "idle", "spare", "available", "unused", "unoccupied", "jobless"))
-FAILED = frozenset(("dead", "failed", "broken", "down", "defunct", "defective"))
-SILENT = frozenset(("silent", "quiet", "mute"))
-BUT = ("but", "except for", "except", "apart from", "other than", "save")
-SENT = frozenset(("sent", "moved", "dispatched", "ordered", "send"))
+IN = frozenset(_WORDS["in"])
+IDLE = frozenset(_WORDS["idle"])
+FAILED = frozenset(_WORDS["failed"])
+SILENT = frozenset(_WORDS["silent"])
+BUT = _WORDS["but"]
+SENT = frozenset(_WORDS["sent"])
 AFTER_ONE = frozenset(
     (*STANDING, *NEAR, *FAR, *IN, "with", "without", "that", "which", "who", "i", "we", "you")
 )
 """The words after *the one* if it stands for a noun."""
 CONTACTS: Mapping[str, str] = {
-    **dict.fromkeys(("car", "truck", "van", "lorry", "vehicle", "jeep", "pickup"), "vehicle"),
-    **dict.fromkeys(("person", "man", "woman", "stranger", "pedestrian", "walker"), "person"),
-    **dict.fromkeys(("visitor", "contact", "intruder", "track"), ""),
+    word: "" if sort == "either" else sort
+    for sort, words in word_lists("contacts").items()
+    for word in words
 }
 """The words for contacts, and their sort of track; '' for either."""
-COMING = frozenset(
-    (
-        *("is", "'s", "has", "walking", "heading", "driving", "coming", "going", "approaching"),
-        *("rolling", "up", "to", "towards", "toward", "for", "at", "stopped", "standing", "waits"),
-        *("stands", "walks", "drives", "approaches", "headed", "parked", "stops"),
-    )
-)
+COMING = frozenset(_WORDS["coming"])
 
 
 def place_at(scene: Scene, reader: Reader) -> str:

@@ -14,6 +14,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from pa_console.language.lexicon import find_verbs
 from pa_console.language.name_linking import LinkedText, link_names
 from pa_console.language.references.asked_condition import conditional_order
 from pa_console.language.references.conversation import Meant, Unclear, listed, retell, substituted
@@ -21,7 +22,6 @@ from pa_console.language.references.description import Description, Trait, fitti
 from pa_console.language.references.description_grammar import find_descriptions
 from pa_console.language.references.reader import Reader, Token, asset_at, place_at, read_tokens
 from pa_console.language.references.scene import Scene
-from pa_console.language.verb_lexicon import find_verbs
 
 State = Literal["low", "failed", "silent"]
 _ALMOST = r"(?:nearly|almost|about|close to|practically|all but|as good as)"

@@ -1,0 +1,141 @@
+"""The words of the order language, read once from `lexicon.yaml`: lists, and verbs by their tasks.
+
+The verbs decide nothing. They show whether an order has any word for its reading, and whether its
+explicit tasks have any part in that reading. Words that mean several things are in several groups;
+forms of a word are listed where English makes them otherwise than by an ending.
+"""
+
+import re
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+from pydantic import TypeAdapter
+
+from pa_console.language.order import Task
+
+
+def word_lists(section: str) -> Mapping[str, tuple[str, ...]]:
+    """Return the word lists of a section of the lexicon by their names."""
+    return _entries(_lexicon()[section])
+
+
+@cache
+def _lexicon() -> dict[str, Any]:
+    """Return the sections of the file: lists by their names, or groups of lists."""
+    # The base loader keeps every word a text: *no*, *on* and *off* are no truth values here.
+    loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
+    text = Path(__file__).with_name("lexicon.yaml").read_text(encoding="utf-8")
+    return yaml.load(text, loader)
+
+
+def _entries(lists: Mapping[str, str]) -> Mapping[str, tuple[str, ...]]:
+    """Return every list's entries: parted by blanks, or by ` / ` if one has several words."""
+    return {
+        name: tuple(text.split(" / ") if " / " in text else text.split())
+        for name, text in lists.items()
+    }
+
+
+class SynonymGroup(NamedTuple):
+    """Synonyms, the tasks that an order may be read as that uses one of them, and those it means.
+
+    To *send* somebody may come to a warning, but nobody is warned without a word for it: only what
+    a group `means` is supported by its words. The `plain` ones leave no doubt that something of
+    the sort is asked; the other `words`, some of them nouns, only make it possible. `phrases` are
+    of several words.
+    """
+
+    tasks: tuple[Task, ...]
+    means: tuple[Task, ...]
+    plain: tuple[str, ...]
+    words: tuple[str, ...]
+    phrases: tuple[str, ...] = ()
+
+
+@cache
+def _verb_groups() -> tuple[SynonymGroup, ...]:
+    groups = [_entries(lists) for lists in _lexicon()["verbs"].values()]
+    return TypeAdapter(tuple[SynonymGroup, ...]).validate_python(groups)
+
+
+_IDIOM = re.compile(r"\bcan wait\b|\bhold fire\b|\bcan stay\b")
+"""Plain words that ask for nothing here."""
+_ENDINGS = ("s", "es", "ed", "d", "ing")
+_AS_THEY_STAND = frozenset(("in", "out", "over", "off", "for", "through", "who", "what", "how"))
+
+
+class VerbMention(NamedTuple):
+    """A word or phrase of a text, where it begins, the tasks it goes with and those it means."""
+
+    word: str
+    start: int
+    tasks: frozenset[Task]
+    means: frozenset[Task]
+    plain: bool
+    """True if the word has hardly any other use."""
+
+
+def find_verbs(text: str) -> Iterator[VerbMention]:
+    """Yield the words of `text`, in any case, that the lexicon knows, each with its tasks."""
+    low = text.lower()
+    for found in re.finditer(r"[a-z]+(?:-[a-z]+)*", low):
+        if groups := _forms().get(found[0]):
+            plain = found[0] in _plain() and not _IDIOM.search(low, *_around(found))
+            yield _verb(found[0], found.start(), groups, plain)
+    for phrase, pattern, group in _phrases():
+        for found in pattern.finditer(low):
+            yield _verb(phrase, found.start(), (group,), plain=False)
+
+
+def _verb(word: str, start: int, groups: Sequence[SynonymGroup], plain: bool) -> VerbMention:
+    tasks = frozenset[Task]().union(*(group.tasks for group in groups))
+    means = frozenset[Task]().union(*(group.means for group in groups))
+    return VerbMention(word, start, tasks, means, plain)
+
+
+def _around(found: re.Match[str]) -> tuple[int, int]:
+    return max(found.start() - 4, 0), found.end() + 6
+
+
+@cache
+def _forms() -> Mapping[str, tuple[SynonymGroup, ...]]:
+    """Return every form of a word with all groups in which it is."""
+    forms: defaultdict[str, list[SynonymGroup]] = defaultdict(list)
+    for group in _verb_groups():
+        words = (*group.plain, *group.words)
+        for form in dict.fromkeys(form for word in words for form in _forms_of(word)):
+            forms[form].append(group)
+    return {form: tuple(groups) for form, groups in forms.items()}
+
+
+@cache
+def _plain() -> frozenset[str]:
+    """Return the plain words in their base form, as orders have them."""
+    return frozenset(word for group in _verb_groups() for word in group.plain)
+
+
+@cache
+def _phrases() -> tuple[tuple[str, re.Pattern[str], SynonymGroup], ...]:
+    return tuple(
+        (phrase, re.compile(rf"\b{re.escape(phrase)}\b"), group)
+        for group in _verb_groups()
+        for phrase in group.phrases
+    )
+
+
+def _forms_of(word: str) -> Iterator[str]:
+    """Yield `word` and what English makes of it with an ending: `moving`, `stopped`, `carries`."""
+    yield word
+    if word in _AS_THEY_STAND:
+        return
+    yield from (word + ending for ending in _ENDINGS)
+    if word.endswith("e"):
+        yield from (word[:-1] + ending for ending in ("ing", "ed"))
+    elif word.endswith("y"):
+        yield from (word[:-1] + ending for ending in ("ies", "ied"))
+    elif len(word) > 2 and word[-1] in "bdgmnpt":
+        yield from (word + word[-1] + ending for ending in ("ing", "ed"))
