@@ -1,16 +1,15 @@
-"""The orders of an operator: one type for orders that are drawn, written and read.
+"""The asks of an operator's order, and the condition that they may stand under.
 
-The generator draws an `Order`, the teacher plans from it and never from words, and the canonical
-words express it. A `Reading` is made of the same asks: a model's understanding of an order's words.
-Names may be wrong: an order can mention things that do not exist. A `Condition` has canonical and
-plain words; its truth is decided on facts that a picture gives as well as its digest (`facts.py`).
+A `Reading` is made of asks: a model's understanding of an order's words. Names may be wrong: an
+order can mention things that do not exist. A `Condition` has canonical and plain words; its truth
+is no matter of judgement, it is decided on facts (`facts.py`).
 
 Obstacles say why an ask cannot be carried out: the console uses them for readings, the teacher for
 drawn orders. Whether a gate can spare its guard is not decided here.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, NamedTuple, Protocol
 
 from pydantic import Field
@@ -246,24 +245,6 @@ class Ask:
     """The clause from which it was read."""
 
 
-@dataclass(frozen=True, slots=True)
-class Order:
-    """Everything one mission asks for."""
-
-    asks: tuple[Ask, ...]
-    condition: Condition | None = None
-    otherwise: tuple[Ask, ...] = ()
-    """When `condition` does not hold."""
-    others_stay: bool = False
-    """True if the words let no other asset move."""
-    excluded: tuple[str, ...] = ()
-    """Assets and places that the words rule out."""
-    injected: bool = False
-    """The words carry text that is no order of the operator."""
-    harmless: bool = False
-    """The words sound like something forbidden and are not."""
-
-
 class Reading(NamedTuple):
     """A reading of the present asks of an order: under a condition, of the case that is true.
 
@@ -279,13 +260,6 @@ class Reading(NamedTuple):
     def readable(self) -> bool:
         """True if the console understands every clause."""
         return all(ask.task != "unreadable" for ask in self.asks)
-
-
-def are_twins(first: Ask, second: Ask) -> bool:
-    """Return whether two tasks differ only in their place and can share one clause."""
-    open_to_all = first.who == ANYBODY and first.wrong is None and not first.track_id
-    apart = bool(first.place) and bool(second.place) and first.place != second.place
-    return open_to_all and apart and first == replace(second, place=first.place)
 
 
 VERB_FOR: Mapping[Task, Verb] = {

@@ -1,9 +1,9 @@
-"""Readings of orders in canonical words: parsed, compared, and written.
+"""Readings of orders in canonical words: parsed and compared.
 
 A trained model's reason begins with its reading, clause by clause, in a fixed word order and with
 the world's own names (`clauses.py`), so that a small model first says what it has understood. A
-clause that is not one of these is kept as it is and means nothing to the console. The same words
-are written for orders that are drawn; text that is no order of the operator leaves no trace there.
+clause that is not one of these is kept as it is and means nothing to the console. What a plan does
+is written in the same words, so that both can be compared.
 """
 
 import re
@@ -15,7 +15,6 @@ from typing import Literal
 from pa_console.language.clauses import (
     ASIDE,
     ASKED,
-    CLAUSES,
     EXCEPT,
     KIND_FORMS,
     NOTHING,
@@ -31,11 +30,9 @@ from pa_console.language.clauses import (
     counted,
     written,
 )
-from pa_console.language.facts import evidence, is_so
-from pa_console.language.order import ANYBODY, TASK_OF, Ask, Order, Reading, Who, Wrong, in_words
+from pa_console.language.order import ANYBODY, TASK_OF, Ask, Reading, Who, Wrong
 from pa_console.schema.plan import Action
-from pa_console.schema.telemetry import Digest, Picture
-from pa_console.schema.world import KINDS, PLAIN_KINDS, World
+from pa_console.schema.world import KINDS, World
 
 NAME = r"[A-Za-z0-9_]+"
 _ANY = NamePatterns(
@@ -289,86 +286,3 @@ def _counted(names: Iterable[str], world: World) -> str:
     return ", ".join(
         TEAM.write(counted(kind, kinds.count(kind))) for kind in KINDS if kind in kinds
     )
-
-
-_REFUSED = frozenset(clause.wrong for clause in CLAUSES if clause.wrong is not None)
-"""The faults that leave no other part of the ask to write."""
-_OF_TRACKS = frozenset(clause.task for clause in CLAUSES if "{track}" in clause.words.text)
-"""The tasks that can be put with the name of a track."""
-
-
-def canonical_order(order: Order, world: World, picture: Picture, digest: Digest) -> str:
-    """Return what `order` asks, with its condition and how that stands, e.g. "hold; report"."""
-    words = _depending(order, world)
-    if order.condition is not None:
-        so = "so" if is_so(order.condition, picture) else "not so"
-        words = f"{words}; now: {evidence(order.condition, digest)}, {so}"
-    return _of_others(order, words)
-
-
-def canonical_meaning(order: Order, world: World) -> str:
-    """Return what `order` asks, whatever the picture is, e.g. "if A: hold, else: nothing"."""
-    return _of_others(order, _depending(order, world))
-
-
-def canonical_clause(ask: Ask, world: World) -> str:
-    """Return one ask in words; what is wrong with it is said where the names alone do not."""
-    if ask.wrong in _REFUSED:
-        return written("refused", dict(_said(ask, world)), ask.wrong)
-    words = written(ask.task, dict(_said(ask, world)))
-    if ask.wrong == ASIDE.wrong:
-        return ASIDE.words + words
-    return words + next((each.words for each in UNLAWFUL if each.wrong == ask.wrong), "")
-
-
-def _depending(order: Order, world: World) -> str:
-    """Return everything that is asked, under its condition if there is one."""
-    words = _all(order.asks, world)
-    if order.condition is None:
-        return words
-    otherwise = _all(order.otherwise, world) if order.otherwise else NOTHING
-    return f"if {in_words(order.condition)}: {words}, else: {otherwise}"
-
-
-def _of_others(order: Order, words: str) -> str:
-    if order.excluded:
-        words = f"{words}; {EXCEPT}{', '.join(order.excluded)}"
-    return f"{words}; {OTHERS_STAY}" if order.others_stay else words
-
-
-def _all(asks: tuple[Ask, ...], world: World) -> str:
-    return "; ".join(canonical_clause(ask, world) for ask in asks)
-
-
-def _said(ask: Ask, world: World) -> Iterator[tuple[str, str]]:
-    """Yield the content of an ask for the slots of clauses, by the slot."""
-    place = ask.place if ask.place in world.frames or ask.place in world.zones else NOWHERE
-    if ask.place:
-        yield "place", place
-    if ask.task == "swap":
-        yield from zip(("first", "second"), ask.who.names, strict=True)
-    elif who := _assets_of(ask.who):
-        yield "who", who
-    if ask.task == "mass" and ask.who.kind is not None:
-        yield "massed", f"{PLAIN_KINDS[ask.who.kind]}s"
-    if ask.leaving:
-        yield "guard", f"{ask.leaving} at {place}" if ask.place else ask.leaving
-    if ask.track_id and ask.task in _OF_TRACKS:
-        yield "track", f"{ask.track_id} at {place}"
-    elif ask.place:
-        yield "gate", place
-    if ask.track:
-        yield "thing", ask.track
-        yield "stranger", f" {ask.track}"
-
-
-def _assets_of(who: Who) -> str:
-    """Return the assets of an ask, '' when they are left open."""
-    if who.names:
-        return ", ".join(who.names)
-    if who == ANYBODY:
-        return ""
-    said = {"origin": who.origin} if who.origin else {}
-    if who.kind is None:
-        return TEAM.write({**said, "every": "all" if who.count == "all" else "any"})
-    return TEAM.write({**said, **counted(who.kind, who.count)})

@@ -12,13 +12,13 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from pa_console.language.mention_check import check_mentions
-from pa_console.language.order import Order
-from pa_console.language.reading import canonical_order, read_asked
+from pa_console.language.reading import read_asked
 from pa_console.mission.spelling import respell
 from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.station.assembly import load_site
+from pa_training.order_generator.orders import Order, canonical_order
 from pa_training.order_generator.sampler import sample_order
 from pa_training.phrasing.phrasing import phrase
 from pa_training.situations.situations import random_situation

@@ -16,7 +16,7 @@ from typing import NamedTuple
 from pa_console.evaluation.runs.jobs import load_with_worlds
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.language.clause_grammar import asked_pattern
-from pa_console.language.reading import asked_words, canonical_meaning, canonical_order, read_asked
+from pa_console.language.reading import asked_words, read_asked
 from pa_console.llm.backend import Completed, Request
 from pa_console.llm.roles.grammar import (
     PLANNED,
@@ -40,6 +40,7 @@ from pa_console.sim.worlds.world_generator import generate_world
 from pa_console.station.assembly import Site, load_site, open_station
 from pa_console.station.clock import SteppedClock
 from pa_console.station.headless import run_missions
+from pa_training.order_generator.orders import canonical_meaning, canonical_order
 from pa_training.order_generator.sampler import sample_order
 from pa_training.phrasing.phrasing import phrase
 from pa_training.situations.situations import Situation, random_situation, settled

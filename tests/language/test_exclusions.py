@@ -8,9 +8,9 @@ import pytest
 
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.language.exclusions import excluded_names
-from pa_console.language.order import Ask, Order, Who
+from pa_console.language.order import Ask, Who
 from pa_console.language.plain_words import plain_reading
-from pa_console.language.reading import asked_words, canonical_order, read_asked, read_reason
+from pa_console.language.reading import asked_words, read_asked, read_reason
 from pa_console.mission.examine import examine, ruled_out
 from pa_console.mission.tasking.choices import commands_serving
 from pa_console.policy.rulebook import Rulebook
@@ -18,6 +18,7 @@ from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
+from pa_training.order_generator.orders import Order, canonical_order
 from pa_training.order_generator.sampler import sample_order
 from pa_training.samples.reading_samples import NO_TIME
 from pa_training.situations.situations import random_situation

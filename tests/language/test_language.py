@@ -10,16 +10,17 @@ from hypothesis import strategies as st
 
 from pa_console.language.clause_grammar import asked_pattern
 from pa_console.language.clauses import CLAUSES, NOWHERE, written
-from pa_console.language.facts import due_asks
-from pa_console.language.order import Ask, Order, Who
+from pa_console.language.order import Ask, Who
 from pa_console.language.plain_words import plain_reading
-from pa_console.language.reading import (
+from pa_console.language.reading import read_asked
+from pa_console.schema.world import World
+from pa_training.order_generator.orders import (
+    Order,
     canonical_clause,
     canonical_meaning,
     canonical_order,
-    read_asked,
+    due_asks,
 )
-from pa_console.schema.world import World
 from pa_training.order_generator.sampler import sample_order
 from pa_training.phrasing.phrasing import phrase
 from pa_training.situations.situations import Situation, random_situation

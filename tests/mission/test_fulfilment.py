@@ -8,7 +8,7 @@ from functools import cache
 
 import pytest
 
-from pa_console.language.reading import canonical_order, read_asked
+from pa_console.language.reading import read_asked
 from pa_console.llm.roles.role_model import PROMPT_FORMATS
 from pa_console.mission.judge import compare_with_order, compared_grammar
 from pa_console.mission.tasking.fulfilment import gaps
@@ -20,6 +20,7 @@ from pa_console.schema.incident import FailAsset, Incident, PlaceAsset, SetBatte
 from pa_console.schema.mission import Mission, Verification
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Picture
+from pa_training.order_generator.orders import canonical_order
 from pa_training.samples.planner_samples import Recipe, make_group
 from pa_training.situations.situations import settled
 from pa_training.situations.worlds import shipped_world

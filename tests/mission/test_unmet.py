@@ -2,7 +2,7 @@
 
 import pytest
 
-from pa_console.language.reading import canonical_order, read_asked
+from pa_console.language.reading import read_asked
 from pa_console.mission.tasking.moves import PlanMoves
 from pa_console.mission.tasking.obstacles import unmet_asks
 from pa_console.policy.rulebook import load_rules
@@ -14,6 +14,7 @@ from pa_console.session.mission_trace import Attempt
 from pa_console.views.event_words import event_in_words
 from pa_console.views.trace.parts import rows_of
 from pa_console.views.trace.planning import plan as section_of
+from pa_training.order_generator.orders import canonical_order
 from pa_training.samples.planner_samples import Recipe, make_group
 from tests.mission.test_fulfilment import CAR, moves
 

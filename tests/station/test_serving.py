@@ -2,13 +2,14 @@
 
 import pytest
 
-from pa_console.language.reading import canonical_order, read_asked
+from pa_console.language.reading import read_asked
 from pa_console.llm.roles.grammar import CommandSlot, slot_grammar
 from pa_console.mission.tasking.choices import commands_serving
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import data_folder
 from pa_console.schema.incident import FailAsset, Incident, PlaceAsset, SetBattery, SpawnTrack
 from pa_console.schema.plan import Action, Plan
+from pa_training.order_generator.orders import canonical_order
 from pa_training.proof.verify import verify
 from pa_training.samples.planner_samples import Proven, Recipe, make_group
 from pa_training.situations.situations import Situation, settled

@@ -8,14 +8,14 @@ from itertools import groupby
 
 import pytest
 
-from pa_console.language.order import Ask, Order, Who
-from pa_console.language.reading import canonical_order
+from pa_console.language.order import Ask, Who
 from pa_console.llm.roles.judge import read_verdict
 from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import data_folder
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.plan import Action, Plan
+from pa_training.order_generator.orders import Order, canonical_order
 from pa_training.proof.verify import verify
 from pa_training.samples.corrupted_orders import swayed
 from pa_training.samples.corrupted_plans import right_variants, wrong_variants

@@ -5,9 +5,9 @@ from random import Random
 
 import pytest
 
-from pa_console.language.reading import canonical_meaning
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data
+from pa_training.order_generator.orders import canonical_meaning
 from pa_training.phrasing.rewording import SPOKEN, Rewording, Words, spoken_words
 from pa_training.samples.data_set import Job, Made, build
 from pa_training.samples.near_duplicates import NearDuplicates

@@ -7,13 +7,14 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pa_console.evaluation.scoring.success_conditions import compile_conditions
-from pa_console.language.order import Ask, Order, Who
+from pa_console.language.order import Ask, Who
 from pa_console.llm.roles.grammar import REASON_CHARS
 from pa_console.policy.findings import problems
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import find_data
 from pa_console.schema.incident import FailAsset, Incident, PlaceAsset, SetBattery, SpawnTrack
 from pa_console.schema.plan import Action, Plan
+from pa_training.order_generator.orders import Order
 from pa_training.order_generator.sampler import sample_order
 from pa_training.proof.verify import verify
 from pa_training.situations.situations import Situation, random_situation, settled

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pa_console.language.plain_words import plain_reading
-from pa_console.language.reading import canonical_meaning as canonical
-from pa_console.language.reading import canonical_order
+from pa_training.order_generator.orders import canonical_meaning as canonical
+from pa_training.order_generator.orders import canonical_order
 from pa_training.order_generator.sampler import sample_order
 from pa_training.situations.situations import settled
 from pa_training.situations.worlds import shipped_world

@@ -17,14 +17,7 @@ from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.language.clause_grammar import grounded_reason
 from pa_console.language.clauses import ASKED
 from pa_console.language.mention_check import check_mentions
-from pa_console.language.order import Order
-from pa_console.language.reading import (
-    agree,
-    asked_words,
-    canonical_meaning,
-    read_asked,
-    read_reason,
-)
+from pa_console.language.reading import agree, asked_words, read_asked, read_reason
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.llm.roles.grammar import slot_grammar
@@ -42,6 +35,7 @@ from pa_console.schema.base import StrictModel
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.rule import RuleHit
+from pa_training.order_generator.orders import Order, canonical_meaning
 from pa_training.order_generator.sampler import sample_order
 from pa_training.phrasing.phrasing import phrase
 from pa_training.phrasing.rewording import spoken_words

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from functools import cache
 
-from pa_console.language.order import KIND_FOR, Ask, Order, Task, Who
+from pa_console.language.order import KIND_FOR, Ask, Task, Who
 from pa_console.policy.moments import moment
 from pa_console.policy.orderings import WorkflowRun
 from pa_console.policy.rulebook import Rulebook, load_rules
@@ -12,6 +12,7 @@ from pa_console.schema.command import Verb
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.station.alarms import Cause, causes
+from pa_training.order_generator.orders import Order
 
 ConsoleMission = tuple[str, Order, tuple[Verb, ...]]
 """The words, what they mean, and the only commands that may answer them; none means any."""

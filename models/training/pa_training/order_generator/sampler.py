@@ -3,12 +3,12 @@
 import random
 from dataclasses import replace
 
-from pa_console.language.facts import is_so
-from pa_console.language.order import Ask, Order, Task, Wrong, are_twins
+from pa_console.language.order import Ask, Task, Wrong
 from pa_console.schema.telemetry import Digest, Picture
 from pa_console.schema.world import World
 from pa_training.order_generator.asks import FORBIDDEN, IMPOSSIBLE, draw_ask, draw_wrong
 from pa_training.order_generator.order_view import View, draw_condition
+from pa_training.order_generator.orders import Order, are_twins, is_so
 
 TASKS: dict[Task, float] = {
     "go": 16, "look": 8, "identify": 7, "warn": 4, "block": 5, "respond": 10, "cover": 8,

@@ -6,11 +6,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from pa_console.language.order import Ask, Order, Who, are_twins
+from pa_console.language.order import Ask, Who
 from pa_console.schema.base import StrictModel
 from pa_console.schema.mission import MAX_MISSION_TEXT
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
+from pa_training.order_generator.orders import Order, are_twins
 from pa_training.phrasing.clauses import clause, condition_words, who_words
 from pa_training.phrasing.misspelling import misspell
 from pa_training.phrasing.names import parts_of

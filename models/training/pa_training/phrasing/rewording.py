@@ -14,11 +14,11 @@ from functools import cache
 
 from pydantic import Field
 
-from pa_console.language.reading import canonical_meaning
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.base import StrictModel
 from pa_console.schema.document import Document
 from pa_training import LANGUAGE
+from pa_training.order_generator.orders import canonical_meaning
 from pa_training.phrasing.phrase_bank import Split
 from pa_training.phrasing.phrasing import phrase
 from pa_training.proof.playing import words_findings

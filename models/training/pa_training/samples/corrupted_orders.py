@@ -9,11 +9,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from pa_console.language.facts import due_asks, is_so
-from pa_console.language.order import Ask, Order, Task, Who
+from pa_console.language.order import Ask, Task, Who
 from pa_console.schema.mission import MAX_MISSION_TEXT
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import KINDS, World
+from pa_training.order_generator.orders import Order, due_asks, is_so
 from pa_training.phrasing.phrase_bank import HELD_OUT, Split
 
 _TEXTS = (

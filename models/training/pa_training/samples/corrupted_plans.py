@@ -8,11 +8,10 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Literal, NamedTuple
 
-from pa_console.language.facts import due_asks
-from pa_console.language.order import Order
 from pa_console.schema.command import COMMANDS, Verb
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.world import KINDS, World
+from pa_training.order_generator.orders import Order, due_asks
 from pa_training.samples.corrupted_orders import misread
 from pa_training.samples.planner_samples import Proven
 from pa_training.situations.situations import Situation

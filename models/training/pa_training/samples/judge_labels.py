@@ -9,15 +9,15 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from pa_console.language.facts import due_asks
 from pa_console.language.order import Ask
-from pa_console.language.reading import canonical_order, planned
+from pa_console.language.reading import planned
 from pa_console.llm.roles.grammar import FEEDBACK_CHARS, TEXT
 from pa_console.schema.command import Verb
 from pa_console.schema.finding import Finding
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.world import World
+from pa_training.order_generator.orders import canonical_order, due_asks
 from pa_training.proof.verify import Verified
 from pa_training.samples.corrupted_plans import named_in
 from pa_training.samples.planner_samples import Proven

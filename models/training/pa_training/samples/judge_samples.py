@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
-from pa_console.language.reading import canonical_order
 from pa_console.llm.roles.compact_prompt import compact_judge_prompt, picture_prefix
 from pa_console.llm.roles.grammar import MOST_VIOLATED, PLANNED
 from pa_console.llm.roles.prompts import Prompt
@@ -18,6 +17,7 @@ from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.evaluation import MissionCase
 from pa_console.schema.plan import Action
 from pa_console.schema.rule import Rule
+from pa_training.order_generator.orders import canonical_order
 from pa_training.phrasing.phrase_bank import Split
 from pa_training.proof.playing import mission_of, words_findings
 from pa_training.proof.verify import Verified, verify

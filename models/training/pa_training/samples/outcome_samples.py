@@ -7,11 +7,11 @@ import random
 from collections import Counter
 from collections.abc import Iterator
 
-from pa_console.language.facts import due_asks
 from pa_console.llm.roles.compact_prompt import compact_outcome_prompt, compact_picture
 from pa_console.mission.picture_text import digest_picture
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.mission import Verification
+from pa_training.order_generator.orders import due_asks
 from pa_training.proof.following import CarriedOut
 from pa_training.proof.verify import Verified, verify
 from pa_training.samples.corrupted_plans import Variant, right_variants, wrong_variants

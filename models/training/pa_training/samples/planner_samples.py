@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from pa_console.language.order import Order
 from pa_console.llm.roles.compact_prompt import compact_planner_prompt, picture_prefix
 from pa_console.llm.roles.prompts import Prompt
 from pa_console.policy.retriever import Retriever
@@ -15,6 +14,7 @@ from pa_console.schema.command import Verb
 from pa_console.schema.evaluation import MissionCase
 from pa_console.schema.plan import Plan
 from pa_training.order_generator.console_missions import console_missions
+from pa_training.order_generator.orders import Order
 from pa_training.order_generator.sampler import sample_order
 from pa_training.phrasing.phrasing import phrase
 from pa_training.proof.playing import mission_of

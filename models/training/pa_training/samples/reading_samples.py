@@ -14,14 +14,13 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from pa_console.language.order import Order
-from pa_console.language.reading import canonical_meaning
 from pa_console.llm.roles.compact_prompt import compact_planner_prompt, picture_prefix
 from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.schema.mission import MAX_MISSION_TEXT, Mission
 from pa_console.schema.rule import Rule
 from pa_training.order_generator.console_missions import console_missions
+from pa_training.order_generator.orders import Order, canonical_meaning
 from pa_training.order_generator.sampler import sample_order, with_exclusion
 from pa_training.phrasing.no_orders import NOTHING_ASKED, NoOrders
 from pa_training.phrasing.phrasing import phrase

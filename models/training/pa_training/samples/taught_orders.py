@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from pa_console.language.name_linking import link_names
-from pa_console.language.reading import canonical_meaning
+from pa_training.order_generator.orders import canonical_meaning
 from pa_training.order_generator.sampler import sample_order
 from pa_training.phrasing.phrasing import phrase
 from pa_training.samples.near_duplicates import NearDuplicates

@@ -16,7 +16,7 @@ from pydantic import Field
 from pa_console.language.clause_grammar import asked_now
 from pa_console.language.clauses import ASKED, NOTHING
 from pa_console.language.facts import conditions
-from pa_console.language.order import Ask, Condition, Order, in_words
+from pa_console.language.order import Ask, Condition, in_words
 from pa_console.language.reading import asked_words, parted, read_asked
 from pa_console.llm.roles.compact_prompt import compact_planner_prompt, picture_prefix
 from pa_console.schema.base import StrictModel
@@ -24,6 +24,7 @@ from pa_console.schema.document import Document
 from pa_console.schema.mission import Mission
 from pa_console.schema.telemetry import Digest
 from pa_console.schema.world import World
+from pa_training.order_generator.orders import Order
 from pa_training.phrasing.no_orders import NOTHING_ASKED
 from pa_training.samples.near_duplicates import NearDuplicates
 from pa_training.samples.reading_samples import NO_TIME

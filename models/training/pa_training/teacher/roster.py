@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from typing import NamedTuple
 
-from pa_console.language.facts import asset_state, sole_covers, tracks_at
+from pa_console.language.facts import asset_state, sole_covers
 from pa_console.language.order import (
     VERB_FOR,
     Ask,
@@ -17,6 +17,7 @@ from pa_console.language.order import (
 )
 from pa_console.schema.telemetry import Digest, Picture, Track
 from pa_console.schema.world import KINDS, PLAIN_KINDS, AssetKind, World
+from pa_training.order_generator.orders import tracks_at
 
 Command = tuple[str, str]
 """An agent and its command."""

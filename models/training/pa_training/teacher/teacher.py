@@ -17,9 +17,7 @@ from typing import NamedTuple
 
 from pydantic import Field
 
-from pa_console.language.facts import due_asks
-from pa_console.language.order import Ask, Order, Task
-from pa_console.language.reading import canonical_order
+from pa_console.language.order import Ask, Task
 from pa_console.llm.roles.grammar import REASON_CHARS
 from pa_console.schema.base import Positive, StrictModel
 from pa_console.schema.command import ENCOUNTERS, Verb
@@ -27,6 +25,7 @@ from pa_console.schema.evaluation import Expectation
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Digest, Picture
 from pa_console.schema.world import KINDS, World
+from pa_training.order_generator.orders import Order, canonical_order, due_asks
 from pa_training.teacher import encounters, moves
 from pa_training.teacher import moves as still
 from pa_training.teacher.moves import look
