@@ -95,20 +95,20 @@ def test_the_help_tells_of_every_verb_and_loads_none() -> None:
         "numpy",
         "shapely",
         "cel",
-        "pa_console.cli.mission.mission",
+        "pa_console.cli.verbs.mission",
         "pa_console.schema.world",
     }
 
 
 def test_the_help_of_a_mission_waits_for_no_session() -> None:
     helped = loaded_by(MISSION_HELPED)
-    assert "pa_console.cli.mission.mission" in helped
+    assert "pa_console.cli.verbs.mission" in helped
     assert not helped & {"numpy", "shapely", "cel", "pa_console.station", "pa_console.llm"}
 
 
 def test_every_verb_is_there_without_what_trains_and_without_a_screen() -> None:
     loaded = loaded_by(VERBS_LOADED)
-    assert {"pa_console.cli.evaluate.evaluate", "pa_console.evaluation"} <= loaded
+    assert {"pa_console.cli.verbs.evaluate", "pa_console.evaluation"} <= loaded
     assert not loaded & {"pa_training", "torch", "gguf", "textual", "llama_cpp"}
     assert not loaded & {"openai", "httpx2", "jsonschema"}, "no server is named"
     assert not loaded & {"distributed", "dask"}, "nobody sweeps"

@@ -13,8 +13,8 @@ from typer.core import TyperGroup
 
 from pa_console import __version__
 from pa_console.child_processes import keep_search_path
-from pa_console.cli.output import BAD_INPUT, FAILED, errors, open_closed_streams
 from pa_console.cli.verbs import Verbs
+from pa_console.terminal.output import BAD_INPUT, FAILED, errors, open_closed_streams
 
 INTERRUPTED = 130
 COLLECTED_AFTER = (20_000, 10, 5)

@@ -16,7 +16,7 @@ from rich.progress import (
 )
 
 from pa_console.session.recording import Recording
-from pa_console.tui.plain_output import PlainConsole
+from pa_console.terminal.output import PlainConsole
 from pa_console.tui.replay.recordings import index_folder
 
 
@@ -87,3 +87,16 @@ def read_recording(log: Path) -> Recording:
     """Open `log` for a replay; raises LogError when not even one line of it is good."""
     with LoadingBar(log) as bar:
         return Recording.read(log, bar.show, cache=index_folder())
+
+
+class ExportBar(LiveBar):
+    """Counts the progress."""
+
+    def __init__(self, what: str, total: int) -> None:
+        """Show `what` is being done, up to `total`."""
+        self._progress = transient_bar(MofNCompleteColumn())
+        self._task = self._progress.add_task(what, total=total)
+
+    def advance(self, count: int) -> None:
+        """Count that many more."""
+        self._progress.advance(self._task, count)

@@ -18,6 +18,7 @@ from pa_console.schema.world import World
 from pa_console.session.recording import Player
 from pa_console.settings.sources import Loaded, load_settings
 from pa_console.station.assembly import Site, load_site
+from pa_console.terminal.output import PlainConsole
 from pa_console.tui.actions.palette import ConsoleCommands
 from pa_console.tui.actions.registry import (
     ActionContext,
@@ -46,7 +47,6 @@ from pa_console.tui.controllers.session_feed import SessionFeed
 from pa_console.tui.controllers.settings import SettingsController
 from pa_console.tui.controllers.typing import KeyTime, TypingController
 from pa_console.tui.kept_input import History, history_file
-from pa_console.tui.plain_output import PlainConsole
 from pa_console.tui.protocols import Clock, JoinedTo, LiveStation, RuleScorer, ShownRules
 from pa_console.tui.screens.compare import CompareScreen, Side
 from pa_console.tui.screens.evaluation import EvaluationScreen

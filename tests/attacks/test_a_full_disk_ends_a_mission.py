@@ -14,7 +14,7 @@ from pa_console.signing import KEY_VARIABLE
 PROBE = """
 import resource, sys
 from pathlib import Path
-from pa_console.cli.mission import session as mission_session
+from pa_console.cli.sessions import mission as mission_session
 from pa_console.cli.main import main
 from tests.scripted import ScriptedEngine, plan
 

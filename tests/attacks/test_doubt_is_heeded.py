@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.cli.mission import session as mission_session
+from pa_console.cli.sessions import mission as mission_session
 from pa_console.llm.backend import Completed, Request
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.mission.approval import (

@@ -19,7 +19,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from pa_console.cli import models
+from pa_console.cli.verbs import models
 from pa_console.evaluation.runs.run_record import RUNS
 from pa_console.llm.models.catalogue import Catalog
 from pa_console.resources import find_data
@@ -28,8 +28,8 @@ from pa_console.schema.document import Document, DocumentError
 from pa_console.schema.events.event import Event
 from pa_console.schema.text import obeyed, visible, visible_json
 from pa_console.session.recording import Player
+from pa_console.terminal.output import PlainConsole
 from pa_console.tui.app import ConsoleApp
-from pa_console.tui.plain_output import PlainConsole
 from tests.attacks.hostile_text import PAYLOAD, PIECES, hostile, raw
 from tests.cli.inside import Call, caller
 from tests.evaluation.records import made_record

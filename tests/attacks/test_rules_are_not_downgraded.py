@@ -9,7 +9,7 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pa_console.cli.mission import session as mission_session
+from pa_console.cli.sessions import mission as mission_session
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.policy.authoring.examples import (
     MISSION_TEXT,

@@ -8,9 +8,9 @@ import typer
 from pydantic import TypeAdapter
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from pa_console.cli.output import errors, out
 from pa_console.evaluation.machine import Machine
 from pa_console.llm.models.catalogue import LocalModel
+from pa_console.terminal.output import errors, out
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "build" / "benchmarks"

@@ -14,7 +14,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from pa_console.cli.output import ModelOption, RulesOption, WorldOption, out
+from pa_console.cli.options import ModelOption, RulesOption, WorldOption
 from pa_console.evaluation.machine import describe_machine
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.local.threads import physical_cores
@@ -22,6 +22,7 @@ from pa_console.llm.models.catalogue import LocalModel, find_model
 from pa_console.schema.base import StrictModel
 from pa_console.schema.text import count
 from pa_console.station.assembly import Site, load_site
+from pa_console.terminal.output import out
 from tests.benchmarks.figures import JsonFileOption, introduce, keep, shares
 from tests.benchmarks.speed.measured_missions import OurWay, bench_missions
 

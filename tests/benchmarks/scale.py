@@ -12,7 +12,7 @@ from typing import Annotated, NamedTuple
 import typer
 from rich.table import Table
 
-from pa_console.cli.output import ModelOption, RulesOption, errors, out
+from pa_console.cli.options import ModelOption, RulesOption
 from pa_console.llm.backend import Completed, Request
 from pa_console.llm.local.engine import LOAD_LIMIT_S, WARM_GRAMMAR, Engine
 from pa_console.llm.models.catalogue import find_model
@@ -32,6 +32,7 @@ from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.world_generator import generate_world
 from pa_console.station.assembly import load_site
+from pa_console.terminal.output import errors, out
 from tests.benchmarks.figures import JsonFileOption, keep
 
 SIZES: tuple[tuple[int, int], ...] = ((4, 10), (16, 100), (50, 1000))

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Self
 import typer
 from rich.table import Table
 
-from pa_console.cli.output import ModelOption, errors, out
+from pa_console.cli.options import ModelOption
 from pa_console.evaluation.machine import Machine, describe_machine
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import LocalModel, find_model
@@ -26,6 +26,7 @@ from pa_console.schema.base import StrictModel
 from pa_console.sim.worlds.world_generator import generate_world
 from pa_console.station.assembly import Site, load_site, open_station
 from pa_console.station.clock import RealTimeClock
+from pa_console.terminal.output import errors, out
 from tests.benchmarks.figures import JsonFileOption, introduce, keep
 
 if TYPE_CHECKING:
@@ -233,7 +234,7 @@ async def _measure(
 @asynccontextmanager
 async def _console(site: Site, weights: LocalModel) -> "AsyncGenerator[ConsoleApp]":
     """Give a console on a live station, in a terminal that is none; it keeps nothing."""
-    from pa_console.cli.console.screen import keep_loaded  # noqa: PLC0415 - with the screen
+    from pa_console.cli.sessions.screen import keep_loaded  # noqa: PLC0415 - with the screen
     from pa_console.settings.sources import default_settings  # noqa: PLC0415
     from pa_console.tui.app import ConsoleApp  # noqa: PLC0415 - no other verb waits for Textual
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.cli.console import console
-from pa_console.cli.mission import session as mission_session
+from pa_console.cli.sessions import mission as mission_session
+from pa_console.cli.verbs import console
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.signing import KEY_VARIABLE
 from tests.cli.inside import Call, caller

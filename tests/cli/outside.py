@@ -20,8 +20,8 @@ from pa_console.signing import KEY_VARIABLE
 
 PROGRAM = """
 import asyncio, sys
-from pa_console.cli.console import console
-from pa_console.cli.mission import session as mission_session
+from pa_console.cli.verbs import console
+from pa_console.cli.sessions import mission as mission_session
 from pa_console.cli.main import main
 from tests.scripted import ScriptedEngine, plan
 
@@ -32,7 +32,7 @@ if answer == "never-closed":
     engine.close = asyncio.Event().wait
 verbs = [console, mission_session]
 if "serve" in sys.argv:
-    from pa_console.cli.serve import session as serve_session
+    from pa_console.cli.sessions import served as serve_session
     verbs.append(serve_session)
 for verb in verbs:
     verb.find_model = lambda *_, **_reader: engine.model

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.cli.doctor import checks as doctor_checks
-from pa_console.cli.doctor import checks as doctor_places
-from pa_console.cli.doctor import doctor, speed
-from pa_console.cli.doctor.checks import (
+from pa_console.cli.verbs import doctor, doctor_checks
+from pa_console.cli.verbs import doctor as speed
+from pa_console.cli.verbs.doctor import check_speed, speed_words
+from pa_console.cli.verbs.doctor_checks import (
     Check,
     check_broker,
     check_build_tools,
@@ -20,7 +20,6 @@ from pa_console.cli.doctor.checks import (
     check_unicode,
     load_or_default,
 )
-from pa_console.cli.doctor.speed import check_speed, speed_words
 from pa_console.llm.backend import EngineDiedError, EngineError
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.schema.finding import Usage
@@ -114,7 +113,7 @@ def test_folders_memory_and_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyP
     (tmp_path / "file").write_text("")
     assert check_folder("logs", tmp_path / "a" / "b", "x").state == "ok"
     assert check_folder("logs", tmp_path / "file" / "b", "x").state == "missing"
-    monkeypatch.setattr(doctor_places, "LEAST_FREE_MB", 10**12)
+    monkeypatch.setattr(doctor_checks, "LEAST_FREE_MB", 10**12)
     assert check_folder("logs", tmp_path, "x").state == "warning"
     memory = tmp_path / "meminfo"
     memory.write_text("MemTotal: 9 kB\nMemAvailable: 1048576 kB\n")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.cli.mission import session as mission_session
+from pa_console.cli.sessions import mission as mission_session
 from pa_console.fleets.authorization import Approval, Trust, UnsignedApproval
 from pa_console.fleets.key_folder import KeyFolder
 from pa_console.llm.local.engine import Engine

@@ -2,9 +2,9 @@
 
 import pytest
 
-from pa_console.cli import manual
+from pa_console.cli.verbs import manual
 from pa_console.manual_pages import load_manual
-from pa_console.tui.plain_output import PlainConsole
+from pa_console.terminal.output import PlainConsole
 from tests.cli.inside import Call
 
 

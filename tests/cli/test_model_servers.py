@@ -5,12 +5,12 @@ from datetime import UTC, datetime
 
 import pytest
 
-from pa_console.cli.doctor.checks import Check
-from pa_console.cli.doctor.model_servers import check_server, check_servers, named_models
-from pa_console.cli.mission.steps import step_line
+from pa_console.cli.verbs.doctor import check_server, check_servers, named_models
+from pa_console.cli.verbs.doctor_checks import Check
 from pa_console.llm.remote.address import KEY_VARIABLE
 from pa_console.schema.events import event as ev
 from pa_console.settings.schema import Settings
+from pa_console.terminal.mission import step_line
 from tests.llm.servers.fault_proxy import FaultProxy
 
 CANARY = "sk-canary-4711"

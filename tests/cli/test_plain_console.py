@@ -11,10 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.cli.plain.answers import read_answer
-from pa_console.cli.plain.input_lines import InputLines
 from pa_console.schema.events import event as ev
 from pa_console.signing import KEY_VARIABLE
+from pa_console.terminal.typed_lines import InputLines, read_answer
 from tests.cli.inside import Call
 from tests.cli.outside import WITHIN_S, Outside
 from tests.tui import story

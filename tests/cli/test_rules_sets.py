@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.cli.mission import session as mission_session
+from pa_console.cli.sessions import mission as mission_session
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.policy.authoring.lint_states import example_states
 from pa_console.policy.rulebook import load_rules

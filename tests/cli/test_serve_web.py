@@ -11,7 +11,7 @@ import aiohttp
 import pytest
 from yarl import URL
 
-from pa_console.cli.serve import web
+from pa_console.cli.sessions import web
 from pa_console.http import connections
 from pa_console.http.connections import listen
 from pa_console.http.tokens import TokenBook

@@ -126,8 +126,8 @@ def test_the_console_opens_on_the_situation(
 
     path = tmp_path / "loss.yaml"
     path.write_text(LOSS, encoding="utf-8")
-    monkeypatch.setattr("pa_console.cli.console.screen.ConsoleApp", App)
-    monkeypatch.setattr("pa_console.cli.session_log.default_folder", lambda: tmp_path)
+    monkeypatch.setattr("pa_console.cli.sessions.screen.ConsoleApp", App)
+    monkeypatch.setattr("pa_console.cli.sessions.log.default_folder", lambda: tmp_path)
     for stream in ("stdin", "stdout"):
         monkeypatch.setattr(f"sys.{stream}.isatty", lambda: True)
     words = ("--scenario", str(path), "--seed", "7", "--readonly", "--no-mouse")

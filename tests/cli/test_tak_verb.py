@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element
 
 import pytest
 
-from pa_console.cli.tak.own_session import on_map
+from pa_console.cli.sessions.on_map import on_map
 from pa_console.resources import find_data
 from pa_console.schema.world import Origin
 from pa_console.settings.schema import Settings
@@ -187,7 +187,7 @@ def test_without_its_libraries_it_says_what_to_install(
 ) -> None:
     for name in [name for name in sys.modules if name.startswith("pa_console.tak.")]:
         monkeypatch.delitem(sys.modules, name)
-    monkeypatch.delitem(sys.modules, "pa_console.cli.tak.showing", raising=False)
+    monkeypatch.delitem(sys.modules, "pa_console.cli.sessions.followed", raising=False)
     monkeypatch.setitem(sys.modules, "pytak", None)
     done = call("tak", "--server", "tcp://127.0.0.1", "--replay", str(log), *SEA)
     assert done.code == 2

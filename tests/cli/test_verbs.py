@@ -11,9 +11,8 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from pa_console import __version__
-from pa_console.cli.examples import EXAMPLES
 from pa_console.cli.main import app
-from pa_console.cli.verbs import VERBS, load_verb
+from pa_console.cli.verbs import EXAMPLES, VERBS, load_verb
 from tests.cli.inside import Call
 from tests.cli.parsing import left_over
 

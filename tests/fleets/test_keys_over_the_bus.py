@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.cli.keys.on_the_bus import on_bus
+from pa_console.cli.verbs.keys import on_bus
 from pa_console.fleets.authorization import EnrolledRules
 from pa_console.fleets.key_folder import KeyFolder
 from pa_console.fleets.vda5050.broker import BrokerAddress
@@ -37,7 +37,7 @@ def test_a_machine_that_joins_learns_the_roster_and_who_commands(
 def test_without_a_broker_nothing_is_signed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pa_console.cli.keys.on_the_bus.CONNECT_S", 0.2)
+    monkeypatch.setattr("pa_console.cli.verbs.keys.CONNECT_S", 0.2)
     folder = KeyFolder(tmp_path / "keys")
     folder.make_site("ann", "north", {RULES: EnrolledRules("two")})
     before = folder.newest

@@ -15,7 +15,7 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from pa_console.cli.main import app, main
-from pa_console.cli.mission import session as mission_session
+from pa_console.cli.sessions import mission as mission_session
 from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.run_record import EvaluationFolder
 from pa_console.evaluation.runs.runner import Runner

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from textual.widgets import Button, Static
 
-from pa_console.cli.plain.line_console import LineConsole
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import StandingOrder, StandingStart
 from pa_console.schema.plan import Plan
+from pa_console.terminal.line_console import LineConsole
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.standing_orders.screen import StandingOrdersScreen

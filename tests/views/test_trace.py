@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 
-from pa_console.cli.mission.trace import print_trace
 from pa_console.export.markdown import mission_document
 from pa_console.schema.command import CommandReply
 from pa_console.schema.events import event as ev
@@ -17,7 +16,8 @@ from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.session.state import SessionState
-from pa_console.tui.plain_output import PlainConsole
+from pa_console.terminal.mission import print_trace
+from pa_console.terminal.output import PlainConsole
 from pa_console.tui.trace.rows import plain
 from pa_console.tui.trace.sections import sections
 from pa_console.views.trace.execution import report_table

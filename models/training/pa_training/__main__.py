@@ -8,9 +8,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from pa_console.cli.dask_options import SchedulerOption, WorkersOption, one_of
 from pa_console.cli.main import run
-from pa_console.cli.output import JsonOption, RulesOption
+from pa_console.cli.options import JsonOption, RulesOption, SchedulerOption, WorkersOption, one_of
 
 NAME = "python -m pa_training"
 app = typer.Typer(

@@ -9,13 +9,14 @@ import typer
 from rich.progress import Progress
 from rich.table import Table
 
-from pa_console.cli.dask_options import SchedulerOption, WorkersOption, dask_workers, one_of
-from pa_console.cli.output import (
+from pa_console.cli.options import (
     ModelOption,
     RulesOption,
+    SchedulerOption,
+    WorkersOption,
     WorldOption,
-    errors,
-    out,
+    dask_workers,
+    one_of,
 )
 from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.llm.local.engine import Engine
@@ -23,6 +24,7 @@ from pa_console.llm.models.cache import cache_folder
 from pa_console.llm.models.catalogue import NO_READER, LocalModel, find_model
 from pa_console.schema.text import count
 from pa_console.station.assembly import Site, load_site
+from pa_console.terminal.output import errors, out
 from tests.benchmarks.degradation.runs import (
     CONDITIONS,
     Disturbance,

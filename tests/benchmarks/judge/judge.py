@@ -10,8 +10,8 @@ from typing import Annotated
 import typer
 from rich.progress import MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from pa_console.cli.evaluate.evaluate import to_rich
-from pa_console.cli.output import ModelOption, errors, out
+from pa_console.cli.options import ModelOption
+from pa_console.cli.verbs.evaluate import to_rich
 from pa_console.evaluation.reporting.statistics import Table, fraction_cell, seconds
 from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.run_record import RunRecord, read_runs
@@ -22,6 +22,7 @@ from pa_console.llm.roles.judge import Judge
 from pa_console.llm.roles.role_model import PROMPT_FORMATS
 from pa_console.schema.events.event import WorkerState
 from pa_console.schema.text import count
+from pa_console.terminal.output import errors, out
 from tests.benchmarks.figures import JsonFileOption, keep
 from tests.benchmarks.judge.cases import (
     CaseReader,

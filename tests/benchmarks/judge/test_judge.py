@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.cli.output import out
 from pa_console.evaluation.runs.memo_engine import MemoEngine
 from pa_console.evaluation.runs.run_record import EvaluationFolder
 from pa_console.evaluation.runs.runner import Runner
 from pa_console.llm.local.engine import Engine, OnState
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.station.assembly import load_site
+from pa_console.terminal.output import out
 from tests.benchmarks.inside import Measure
 from tests.benchmarks.judge import judge
 from tests.evaluation.test_runner import SEND, SPARE, jobs

@@ -14,12 +14,13 @@ from rich import box
 from rich.progress import Progress
 from rich.table import Table
 
-from pa_console.cli.output import RulesOption, errors, out
+from pa_console.cli.options import RulesOption
 from pa_console.policy.related_words import default_vocabulary
 from pa_console.policy.retriever import METHODS, Retriever
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data
 from pa_console.schema.rule import Rule
+from pa_console.terminal.output import errors, out
 from tests.benchmarks.figures import JsonFileOption, keep
 from tests.benchmarks.retrieval.distractors import distractors
 from tests.benchmarks.retrieval.quality import (

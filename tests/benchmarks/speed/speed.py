@@ -9,10 +9,11 @@ from rapidfuzz import process
 from rich.table import Table
 from rich.text import Text
 
-from pa_console.cli.output import ModelOption, RulesOption, WorldOption, out
+from pa_console.cli.options import ModelOption, RulesOption, WorldOption
 from pa_console.evaluation.machine import describe_machine
 from pa_console.llm.models.catalogue import LocalModel, find_model
 from pa_console.station.assembly import Site, load_site
+from pa_console.terminal.output import out
 from tests.benchmarks.figures import JsonFileOption, introduce, keep, shares
 from tests.benchmarks.speed.authorization import measure_authorization
 from tests.benchmarks.speed.checks import measure_checks

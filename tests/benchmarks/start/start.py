@@ -16,10 +16,11 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from pa_console.cli.output import ModelOption, out
+from pa_console.cli.options import ModelOption
 from pa_console.evaluation.machine import Machine, describe_machine
 from pa_console.llm.models.catalogue import LocalModel, find_model
 from pa_console.schema.base import StrictModel
+from pa_console.terminal.output import out
 from tests.benchmarks.figures import JsonFileOption, introduce, keep, shares
 from tests.benchmarks.start.console_start import COMMAND, ConsoleStart, StartError
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from rich.console import Console
 
-from pa_console.cli.evaluate.evaluate import to_rich
+from pa_console.cli.verbs.evaluate import to_rich
 from pa_console.evaluation.reporting.records import main_runs, main_variant
 from pa_console.evaluation.reporting.report import build_tables
 from pa_console.evaluation.reporting.statistics import NOTHING, Rate, Table, rate_cell

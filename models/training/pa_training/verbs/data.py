@@ -8,10 +8,10 @@ from typing import Literal
 
 from rich.table import Table
 
-from pa_console.cli.dask_options import dask_workers
-from pa_console.cli.output import errors, out, print_json
+from pa_console.cli.options import dask_workers
 from pa_console.resources import find_data
 from pa_console.schema.text import count
+from pa_console.terminal.output import errors, out, print_json
 from pa_training import LANGUAGE
 from pa_training.samples.data_report import DataReport, fingerprint, write_report
 from pa_training.samples.data_set import REPORT, DataFolder, Job, Made, Part, build

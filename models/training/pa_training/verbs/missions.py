@@ -6,9 +6,9 @@ from pathlib import Path
 
 from rich.table import Table
 
-from pa_console.cli.output import errors, out, print_json
 from pa_console.resources import find_data
 from pa_console.schema.text import count as counted
+from pa_console.terminal.output import errors, out, print_json
 from pa_training.results.mission_export import Found, generated_missions, write_mission_set
 from pa_training.samples.data_report import fingerprint
 from pa_training.situations.worlds import Split

@@ -12,9 +12,9 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from pa_console.cli.output import errors
 from pa_console.cli.progress_bars import LiveBar
 from pa_console.schema.text import count
+from pa_console.terminal.output import errors
 from pa_training.samples.data_set import Made
 
 if TYPE_CHECKING:  # it needs torch, which only training itself may import

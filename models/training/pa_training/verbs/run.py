@@ -9,10 +9,10 @@ from typing import Any, Literal
 from pydantic import ValidationError
 
 from pa_console import __version__
-from pa_console.cli.output import errors, out
 from pa_console.evaluation.machine import describe_machine
 from pa_console.llm.models.cache import hash_file
 from pa_console.schema.document import Document
+from pa_console.terminal.output import errors, out
 from pa_training.adapters.config import TrainConfig, find_base, shipped_config
 from pa_training.adapters.run_folder import RunFolder
 from pa_training.results.lineage import ADAPTER, RunSummary, write_summary

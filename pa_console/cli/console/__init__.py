@@ -1,1 +1,0 @@
-"""The verb `console`: the screen or lines over one live session."""

@@ -1,1 +1,0 @@
-"""The verb `keys`, and the keys that other verbs sign with."""

@@ -1,1 +1,0 @@
-"""`pa-console console --plain`: the console as lines and questions."""

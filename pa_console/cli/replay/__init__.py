@@ -1,1 +1,0 @@
-"""`pa-console replay`."""

@@ -1,0 +1,1 @@
+"""The sessions that verbs open: live, joined, served, followed and recorded."""

@@ -1,0 +1,188 @@
+"""The session that `pa-console tak` shows on a map: a shared one, or a recorded one."""
+
+import threading
+import time
+from collections.abc import Callable, Generator, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Protocol
+
+from pa_console.cli.progress_bars import read_recording
+from pa_console.cli.sessions.joined import shared_session, world_of
+from pa_console.cli.sessions.on_map import placed
+from pa_console.cli.sessions.recorded import started_of
+from pa_console.cli.sessions.recorded import world_of as recorded_world
+from pa_console.end_signals import end_signals, exit_code_of
+from pa_console.schema.events.event import Event
+from pa_console.schema.world import World
+from pa_console.session.log.writer import default_folder
+from pa_console.session.past_sessions import find_session
+from pa_console.session.recording import Recording
+from pa_console.settings.sources import Loaded
+from pa_console.sim.worlds.world_file import open_world
+from pa_console.station.shared_log import LOOK_S, SharedLog
+from pa_console.tak.connection import Certificate, TakConnection, TakServer
+from pa_console.tak.session_on_map import SessionOnMap
+from pa_console.tak.site_on_map import site_name
+from pa_console.terminal.output import errors
+
+
+class Followed(Protocol):
+    """A session as a source of events."""
+
+    world: World
+
+    @property
+    def title(self) -> str:
+        """The name of the session, in words."""
+        ...
+
+    def events(self, ended: Callable[[], bool]) -> Iterator[Event | None]:
+        """Yield events as they happen, None now and then, until the session or `ended` says so."""
+        ...
+
+
+@contextmanager
+def joined(
+    url: str, certificates: Path | None, world: str, settings: Loaded, tell: Callable[[str], None]
+) -> Generator[Followed]:
+    """Follow the session that is shared at `url`; raises ValueError when there is none."""
+    with shared_session(url, certificates) as found:
+        of = world_of(found.before, world, settings)
+        yield JoinedSession(found.log, found.before, of, tell)
+
+
+def recorded(session: str, world: str | None, speed: float, settings: Loaded) -> Followed:
+    """Play a recorded session; raises ValueError for none, LogError for one that is damaged."""
+    log = find_session(settings.values.logs or default_folder(), session)
+    recording = read_recording(log)
+    found, _ = open_world(recorded_world(started_of(recording, log), world, log))
+    return _Recorded(recording, log, found, speed)
+
+
+class JoinedSession:
+    """The events that come over the bus; notices about the connection go to `tell`."""
+
+    def __init__(
+        self, log: SharedLog, before: list[Event], world: World, tell: Callable[[str], None]
+    ) -> None:
+        """`before` is what has happened so far: of its pictures only the last is told."""
+        self.world = world
+        self._log, self._before, self._tell = log, before, tell
+
+    @property
+    def title(self) -> str:
+        """Whose session it is, and where."""
+        return f"the session of {self._log.stream.station} at {self._log.link.address}"
+
+    def events(self, ended: Callable[[], bool]) -> Iterator[Event | None]:
+        """Yield events as they come, None now and then, until the session or `ended` ends them."""
+        taken, problem = self._before, ""
+        while not ended():
+            pictures = [n for n, event in enumerate(taken) if event.data.kind == "telemetry"]
+            for number, event in enumerate(taken):
+                if event.data.kind != "telemetry" or number == pictures[-1]:
+                    yield event
+                if event.data.kind == "session_ended":
+                    return
+            if (now := self._log.problem or self._log.link.problem) != problem:
+                problem = now
+                self._tell(f"the bus: {problem}" if problem else "the bus: connected again")
+            self._log.link.wait_news(LOOK_S)
+            taken = self._log.take()
+            yield None
+
+
+@dataclass
+class _Recorded:
+    """The recorded events, at their pace or another; each has the time when it is shown."""
+
+    recording: Recording
+    log: Path
+    world: World
+    speed: float
+
+    @property
+    def title(self) -> str:
+        return f"the recorded session {self.log.stem}, {self.speed:g} times as fast"
+
+    def events(self, ended: Callable[[], bool]) -> Iterator[Event | None]:
+        begun, first = time.monotonic(), datetime.now(UTC)
+        for number in range(len(self.recording)):
+            due_s = self.recording.timeline.seconds[number] / self.speed
+            while not ended() and (left_s := begun + due_s - time.monotonic()) > 0:
+                time.sleep(min(left_s, LOOK_S))
+                yield None
+            if ended():
+                return
+            event = self.recording[number]
+            yield event.model_copy(update={"t": first + timedelta(seconds=due_s)})
+
+
+@dataclass(frozen=True)
+class Asked:
+    """The options of the verb: session and server; one of `join` and `replay`."""
+
+    server: str
+    tls: tuple[Path | None, Path | None, Path | None]
+    join: str
+    certificates: Path | None
+    replay: str
+    speed: float
+    world: str | None
+    origin: str
+    name: str | None
+    every: float
+
+
+def show(asked: Asked, settings: Loaded) -> int:
+    """Send the session until it ends; return the exit code.
+
+    Raises ValueError for what cannot be followed, placed or sent to, LogError for a bad log.
+    """
+    server = TakServer.parse(asked.server, Certificate.of(*asked.tls))
+    name = site_name(asked.name) if asked.name is not None else ""
+    with _opened(asked, settings) as found:
+        site = placed(found.world, asked.origin, name, replay=bool(asked.replay))
+        connection = TakConnection(server, site.uid("station"), tell)
+        pace = asked.speed if asked.replay else 1.0
+        shown = SessionOnMap(site, connection, asked.every, pace)
+        if server.open_to_all:
+            tell(f"warning: {server.warning}")
+        return _run(found, shown, connection)
+
+
+def _opened(asked: Asked, settings: Loaded) -> AbstractContextManager[Followed]:
+    if asked.replay:
+        return nullcontext(recorded(asked.replay, asked.world, asked.speed, settings))
+    world = asked.world or settings.values.world
+    return joined(asked.join, asked.certificates, world, settings, tell)
+
+
+def _run(found: Followed, shown: SessionOnMap, connection: TakConnection) -> int:
+    over, ended_by = threading.Event(), 0
+
+    def end(number: int) -> None:
+        nonlocal ended_by
+        ended_by = number
+        over.set()
+
+    try:
+        with end_signals(end), connection:
+            tell(f"{found.title}; Ctrl-C ends it")
+            try:
+                for event in found.events(over.is_set):
+                    if event is not None:
+                        shown.take(event)
+            finally:
+                shown.end()
+    finally:
+        tell(connection.words)
+    return exit_code_of(ended_by) if ended_by else 0
+
+
+def tell(line: str) -> None:
+    """Print one line on stderr."""
+    errors.print(line, markup=False, highlight=False, soft_wrap=True)

@@ -1,0 +1,207 @@
+"""The session of another station on this console: watched, countersigned, and taken over."""
+
+import secrets
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import typer
+
+from pa_console.cli.progress_bars import RecordsBar
+from pa_console.cli.sessions.fleet import JOINED, STATION, ask_passphrase, claim_credentials
+from pa_console.cli.sessions.live import LiveSession
+from pa_console.end_signals import end_signals, exit_code_of
+from pa_console.fleets.key_folder import KeyFolder
+from pa_console.fleets.station_authority import StationAuthority
+from pa_console.fleets.vda5050.broker import BrokerAddress
+from pa_console.fleets.vda5050.station_link import StationLink
+from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.events.event import Event, SessionStarted
+from pa_console.schema.world import World
+from pa_console.session.log.writer import default_folder
+from pa_console.settings.sources import Loaded
+from pa_console.station.assembly import SessionSites, open_world
+from pa_console.station.joined_station import JoinedStation, Signatory, Succession
+from pa_console.station.shared_log import HEARD, SharedLog, read_so_far
+from pa_console.station.site_copy import SiteCopy
+from pa_console.terminal.output import errors, require_keys
+
+CONNECT_S = 5.0
+
+
+@dataclass(frozen=True)
+class Joining:
+    """The place of the session to join, with its world and its rules."""
+
+    url: str
+    certificates: Path | None
+    world: str
+    rules: str
+
+
+@dataclass(frozen=True)
+class FoundSession:
+    """The session that is shared on a bus, what has happened in it, and the keys of the site."""
+
+    log: SharedLog
+    before: list[Event]
+    folder: KeyFolder
+
+
+@contextmanager
+def shared_session(url: str, certificates: Path | None) -> Generator[FoundSession]:
+    """Find the session that is shared at `url`; raises ValueError when there is none, or no key."""
+    folder = KeyFolder(ask=ask_passphrase)
+    if not folder.made:
+        raise ValueError(
+            "joining takes the keys of the site: 'pa-console keys make NAME --join OWNER_KEY' "
+            "makes them here, and the owner enrols them"
+        )
+    address = BrokerAddress.parse(url)
+    credentials = claim_credentials(address, certificates, JOINED)
+    link = StationLink(address, f"{JOINED}-{secrets.token_hex(4)}", HEARD, credentials)
+    try:
+        if not link.wait_connected(CONNECT_S):
+            raise ValueError(f"no broker lets us in at {address}: {link.problem}")
+        log = SharedLog(link, folder.trust(), folder.take)
+        with RecordsBar() as bar:
+            before = read_so_far(log, bar.show)
+        yield FoundSession(log, before, folder)
+    finally:
+        link.close()
+
+
+@dataclass(frozen=True)
+class JoinedSession:
+    """A session that was joined, with its world and rules, as long as its context lasts."""
+
+    station: JoinedStation
+    world: World
+    rules: Rulebook
+    succession: Succession
+
+    def show(self, settings: Loaded, *, plain: bool) -> bool:
+        """Show the session until it is left; return whether it was left to take command.
+
+        Raises Exit with its code where a signal ended it.
+        """
+        if plain:
+            from pa_console.cli.sessions.plain import run_joined_plain  # noqa: PLC0415
+
+            question = self.command_question if self.succession.possible else None
+            takes, ended_by = run_joined_plain(self.station, settings.values, question)
+        else:
+            takes, ended_by = self._show_screen(settings)
+        if ended_by:
+            raise typer.Exit(exit_code_of(ended_by))
+        return takes
+
+    def command_question(self) -> str:
+        """Return what taking command would do; raises ValueError where it cannot be taken."""
+        authority = self.succession.prepare(self.station.started)
+        return self.station.command_question(authority.trust.next_epoch, authority.name)
+
+    def take_command(self, opened: LiveSession) -> None:
+        """Take command for a session that is ready to begin; raises ValueError where that fails."""
+        if opened.fleet is None or not opened.fleet.connected:
+            raise ValueError("there is no connection to the broker")
+        taken = self.succession.take(opened.fleet.publish_signed)
+        opened.station.succeed(taken, self.station.left_missions(self.succession.last))
+
+    @property
+    def opening(self) -> str:
+        """The line shown while the console that takes command opens."""
+        return f"Opening the console that takes command; {self.station.station} commands ..."
+
+    @contextmanager
+    def told_unless_taken(self) -> Generator[None]:
+        """Report that the other station keeps command if this ends before it was taken."""
+        try:
+            yield
+        finally:
+            if self.succession.taken is None:
+                errors.print(
+                    f"command was not taken: {self.station.station} has it as before",
+                    style="bold red",
+                    markup=False,
+                )
+
+    def _show_screen(self, settings: Loaded) -> tuple[bool, int]:
+        require_keys("use --plain")
+        from pa_console.tui.app import ConsoleApp  # noqa: PLC0415 - Textual
+        from pa_console.tui.protocols import JoinedTo  # noqa: PLC0415
+
+        station = self.station
+        question = self.command_question if self.succession.possible else None
+        app = ConsoleApp(
+            self.world,
+            station,
+            self.rules,
+            station.retriever,
+            joined=JoinedTo(station.station, station.signer, question),
+            settings=settings,
+        )
+        leaving = app.controllers.leaving
+        with end_signals(leaving.end):
+            app.run(mouse=settings.values.mouse)
+        return leaving.takes_command, leaving.ended_by
+
+
+@contextmanager
+def joining(asked: Joining, settings: Loaded) -> Generator[JoinedSession]:
+    """Join a session for as long as the context lasts.
+
+    Raises ValueError when there is no session, or no key here.
+    """
+    with shared_session(asked.url, asked.certificates) as found:
+        log, folder, address = found.log, found.folder, found.log.link.address
+        person = folder.person()
+        world, rules = _site_of(found.before, asked, settings)
+        signatory = Signatory(*person)
+
+        def own_station() -> StationAuthority:
+            if (ours := claim_credentials(address, asked.certificates, STATION)) is not None:
+                ours.release()
+            return StationAuthority(folder.keys(person), keep=folder.take)
+
+        yield JoinedSession(
+            JoinedStation(log, found.before, signatory, SiteCopy(world, rules)),
+            world,
+            rules,
+            Succession(log, signatory, own_station),
+        )
+
+
+def _site_of(events: list[Event], asked: Joining, settings: Loaded) -> tuple[World, Rulebook]:
+    """Return the world and the rules of the session; raises ValueError where they are not here."""
+    world = world_of(events, asked.world, settings)
+    started = started_of(events)
+    rules = SessionSites((), (asked.rules,)).rules_of(started)
+    if rules is None:
+        raise ValueError(
+            f"the rules {started.rules!r} of this session are not here as they are there; "
+            "give their file with --rules"
+        )
+    return world, rules
+
+
+def world_of(events: list[Event], given: str, settings: Loaded) -> World:
+    """Return the world of the session, which may be `given`; raises ValueError where it is not."""
+    started = started_of(events)
+    near = (settings.values.logs or default_folder()) / "log"
+    found = SessionSites((given,)).world_file(started, near)
+    if found is None:
+        raise ValueError(
+            f"the world {started.world!r} of this session is not here as it is there (SHA-256 "
+            f"{started.world_sha256[:12]}); give its file with --world"
+        )
+    return open_world(str(found))[0]
+
+
+def started_of(events: list[Event]) -> SessionStarted:
+    """Return how the session was started; raises ValueError where it does not begin with that."""
+    started = events[0].data
+    if not isinstance(started, SessionStarted):
+        raise ValueError("what is shared does not begin with the start of a session")
+    return started

@@ -1,0 +1,75 @@
+"""Opens the log of a session for the verbs that have one, with its index and its witness."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import platformdirs
+
+from pa_console.private_files import nearest_existing
+from pa_console.session.log.signed_head import URLS, Witness
+from pa_console.session.log.writer import LogError, LogWriter, default_folder, open_session_log
+from pa_console.settings.schema import Settings
+from pa_console.signing import Signer
+from pa_console.terminal.output import errors
+
+
+def open_log(
+    settings: Settings,
+    session: str,
+    signer: Signer,
+    on_error: Callable[[LogError], None],
+    path: Path | None = None,
+    witness: str = "",
+    *,
+    resumed: bool = False,
+) -> LogWriter:
+    """Open a signed log: at `path`, or a new one in the folder of logs, which its index notes.
+
+    The log of a `resumed` session, which is in that folder, goes on where it ended. Raises
+    ValueError for a `witness` that is none, LogError when the log cannot be opened.
+    """
+    folder = settings.logs or default_folder()
+    target = witness_target(witness) if witness else ""
+    if target and not target.startswith(URLS) and _same_disk(Path(target), path or folder):
+        warn_of_witness(f"the witness {target} is on the same disk as the log")
+    return open_session_log(
+        session,
+        signer,
+        path=path,
+        folder=folder,
+        on_error=on_error,
+        witness=Witness(target) if target else None,
+        resumed=resumed,
+    )
+
+
+def witness_target(given: str) -> str:
+    """Return the address or the whole path of a witness; raises ValueError for another scheme."""
+    if given.startswith(URLS):
+        return given
+    if "://" in given:
+        raise ValueError(f"--witness {given}: give a file, or an address with {' or '.join(URLS)}")
+    path = Path(given).expanduser().absolute()
+    if path.is_dir():
+        raise ValueError(f"--witness {given}: this is a folder; give the name of a file")
+    return str(path)
+
+
+def warn_of_witness(text: str) -> None:
+    """Report on stderr the problem of a witness."""
+    errors.print(f"warning: {text}", style="yellow", markup=False, soft_wrap=True)
+
+
+def usual_file() -> Path:
+    """Return where the usual times of a mission's steps are kept for this user."""
+    return platformdirs.user_state_path("pa-console") / "usual-times.json"
+
+
+def tell_of_witness(log: LogWriter) -> None:
+    """Report on stderr whether a log's witness lacks its last head; the log is closed by now."""
+    if log.witness_problem:
+        warn_of_witness(f"the witness did not get the log's last head: {log.witness_problem}")
+
+
+def _same_disk(one: Path, other: Path) -> bool:
+    return nearest_existing(one).stat().st_dev == nearest_existing(other).stat().st_dev

@@ -1,0 +1,285 @@
+"""The session of `pa-console mission`: a station without a screen, its log, and what came of it."""
+
+import errno
+import signal
+from asyncio import CancelledError
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from time import monotonic
+
+import typer
+from pydantic import TypeAdapter, ValidationError
+
+from pa_console.cli.sessions.fleet import find_fleet, load_authority
+from pa_console.cli.sessions.live import chosen_models, open_servers
+from pa_console.cli.sessions.log import open_log, tell_of_witness, usual_file
+from pa_console.end_signals import EndableRun, end_signals, exit_code_of, leave_terminal
+from pa_console.llm.local.engine import Engine
+from pa_console.llm.models.catalogue import find_model
+from pa_console.mission.approval import ApprovalMode, standing_approver
+from pa_console.observability import Observer, unobserved
+from pa_console.policy.pinned_rules import RulesPins
+from pa_console.schema.document import Document
+from pa_console.schema.events.event import (
+    ApprovalRequested,
+    Event,
+    MissionFinished,
+    QuestionAnswered,
+)
+from pa_console.schema.incident import Incident
+from pa_console.schema.mission import Decision
+from pa_console.session.log.chain import LogError
+from pa_console.session.log.writer import LogWriter
+from pa_console.session.mission_trace import MissionTrace
+from pa_console.session.state import SessionState
+from pa_console.settings.sources import Loaded
+from pa_console.signing import load_signer
+from pa_console.sim.worlds.scenario_file import open_scenario
+from pa_console.station.assembly import load_site, open_station
+from pa_console.station.background import Outside
+from pa_console.station.clock import SteppedClock
+from pa_console.station.headless import exit_code, run_missions
+from pa_console.station.station import Station
+from pa_console.terminal.approval import ask_decision, show_request
+from pa_console.terminal.mission import print_answer, print_trace, step_line
+from pa_console.terminal.output import BAD_INPUT, errors, out, print_json, warn_of_altered
+from pa_console.views.waiting import Waiting, load_usual, save_usual
+
+
+def run_session(
+    settings: Loaded,
+    text: str | None,
+    *,
+    world: str,
+    rules: str,
+    model: str | None,
+    standing: ApprovalMode | None,
+    override_reason: str,
+    setup: Sequence[str],
+    scenario: str | None,
+    alarms: bool | None,
+    seed: int,
+    fleet: str,
+    certificates: Path | None,
+    log: Path | None,
+    witness: str,
+    unsigned: bool,
+    accept_rules: bool,
+    json: bool,
+    observer: Observer = unobserved,
+    outside: Outside | None = None,
+) -> None:
+    """Carry out what the verb was asked for, `setup` as YAML; raises Exit with the exit code.
+
+    Without a `standing` approval the plan is put to whoever sits at the terminal.
+    """
+    if text is None and scenario is None:
+        raise ValueError("give a mission in plain language, or --scenario NAME, or both")
+    incidents = [read_event(number, told) for number, told in enumerate(setup, start=1)]
+    found = find_fleet(fleet, certificates, world, settings.values, scenario)
+    site = load_site(
+        found.world,
+        rules,
+        unsigned=unsigned,
+        pins=RulesPins(),
+        accept=accept_rules,
+        deadline_s=settings.values.check_deadline_ms / 1000.0,
+    )
+    warn_of_altered(rules, site.rulebook.seal)
+    played = open_scenario(site.world, site.world_path, scenario) if scenario else None
+    signer = load_signer()
+    chosen = chosen_models(model, settings.values)
+    servers = open_servers(chosen, settings.values)
+    engine = Engine(find_model(chosen.own, second_reader=chosen.second_reader))
+    authority = load_authority()
+    station = open_station(
+        site,
+        engine,
+        found.clock(SteppedClock()),
+        seed=seed,
+        scenario=played,
+        respond=alarms if alarms is not None else played is not None,
+        authority=authority,
+        fleet=found.drive(site, authority),
+        servers=servers,
+    )
+    writer = open_log(settings.values, station.session, signer, _cannot_write, log, witness)
+    endable = EndableRun()
+    progress = _Progress(station, writer, endable, engine.model.sha256, observer)
+    approver = (
+        progress.ask
+        if standing is None
+        else standing_approver(standing, override_reason, least=settings.values.standing_confidence)
+    )
+    unlogged: LogError | None = None
+    try:
+        with end_signals(endable.end), writer, progress:
+            station.write_to(writer)
+            station.listen_to(outside)
+            endable.run(
+                run_missions(
+                    station,
+                    [text] if text is not None else [],
+                    approver,
+                    progress.show,
+                    incidents,
+                    duration_s=played.scenario.duration_s if played else 0.0,
+                )
+            )
+    except LogError as error:
+        unlogged = error
+    except (CancelledError, KeyboardInterrupt):
+        if not endable.ended_by:
+            raise
+    except OSError as error:
+        if not endable.ended_by and error.errno != errno.EIO:  # the terminal is gone
+            raise
+        endable.ended_by = endable.ended_by or signal.SIGHUP
+        leave_terminal()
+    path, traces = writer.path, progress.traces
+    if endable.ended_by:
+        errors.print(f"the session was ended; log: {path}", markup=False, soft_wrap=True)
+        raise typer.Exit(exit_code_of(endable.ended_by))
+    tell_of_witness(writer)
+    _tell_end(traces, progress.answers, path, unlogged, single=played is None, json=json)
+
+
+def _tell_end(
+    traces: Sequence[MissionTrace],
+    answers: Sequence[QuestionAnswered],
+    path: Path,
+    unlogged: LogError | None,
+    *,
+    single: bool,
+    json: bool,
+) -> None:
+    """Print what became of the missions; raises Exit with the exit code, or `unlogged`."""
+    code = exit_code([trace.status for trace in traces]) if unlogged is None else BAD_INPUT
+    if json:
+        found = {"mission": traces[0]} if single and len(traces) == 1 else {"missions": traces}
+        if answers:
+            found = {"answer": answers[0], **({} if single and not traces else found)}
+        problem = {} if unlogged is None else {"log_problem": str(unlogged)}
+        print_json({"exit_code": code, "log": str(path), **problem, **found})
+    if unlogged is not None:
+        raise unlogged
+    if not json:
+        for told in answers:
+            print_answer(out, told)
+        for trace in traces:
+            print_trace(out, trace)
+        if not traces and not answers:
+            out.print("no alarm needed a response")
+        out.print(f"log: {path}", markup=False, soft_wrap=True)
+    raise typer.Exit(code)
+
+
+def read_event(number: int, text: str) -> Incident:
+    """Read one --event; raises DocumentError naming the option and the field."""
+    document = Document(f"--event {number}", text)
+    try:
+        return TypeAdapter[Incident](Incident).validate_python(document.value)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise document.error(first["loc"], first["msg"]) from error
+
+
+def _cannot_write(error: LogError) -> None:
+    """Report at once that the log, or its index, cannot be written."""
+    errors.print(f"warning: {error}", style="bold red", markup=False, soft_wrap=True)
+
+
+class _Progress:
+    """Shows each step on stderr, and on a terminal the present wait and its duration.
+
+    A session that cannot be logged is ended.
+    """
+
+    def __init__(
+        self,
+        station: Station,
+        writer: LogWriter,
+        endable: EndableRun,
+        model: str,
+        observer: Observer,
+    ) -> None:
+        """`model` is the SHA-256 of the model, whose usual times are kept."""
+        self._station = station
+        self._told: list[QuestionAnswered] = []
+        """The answer given at the terminal already."""
+        self._writer, self._endable, self._model = writer, endable, model
+        self._status = errors.status("starting")
+        self._waiting = Waiting(load_usual(usual_file(), model))
+        self.state = SessionState()
+        """The latest state of the session."""
+        self._recorded: set[str] = set()
+        self.answers: list[QuestionAnswered] = []
+        """The answers to questions that are still to be shown, the first one first."""
+        self._observe = observer
+
+    @property
+    def traces(self) -> list[MissionTrace]:
+        """All missions; one whose end is not in the log has not ended for anybody."""
+        missions = self.state.missions.items()
+        return [t if name in self._recorded else replace(t, status=None) for name, t in missions]
+
+    def show(self, event: Event, state: SessionState) -> None:
+        """Take in one event; raises LogError when the log is behind."""
+        self.state = state
+        self._observe(event)
+        if isinstance(event.data, QuestionAnswered) and event.data not in self._told:
+            self.answers.append(event.data)
+        finished = event.mission if isinstance(event.data, MissionFinished) else None
+        if finished is not None:
+            self._writer.flush()
+        if self._writer.error is not None:
+            raise self._writer.error
+        if finished is not None:
+            self._recorded.add(finished)
+        self._waiting.take(event, state, monotonic())
+        if line := step_line(event):
+            errors.print(line, style="dim", soft_wrap=True)
+        self._status.update(self._standing(state))
+
+    def _standing(self, state: SessionState) -> str:
+        """Return the present wait, or the progress of the mission."""
+        trace, worker = state.current, state.worker
+        if waiting := self._waiting.line(monotonic(), state):
+            return waiting
+        if trace is not None:
+            attempt = f", attempt {len(trace.attempts)}" if len(trace.attempts) > 1 else ""
+            return f"{trace.mission.id}: {trace.stage}{attempt}"
+        return f"model {worker.state} {worker.detail}" if worker is not None else "starting"
+
+    async def ask(self, request: ApprovalRequested) -> Decision:
+        """Return the operator's answer on the terminal, the progress line out of the way.
+
+        A question of the operator's is answered first, and the plan is asked about again.
+        """
+        self._status.stop()
+        show_request(request, self.state.current)
+        while True:
+            self._status.stop()
+            try:
+                with self._endable.asking():
+                    trace, question_in = self.state.current, self._station.question_in
+                    said = ask_decision(request, trace, question_in)
+            finally:
+                self._status.start()
+            if isinstance(said, Decision):
+                return said
+            self._status.update("looking at the record, and checking what has to be checked")
+            told = await self._station.answer(said)
+            self._told.append(told)
+            self._status.stop()
+            print_answer(errors, told)
+            if not self._station.awaits_decision:
+                return Decision(kind="reject", reason="the plan does not wait any more")
+
+    def __enter__(self) -> None:
+        self._status.start()
+
+    def __exit__(self, *_: object) -> None:
+        self._status.stop()
+        save_usual(usual_file(), self._model, self._waiting.usual)

@@ -1,0 +1,69 @@
+"""The observers of a verb's session by its settings, and the sources of outside reports."""
+
+from collections.abc import Generator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+
+from pa_console import __version__
+from pa_console.observability import Observer, Observing, observed
+from pa_console.settings.schema import Settings
+from pa_console.station.background import Outside
+from pa_console.terminal.output import errors
+
+
+@dataclass(frozen=True)
+class Beside:
+    """The observers of a session: `observer` takes its events, `outside` has reports for it."""
+
+    observer: Observer
+    outside: Outside | None = None
+
+
+@contextmanager
+def observing(settings: Settings, world: str = "", *, live: bool = False) -> Generator[Beside]:
+    """Yield the observers of a session; their problems are reported at the end.
+
+    With the name of a `world`, the session is shown on the map of a TAK server, if one is set.
+    Changes of that connection are reported meanwhile if stderr is `live`: no screen is over it.
+    Raises ValueError for a port that cannot be listened on, for a library that is missing and for a
+    world without a place on the earth.
+    """
+    problems: list[str] = []
+    asked = Observing(
+        settings.traces, settings.trace_words, settings.metrics_port or None, __version__
+    )
+    try:
+        with ExitStack() as stack:
+            also, outside = list[Observer](), None
+            if world and settings.tak:
+                with naming_what_is_missing():
+                    from pa_console.cli.sessions.on_map import on_map  # noqa: PLC0415 - then only
+                shown = stack.enter_context(
+                    on_map(settings, world, problems.append, _say if live else _nothing)
+                )
+                also.append(shown.take)
+                outside = shown.reports
+            yield Beside(stack.enter_context(observed(asked, problems.append, also)), outside)
+    finally:
+        for problem in dict.fromkeys(problems):
+            errors.print(f"warning: {problem}", style="yellow", markup=False, soft_wrap=True)
+
+
+def _say(line: str) -> None:
+    errors.print(line, style="dim", markup=False, highlight=False, soft_wrap=True)
+
+
+def _nothing(_: str) -> None:
+    pass
+
+
+@contextmanager
+def naming_what_is_missing() -> Generator[None]:
+    """Raise ValueError with the package to install when an import in the block fails."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise ValueError(
+            f"TAK maps need a library that is not installed ({error.name}): "
+            "pip install 'pa-console[tak]'"
+        ) from error

@@ -1,0 +1,76 @@
+"""Shows the session of a verb on the map of a TAK server, and receives reports from there."""
+
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from pa_console.observability import Observer
+from pa_console.schema.world import World
+from pa_console.settings.schema import Settings
+from pa_console.station.assembly import open_world
+from pa_console.tak.connection import Certificate, TakConnection, TakServer
+from pa_console.tak.reports import TakReports
+from pa_console.tak.session_on_map import InBackground, SessionOnMap
+from pa_console.tak.site_on_map import Geography, SiteOnMap, origin_of
+
+
+@dataclass(frozen=True)
+class OnMap:
+    """The display of a session's events on the map, and the reports from there."""
+
+    take: Observer
+    reports: TakReports
+
+
+@contextmanager
+def on_map(
+    settings: Settings, world: str, tell: Callable[[str], None], say: Callable[[str], None]
+) -> Generator[OnMap]:
+    """Give both ways; `tell` is told at the end of what was not shown.
+
+    `say` is told of the connection, whenever that changes, in another thread.
+
+    Raises ValueError for a server, a certificate or an origin that cannot be used.
+    """
+    certificate = Certificate.of(settings.tak_certificate, settings.tak_key, settings.tak_authority)
+    server = TakServer.parse(settings.tak, certificate)
+    site = placed(open_world(world)[0], settings.tak_origin)
+    state = ""
+
+    def changed(line: str) -> None:
+        nonlocal state
+        state = line
+        say(f"TAK map: {line}")
+
+    if server.open_to_all:
+        tell(server.warning)
+    contacts = settings.tak_contacts
+    reports = TakReports(
+        site, str(server), contacts=not server.open_to_all if contacts is None else contacts
+    )
+    connection = TakConnection(server, site.uid("station"), changed, reports=reports)
+    try:
+        with connection:
+            shown = SessionOnMap(site, connection)
+            try:
+                with InBackground(shown.take, tell) as showing:
+                    yield OnMap(showing.take, reports)
+            finally:
+                shown.end()
+    finally:
+        if connection.outbox or connection.outbox.dropped:
+            tell(f"TAK map: {state}; {connection.words}")
+
+
+def placed(world: World, origin: str, name: str = "", *, replay: bool = False) -> SiteOnMap:
+    """Return the site that is called `name`, else as the world; `origin` goes before its file.
+
+    Raises ValueError for an origin or a name that is none, and for a world that is nowhere.
+    """
+    at = origin_of(origin) if origin else world.origin
+    if at is None:
+        raise ValueError(
+            f"the world {world.name!r} does not say where on the earth it is: give its origin as "
+            "LATITUDE,LONGITUDE (--origin, --tak-origin), or 'origin' in its file"
+        )
+    return SiteOnMap(world, Geography(at), name or world.name, replay)

@@ -1,0 +1,69 @@
+"""Makes, lists and revokes the tokens with which clients are let in."""
+
+import getpass
+import re
+
+from rich.table import Table
+
+from pa_console.fleets.authorization import Role, Trust
+from pa_console.http.tokens import TOKENS_FILE, RoleOf, TokenBook
+from pa_console.signing import SITE_OWNER, key_path, site_keys
+from pa_console.terminal.output import errors, out, print_json
+
+
+def token_book(trust: Trust | None = None) -> TokenBook:
+    """Return the tokens of this machine's user, as far as the roster `trust` lets them in.
+
+    Without it that of the site on this machine is used, if there is one.
+    """
+    if trust is None and (site_keys() / SITE_OWNER).exists():
+        from pa_console.fleets.key_folder import KeyFolder  # noqa: PLC0415 - where there are keys
+
+        trust = KeyFolder().trust()
+    return TokenBook(key_path().with_name(TOKENS_FILE), _role_of(trust) if trust else None)
+
+
+def make(role: Role, person: str | None, *, json: bool = False) -> None:
+    """Make a token and show it, this once."""
+    name = person or this_user()
+    token = token_book().make(name, role)
+    if json:
+        print_json({"person": name, "role": role, "token": token})
+        return
+    errors.print(f"a token of {name}, {role}; it is not shown again:", markup=False)
+    out.print(token, markup=False, highlight=False, soft_wrap=True)
+
+
+def show(*, json: bool = False) -> None:
+    """List the tokens; none of them can be told from what is kept."""
+    book = token_book()
+    rows = book.listed()
+    if json:
+        print_json({"file": str(book.path), "tokens": [_told(row) for row in rows]})
+        return
+    table = Table("id", "person", "role", "made")
+    for row in rows:
+        table.add_row(row.id, row.person, row.role, row.made)
+    out.print(table)
+
+
+def revoke(name: str, *, json: bool = False) -> None:
+    """Revoke a token: it is refused from the next request on."""
+    gone = token_book().revoke(name)
+    if json:
+        print_json({"revoked": _told(gone)})
+    else:
+        out.print(f"revoked: {gone.id}, {gone.person}, {gone.role}", markup=False)
+
+
+def this_user() -> str:
+    """Return the name of this machine's user, as a token may have it."""
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", getpass.getuser()).strip("-_") or "operator"
+
+
+def _role_of(trust: Trust) -> RoleOf:
+    return lambda person: trust.person(person).role
+
+
+def _told(row: object) -> dict[str, str]:
+    return {name: value for name, value in vars(row).items() if name != "sha256"}

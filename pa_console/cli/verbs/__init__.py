@@ -1,0 +1,210 @@
+"""The verbs by name; the module of a verb is imported only when the verb is asked for."""
+
+from collections.abc import Generator, Iterator, Mapping
+from contextlib import contextmanager
+from functools import cache
+from pkgutil import resolve_name
+from typing import Any, NamedTuple, cast
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+from typer.main import get_group
+
+
+class Verb(NamedTuple):
+    """Where a verb is in this package, a function or the app of a group, and its help."""
+
+    place: str
+    line: str
+
+
+VERBS = {
+    "console": Verb(
+        "console:console",
+        "Open the console: live checkpoint, policy browser, missions, trace and approval.",
+    ),
+    "mission": Verb(
+        "mission:mission",
+        "Plan, check, rehearse, judge, decide, execute and verify one mission, or a situation's.",
+    ),
+    "serve": Verb(
+        "serve:serve",
+        "Serve a session on loopback: an HTTP interface (see /docs), or the console in a browser.",
+    ),
+    "replay": Verb(
+        "replay:replay",
+        "Play LOG back in the console, verify it, run it again, or compare it with another one.",
+    ),
+    "sessions": Verb(
+        "sessions:sessions",
+        "List the recorded sessions: what each was about, how it ended, whether its log is sound.",
+    ),
+    "doctor": Verb(
+        "doctor:doctor",
+        "Look for everything that the console needs; exit code 0 when nothing is missing.",
+    ),
+    "export": Verb(
+        "export:app", "Write a recorded session as Markdown, MCAP, SVG or asciinema cast."
+    ),
+    "rules": Verb("rules:app", "List, search, check, lint, sign, compare, try and trace rules."),
+    "keys": Verb(
+        "keys:app",
+        "Make, list, enrol, revoke and rotate the keys of a site; sign; put a station in command.",
+    ),
+    "models": Verb("models:app", "List and pull language models."),
+    "eval": Verb(
+        "evaluate:app",
+        "Run mission sets against models and variants of the pipeline; more below.",
+    ),
+    "scenarios": Verb("world:scenarios_app", "List, show and check the situations of a world."),
+    "site": Verb(
+        "site:app", "Run the simulated checkpoint as a service on a message bus; more below."
+    ),
+    "tak": Verb(
+        "tak:tak",
+        "Show a session on TAK maps (ATAK, WinTAK) as Cursor on Target; nothing is taken from "
+        "there.",
+    ),
+    "world": Verb("world:app", "Generate a checkpoint world, or check one."),
+    "settings": Verb("settings:app", "Show, change and reset the settings."),
+    "manual": Verb("manual:manual", "Read the manual: list its pages, or show one of them."),
+}
+"""The verbs in the order of the help; each says the same of itself."""
+
+
+@cache
+def load_verb(name: str) -> Any:
+    """Return the command of a verb, its help ended with its example; KeyError when unknown."""
+    found = resolve_name(f"pa_console.cli.verbs.{VERBS[name].place}")
+    alone = typer.Typer(rich_markup_mode=None)
+    if isinstance(found, typer.Typer):
+        alone.add_typer(found, name=name)
+    else:
+        alone.command(name)(found)
+    add_examples(alone, EXAMPLES)
+    return get_group(alone).commands[name]
+
+
+class _OnDemand(Mapping[str, Any]):
+    """The command of each verb, loaded when it is looked up."""
+
+    def __getitem__(self, name: str) -> Any:
+        return load_verb(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(VERBS)
+
+    def __len__(self) -> int:
+        return len(VERBS)
+
+    def __contains__(self, name: object) -> bool:
+        return name in VERBS
+
+
+class Verbs(TyperGroup):
+    """The command line as a whole; a verb is loaded when it is run, or asked for its help."""
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        self.commands = cast(Any, _OnDemand())
+
+    def list_commands(self, ctx: object) -> list[str]:  # noqa: ARG002 - the same for every caller
+        """Return the names of all verbs, in the order of the help, without loading them."""
+        return list(VERBS)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the line of each verb into the help."""
+        with self._unloaded():
+            super().format_commands(ctx, formatter)
+
+    def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
+        """Return the verbs and options that begin so, for the shell's completion."""
+        with self._unloaded():
+            return super().shell_complete(ctx, incomplete)
+
+    @contextmanager
+    def _unloaded(self) -> Generator[None]:
+        """Let each verb be known by its line alone."""
+        loading = self.commands
+        self.commands = {name: TyperCommand(name, help=verb.line) for name, verb in VERBS.items()}
+        try:
+            yield
+        finally:
+            self.commands = loading
+
+
+EXAMPLES = {
+    "console": "pa-console console --scenario situation-1-unauthorized",
+    "mission": 'pa-console mission "Move the drone to the east gate." --approve auto',
+    "serve": "pa-console serve --make-token operator --person ann",
+    "replay": "pa-console replay session.jsonl --verify",
+    "sessions": "pa-console sessions last --json",
+    "doctor": "pa-console doctor --json",
+    "export": "pa-console export markdown session.jsonl --mission M1 --out M1.md",
+    "export markdown": "pa-console export markdown session.jsonl --mission M1 --out M1.md",
+    "export mcap": "pa-console export mcap session.jsonl --out session.mcap",
+    "export svg": "pa-console export svg session.jsonl --at approval_requested --out pictures",
+    "export cast": "pa-console export cast session.jsonl --speed 8 --out session.cast",
+    "rules": "pa-console rules list",
+    "rules list": "pa-console rules list --rules my-rules.yaml",
+    "rules search": 'pa-console rules search "unknown vehicle at the gate" --top 5',
+    "rules check": "pa-console rules check my-rules.yaml",
+    "rules lint": "pa-console rules lint my-rules.yaml --world my-world",
+    "rules effect": "pa-console rules effect my-rules.yaml results/night --missions paper",
+    "rules trace": "pa-console rules trace ROE-07 results/night",
+    "rules pin": "pa-console rules pin",
+    "rules sign": "pa-console rules sign my-rules.yaml",
+    "rules diff": "pa-console rules diff checkpoint my-rules.yaml",
+    "keys": "pa-console keys make",
+    "keys make": "pa-console keys make ann --passphrase",
+    "keys list": "pa-console keys list --json",
+    "keys enrol": "pa-console keys enrol rules my-rules.yaml",
+    "keys revoke": "pa-console keys revoke ann",
+    "keys rotate": "pa-console keys rotate ann",
+    "keys sign": "pa-console keys sign approval.json",
+    "keys takeover": "pa-console keys takeover south",
+    "models": "pa-console models list",
+    "models list": "pa-console models list --json",
+    "models pull": "pa-console models pull smollm2-135m",
+    "eval": "pa-console eval --missions paper --variant full --variant paper --repeat 3",
+    "eval report": "pa-console eval report results/night",
+    "eval show": "pa-console eval show results/night",
+    "scenarios": "pa-console scenarios list",
+    "scenarios list": "pa-console scenarios list --world my-world",
+    "scenarios show": "pa-console scenarios show situation-2",
+    "scenarios check": "pa-console scenarios check my-scenario.yaml",
+    "site": "pa-console site --embedded-broker",
+    "site init": "pa-console site init my-site --host 192.0.2.7",
+    "tak": "pa-console tak --server tcp://127.0.0.1:8087 --replay last --origin 2.0,-30.0",
+    "world": "pa-console world generate --gates 6 --out six.yaml",
+    "world generate": "pa-console world generate --gates 6 --assets 20 --seed 7 --out six.yaml",
+    "world check": "pa-console world check six.yaml",
+    "settings": "pa-console settings show",
+    "settings show": "pa-console settings show --json",
+    "settings path": "pa-console settings path",
+    "settings set": "pa-console settings set theme pa-console-light",
+    "settings unset": "pa-console settings unset keys.stop",
+    "settings reset": "pa-console settings reset",
+    "manual": "pa-console manual rules",
+}
+
+
+def add_examples(app: typer.Typer, examples: Mapping[str, str], above: str = "") -> None:
+    """End the help of every verb below `app` with its example, named by the verb's words."""
+    for command in app.registered_commands:
+        name = command.name or (command.callback.__name__ if command.callback else "")
+        command.epilog = _ended(command.epilog, examples.get(f"{above}{name}".strip()))
+    for group in app.registered_groups:
+        below = group.typer_instance
+        if below is not None and group.name:
+            words = f"{above}{group.name}"
+            group.epilog = _ended(below.info.epilog, examples.get(words))
+            add_examples(below, examples, f"{words} ")
+
+
+def _ended(text: object, example: str | None) -> str:
+    """Return a help's end with its example, whose lines no terminal width joins."""
+    parts = [text] if isinstance(text, str) else []
+    if example is not None:
+        parts.append(f"\b\nExample:\n  {example}")
+    return "\n\n".join(parts)

@@ -1,0 +1,226 @@
+"""`pa-console console`: the console, on a screen or in lines."""
+
+import os
+import sys
+from asyncio import Runner
+from collections.abc import Generator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from threading import Event
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pa_console.cli.options import (
+    AcceptRulesOption,
+    CertificatesOption,
+    FleetOption,
+    MetricsPortOption,
+    ModelOption,
+    RulesOption,
+    ScenarioOption,
+    SeedOption,
+    TakContactsOption,
+    TakOption,
+    TakOriginOption,
+    TracesOption,
+    UnsignedOption,
+    WitnessOption,
+    WorldOption,
+)
+from pa_console.cli.sessions.live import Asked, chosen_models, open_servers
+from pa_console.cli.settings_defaults import settings_of
+from pa_console.end_signals import exit_code_of
+from pa_console.llm.local.engine import Engine
+from pa_console.llm.models.catalogue import find_model
+from pa_console.llm.models.preparing import Progress
+from pa_console.settings.sources import Loaded
+from pa_console.terminal.output import DRIVER, FAILED, errors, require_keys
+
+if TYPE_CHECKING:
+    from pa_console.cli.sessions.joined import JoinedSession
+
+
+def console(
+    context: typer.Context,
+    world: WorldOption = "checkpoint",
+    rules: RulesOption = "checkpoint",
+    model: ModelOption = None,
+    scenario: ScenarioOption = None,
+    seed: SeedOption = 0,
+    fleet: FleetOption = "",
+    certificates: CertificatesOption = None,
+    join: Annotated[
+        str,
+        typer.Option(
+            "--join",
+            metavar="URL",
+            help="Watch the session of the station in command on a message bus, countersign what "
+            "takes two people, stop the team; nothing else is commanded from here. A commander "
+            "may take command.",
+        ),
+    ] = "",
+    alarms: Annotated[
+        bool, typer.Option("--alarms/--no-alarms", help="Alarms become missions by themselves.")
+    ] = True,
+    readonly: Annotated[
+        bool, typer.Option("--readonly", help="Look only: every command is refused.")
+    ] = False,
+    witness: WitnessOption = "",
+    traces: TracesOption = "",
+    metrics_port: MetricsPortOption = 0,
+    tak: TakOption = "",
+    tak_origin: TakOriginOption = "",
+    tak_contacts: TakContactsOption = None,
+    unsigned: UnsignedOption = False,
+    accept_rules: AcceptRulesOption = False,
+    resume: Annotated[
+        bool | None,
+        typer.Option(
+            "--resume/--new",
+            help="Go on with a session whose console ended without closing it, or begin a new one; "
+            "asked where neither is given.",
+        ),
+    ] = None,
+    plain: Annotated[
+        bool,
+        typer.Option(
+            "--plain", help="Lines and questions in place of a screen, as for a screen reader."
+        ),
+    ] = False,
+    mouse: Annotated[
+        bool,
+        typer.Option("--mouse/--no-mouse", help="Take the mouse, or leave it to the terminal."),
+    ] = True,
+) -> None:
+    """Open the console: live checkpoint, policy browser, missions, trace and approval.
+
+    With --join, the session of another station is shown; with --plain too, as lines, where Ctrl-C
+    leaves it and it goes on.
+    """
+    if not plain and not sys.stdout.isatty() and DRIVER not in os.environ:
+        raise ValueError(
+            "the console needs a terminal; use 'pa-console mission' in scripts, or --plain"
+        )
+    settings = settings_of(
+        context,
+        world=world,
+        rules=rules,
+        model=model or "",
+        alarms=alarms,
+        mouse=mouse,
+        traces=traces,
+        metrics_port=metrics_port,
+        tak=tak,
+        tak_origin=tak_origin,
+        tak_contacts=tak_contacts,
+    )
+    asked = Asked(
+        world,
+        rules,
+        scenario,
+        seed,
+        alarms,
+        readonly,
+        unsigned,
+        accept_rules,
+        resume,
+        fleet,
+        certificates,
+    )
+    if join:
+        if fleet or scenario or readonly:
+            raise ValueError(
+                "--join goes with --certificates, --world, --rules, --plain and --mouse alone"
+            )
+        from pa_console.cli.sessions.joined import Joining, joining  # noqa: PLC0415 - then
+
+        with joining(Joining(join, certificates, world, rules), settings) as joined:
+            if not joined.show(settings, plain=plain):
+                return
+            with joined.told_unless_taken():
+                asked = replace(asked, fleet=join)
+                _open(asked, model, settings, witness, plain=plain, joined=joined)
+        return
+    _open(asked, model, settings, witness, plain=plain)
+
+
+def _open(
+    asked: Asked,
+    model: str | None,
+    settings: Loaded,
+    witness: str,
+    *,
+    plain: bool,
+    joined: "JoinedSession | None" = None,
+) -> None:
+    """Open a session of this station's own; where one was `joined`, command is taken from it."""
+    with Runner() as loop, ExitStack() as observes:
+        with (
+            ThreadPoolExecutor(1) as hashing,
+            _stopped_when_left() as going_on,
+            _told("Opening the console ..." if joined is None else joined.opening),
+        ):
+            chosen = chosen_models(model, settings.values)
+            servers = open_servers(chosen, settings.values)
+            found = hashing.submit(find_model, chosen.own, going_on, chosen.second_reader)
+            from pa_console.cli.sessions.live import open_live  # noqa: PLC0415 - meanwhile
+            from pa_console.cli.sessions.observing import observing  # noqa: PLC0415
+
+            beside = observes.enter_context(observing(settings.values, asked.world))
+            engine = Engine(found.result())
+        loop.run(engine.start())
+        try:
+            authority = joined.succession.authority if joined is not None else None
+            opened = open_live(asked, settings.values, engine, servers, authority)
+            opened.station.listen_to(beside.outside)
+            if plain:
+                from pa_console.cli.sessions.plain import run_plain as run  # noqa: PLC0415
+            else:
+                with _told("Opening the screen ..."):
+                    from pa_console.cli.sessions.screen import run_screen as run  # noqa: PLC0415
+
+                require_keys("use 'pa-console mission' in scripts, or --plain")
+            prepared = run(opened, engine, settings, witness, beside.observer)
+            if joined is not None:
+                joined.take_command(opened)
+        except BaseException:
+            loop.run(engine.close())
+            raise
+        ended_by = prepared(loop)
+    if ended_by:
+        raise typer.Exit(exit_code_of(ended_by))
+    if opened.station.failure:
+        errors.print(opened.station.failure, style="bold red", markup=False, soft_wrap=True)
+        raise typer.Exit(FAILED)
+
+
+@contextmanager
+def _stopped_when_left() -> Generator[Progress]:
+    """Yield a progress callback that stops the preparing of weights once this is left."""
+    left = Event()
+
+    def going_on(_done: int, _total: int, _text: str) -> None:
+        if left.is_set():
+            raise KeyboardInterrupt
+
+    try:
+        yield going_on
+    finally:
+        left.set()
+
+
+@contextmanager
+def _told(what: str) -> Generator[None]:
+    """Show the present step on a terminal, in a line that is gone afterwards."""
+    seen = sys.stderr.isatty()
+    if seen:
+        sys.stderr.write(what)
+        sys.stderr.flush()
+    try:
+        yield
+    finally:
+        if seen:
+            sys.stderr.write(f"\r{' ' * len(what)}\r")
+            sys.stderr.flush()

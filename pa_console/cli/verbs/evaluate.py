@@ -1,0 +1,402 @@
+"""`pa-console eval`: mission sets against models and variants, with a report of what came of it."""
+
+import asyncio
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import aclosing
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from time import perf_counter
+from typing import Annotated, Self
+
+import typer
+from rich import box
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table as RichTable
+from rich.text import Text
+
+from pa_console import __version__
+from pa_console.cli.options import (
+    JsonOption,
+    RulesOption,
+    SchedulerOption,
+    UnsignedOption,
+    WorkersOption,
+    WorldOption,
+    dask_workers,
+    one_of,
+)
+from pa_console.cli.progress_bars import LiveBar
+from pa_console.cli.settings_defaults import settings_of
+from pa_console.evaluation.machine import describe_machine
+from pa_console.evaluation.reporting.statistics import Table
+from pa_console.evaluation.runs.jobs import (
+    ABOUT,
+    Job,
+    LoadedSet,
+    chosen_missions,
+    find_variant,
+    keep_worlds,
+    load_set,
+    mission_file,
+    plan_jobs,
+)
+from pa_console.evaluation.runs.memo_engine import MemoEngine
+from pa_console.evaluation.runs.run_record import (
+    EvaluationFolder,
+    RunRecord,
+    evaluations_folder,
+    newest_evaluation,
+    read_about,
+    read_runs,
+)
+from pa_console.evaluation.runs.runner import Runner
+from pa_console.llm.local.engine import Engine
+from pa_console.llm.local.threads import physical_cores
+from pa_console.llm.models.catalogue import LocalModel, find_model
+from pa_console.policy.pinned_rules import RulesPins
+from pa_console.schema.text import count
+from pa_console.station.assembly import load_site
+from pa_console.terminal.output import errors, out, print_json, warn_of_altered
+
+
+class EvalProgress(LiveBar):
+    """Counts runs as they end, with how many succeeded strictly."""
+
+    def __init__(self, total: int, done: int) -> None:
+        """`done` of `total` runs were there already."""
+        self._total, self._made, self._strict = total, done, 0
+        self._before = done
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=24),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=errors,
+            transient=True,
+        )
+        self._task = self._progress.add_task("starting", total=total, completed=done)
+
+    def __enter__(self) -> Self:
+        super().__enter__()
+        if self._before:
+            errors.print(f"there already: {self._before} of {count(self._total, 'run')}")
+        return self
+
+    def add(self, record: RunRecord) -> None:
+        """Count one more run."""
+        self._made += 1
+        self._strict += record.strict
+        share = f"strict {self._strict}/{self._made - self._before}"
+        self._progress.update(self._task, advance=1, description=f"{share}  {record.run}")
+        if not errors.is_terminal:
+            word = "ok" if record.strict else "failed"
+            line = f"{self._made}/{self._total} {record.run}: {record.status}, strict {word}"
+            errors.print(line, markup=False, soft_wrap=True)
+
+
+_GAP = 2
+"""Characters between two columns."""
+
+_TITLE_WORD = 9
+"""Longer words of a column's title may be broken; names of models are long."""
+
+
+def to_rich(table: Table, width: int = 100) -> RichTable:
+    """Return `table`, without its note, for a terminal of `width` columns; long cells wrap.
+
+    Every column gets a width of its own, so that ids and intervals stay whole as long as there is
+    room for all of them.
+    """
+    shown = RichTable(
+        title=Text(table.title, style="bold"),
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
+        show_edge=False,
+        pad_edge=False,
+        padding=(0, 1, 0, 0),
+    )
+    for index, wide in enumerate(_widths(table, width)):
+        justify = "right" if table.numeric(index) else "left"
+        title = Text(table.columns[index])
+        shown.add_column(title, justify=justify, overflow="fold", width=wide)
+    for row in table.rows:
+        shown.add_row(*map(Text, row))
+    return shown
+
+
+def _widths(table: Table, width: int) -> list[int]:
+    """Return a width for each column: its longest word, then what is left to the neediest."""
+    room = max(width - _GAP * len(table.columns), len(table.columns))
+    cells = [list(column) for column in zip(table.columns, *table.rows, strict=True)]
+    whole = [max(len(cell) for cell in column) or 1 for column in cells]
+    found = [
+        max(
+            max((len(word) for cell in column[1:] for word in cell.split()), default=1),
+            *(min(len(word), _TITLE_WORD) for word in column[0].split()),
+        )
+        for column in cells
+    ]
+    while sum(found) > room:
+        found[found.index(max(found))] -= 1
+    while sum(found) < min(room, sum(whole)):
+        need = [full / here for full, here in zip(whole, found, strict=True)]
+        found[need.index(max(need))] += 1
+    return found
+
+
+app = typer.Typer(
+    help="Run mission sets against models and variants of the pipeline; more below.",
+    epilog="Variants: " + "; ".join(f"{name}: {about}" for name, about in ABOUT.items()) + ".",
+)
+FolderArgument = Annotated[
+    Path | None, typer.Argument(help="Folder of an evaluation; the newest one when left out.")
+]
+
+
+@app.callback(invoke_without_command=True)
+def evaluate(
+    context: typer.Context,
+    missions: Annotated[
+        list[str] | None,
+        typer.Option(help="A mission set: a file, or a name beside the world; repeatable."),
+    ] = None,
+    model: Annotated[
+        list[str] | None,
+        typer.Option("--model", help="A model of the catalogue, or a GGUF file; repeatable."),
+    ] = None,
+    variant: Annotated[
+        list[str] | None, typer.Option(help="A variant of the pipeline; repeatable.")
+    ] = None,
+    world: WorldOption = "checkpoint",
+    rules: RulesOption = "checkpoint",
+    repeat: Annotated[int, typer.Option(min=1, help="Simulation seeds 0, 1, ... of each run.")] = 1,
+    only: Annotated[
+        str, typer.Option(help="Only missions whose id or category contains this.")
+    ] = "",
+    every: Annotated[
+        int, typer.Option(min=1, help="Only every n-th mission of each category.")
+    ] = 1,
+    output: Annotated[
+        Path | None,
+        typer.Option("--out", help="Folder of the results; one that has some is gone on with."),
+    ] = None,
+    jobs: Annotated[
+        int,
+        typer.Option(min=1, help="Models side by side, sharing the cores: times mean less then."),
+    ] = 1,
+    reuse: Annotated[
+        bool,
+        typer.Option(
+            "--reuse/--no-reuse",
+            help="Answer a prompt that comes again, word for word, from memory (decoding is "
+            "greedy); the time that was measured for it counts again.",
+        ),
+    ] = False,
+    workers: WorkersOption = 0,
+    scheduler: SchedulerOption = "",
+    logs: Annotated[bool, typer.Option(help="Keep the event log of every run.")] = True,
+    unsigned: UnsignedOption = False,
+    json: JsonOption = False,
+) -> None:
+    """Run missions, score them on the true state, write runs.jsonl, report.md and report.html."""
+    if context.invoked_subcommand is not None:
+        return
+    site = load_site(world, rules, unsigned=unsigned)
+    warn_of_altered(rules, site.rulebook.seal)
+    if why := RulesPins().refusal(site.rulebook.name, site.rulebook.seal):
+        errors.print(
+            f"this evaluation has rules of its own, which no mission would take: {why}",
+            style="bold red",
+            markup=False,
+            soft_wrap=True,
+        )
+    one_of(jobs=jobs > 1, workers=bool(workers), scheduler=bool(scheduler))
+    variants = [find_variant(name) for name in variant or ("full",)]
+    reader = settings_of(context).values.second_reader
+    asked = model or [None]
+    found = [find_model(name, second_reader=reader) for name in asked]
+    models = {local.name: local for local in found}
+    folder = output or evaluations_folder() / f"{datetime.now():%Y%m%d-%H%M%S}"
+    files = [mission_file(name, site.world_path) for name in missions or ("paper",)]
+    wanted = [
+        LoadedSet(part, loaded.sites)
+        for loaded in (
+            load_set(file, world, site.rulebook, folder / "worlds", site.rules_path)
+            for file in files
+        )
+        if (part := chosen_missions(loaded.missions, only, every)) is not None
+    ]
+    if not wanted:
+        raise ValueError(f"--only {only!r} matches no mission of {', '.join(map(str, files))}")
+    planned = plan_jobs(wanted, list(models), variants, range(repeat))
+    results = EvaluationFolder(folder)  # only now: wrong input leaves no folder behind
+    for loaded in wanted:
+        keep_worlds(loaded)
+    began = perf_counter()
+    try:
+        if workers or scheduler:
+            names = {local.name: name for local, name in zip(found, asked, strict=True)}
+            swept = SweptModels(models, names, reader, reuse)
+            with EvalProgress(len(planned), sum(job.run in results.done for job in planned)) as bar:
+                where = workers or scheduler
+                asyncio.run(sweep(results, planned, where, swept, bar.add, keep_logs=logs))
+        else:
+            asyncio.run(_run(results, planned, models, jobs, reuse=reuse, logs=logs))
+    except KeyboardInterrupt:
+        made = len(results.done & {job.run for job in planned})
+        errors.print(
+            f"stopped: {made} of {count(len(planned), 'run')} kept; the same command with "
+            f"--out {folder} goes on",
+            soft_wrap=True,
+        )
+        raise
+    finally:
+        lanes = max(jobs, workers)
+        results.describe(_about(results, sets_of(planned), perf_counter() - began, lanes, reuse))
+    _report(folder, json=json)
+
+
+@app.command()
+def report(folder: FolderArgument = None, json: JsonOption = False) -> None:
+    """Write the report of an evaluation again and print its tables."""
+    _report(_chosen(folder), json=json)
+
+
+@app.command()
+def show(context: typer.Context, folder: FolderArgument = None) -> None:
+    """Open an evaluation in the console: its runs, what failed, and the trace of each."""
+    chosen = _chosen(folder)
+    read_runs(chosen)
+    from pa_console.tui.app import show_evaluation  # noqa: PLC0415 - Textual is slow
+
+    show_evaluation(chosen, settings_of(context))
+
+
+def _chosen(folder: Path | None) -> Path:
+    """Return `folder`, or the newest one; raises ValueError when there is none."""
+    chosen = folder or newest_evaluation()
+    if chosen is None:
+        raise ValueError("there is no evaluation yet: run 'pa-console eval', or give a folder")
+    if not chosen.is_dir():
+        raise ValueError(f"{chosen}: there is no such folder")
+    return chosen
+
+
+async def _run(
+    results: EvaluationFolder,
+    planned: list[Job],
+    models: dict[str, LocalModel],
+    lanes: int,
+    *,
+    reuse: bool,
+    logs: bool,
+) -> None:
+    threads = max(1, physical_cores() // lanes)
+
+    def engine_for(name: str, lane: int) -> MemoEngine:
+        memory = results.folder / f"answers-{lane}-{models[name].fingerprint[:12]}.jsonl"
+        engine = Engine(models[name], threads=threads)
+        return MemoEngine(engine, memory if reuse else None, exact=True, reuse=reuse)
+
+    runner = Runner(results, engine_for, lanes=lanes, keep_logs=logs)
+    done = results.done
+    with EvalProgress(len(planned), sum(job.run in done for job in planned)) as progress:
+        async with aclosing(runner.run(planned)) as records:
+            async for record in records:
+                progress.add(record)
+
+
+def sets_of(planned: Sequence[Job]) -> list[str]:
+    """Return the names of the mission sets that `planned` takes missions from."""
+    return list(dict.fromkeys(job.mission_set for job in planned))
+
+
+def _about(
+    results: EvaluationFolder, sets: list[str], seconds: float, jobs: int, reuse: bool
+) -> dict[str, object]:
+    """Return what was run, for the report; what a folder said before is added to."""
+    before = read_about(results.folder)
+    records = results.records
+    return {
+        "version": __version__,
+        "machine": list(describe_machine().lines),
+        "models": list(dict.fromkeys(record.model for record in records)),
+        "variants": list(dict.fromkeys(record.variant for record in records)),
+        "mission_sets": list(dict.fromkeys([*before.get("mission_sets", []), *sets])),
+        "seeds": sorted({record.seed for record in records}),
+        "runs": len(records),
+        "seconds": round(seconds + float(before.get("seconds", 0.0)), 1),
+        "jobs": max(jobs, int(before.get("jobs", 1))),
+        "reuse": reuse or bool(before.get("reuse", False)),
+    }
+
+
+def _report(folder: Path, *, json: bool) -> None:
+    """Write both reports and print the tables, or everything as JSON."""
+    from pa_console.evaluation.reporting.report import (  # noqa: PLC0415 - plotting is slow
+        build_tables,
+        write_report,
+    )
+
+    records = read_runs(folder)
+    if not records:
+        raise ValueError(f"{folder}: there is no run here yet; pa-console eval makes some")
+    tables = build_tables(records)
+    with errors.status("drawing the report"):
+        write_report(folder, records, read_about(folder))
+    if json:
+        print_json({"folder": str(folder), "tables": tables, "runs": records})
+        return
+    for table in tables:
+        out.print(to_rich(table, out.width))
+        if table.note:
+            out.print(table.note, markup=False)
+        out.print()
+    for name in ("report.html", "report.md", "runs.jsonl"):
+        out.print(str(folder / name), markup=False, soft_wrap=True)
+
+
+@dataclass(frozen=True)
+class SweptModels:
+    """The models by name, the requested files of each, and their backends."""
+
+    local: Mapping[str, LocalModel]
+    asked: dict[str, str | None]
+    second_reader: str
+    reuse: bool
+
+
+async def sweep(
+    results: EvaluationFolder,
+    planned: Sequence[Job],
+    where: int | str,
+    models: SweptModels,
+    add: Callable[[RunRecord], object],
+    *,
+    keep_logs: bool,
+) -> None:
+    """Make the `planned` runs `where`: in so many processes here, or at that scheduler.
+
+    `add` is told of each run as it comes back. Raises ValueError without Dask, or a scheduler.
+    """
+    workers = dask_workers(where)
+    from pa_console.evaluation.runs.sweep import ModelOnWorker, Sweep  # noqa: PLC0415
+
+    prints = {name: model.fingerprint for name, model in models.local.items()}
+    engine_for = ModelOnWorker(
+        models.asked, prints, models.second_reader, workers.count, models.reuse
+    )
+    made = Sweep(results, engine_for, prints, keep_logs=keep_logs, told=errors.print)
+    async with aclosing(made.run(workers, planned)) as records:
+        async for record in records:
+            add(record)

@@ -1,0 +1,282 @@
+"""`pa-console export`: a recorded session in another tool's format."""
+
+import asyncio
+import re
+from datetime import timedelta
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pa_console.cli.progress_bars import ExportBar
+from pa_console.export.markdown import mission_document
+from pa_console.export.mcap_file import write_mcap
+from pa_console.export.source_log import (
+    OpenedSession,
+    choose_mission,
+    open_session,
+    rules_of,
+    site_of,
+    whole_file,
+    whole_folder,
+    world_of,
+)
+from pa_console.schema.events.event import MissionReceived
+from pa_console.schema.text import count, visible
+from pa_console.terminal.output import errors, out, print_document
+
+app = typer.Typer(
+    help="Write a recorded session as Markdown, MCAP, SVG or asciinema cast.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+
+LogArgument = Annotated[Path, typer.Argument(help="A session log (JSONL).")]
+SessionWorld = Annotated[
+    str | None, typer.Option("--world", help="The session's world, when it is a file.")
+]
+SessionRules = Annotated[
+    str | None, typer.Option("--rules", help="The session's rules, when they are a file.")
+]
+
+
+def opened(log: Path) -> OpenedSession:
+    """Read the log, and report on stderr if it could not be read to its end."""
+    with errors.status(f"reading {log.name}"):
+        session = open_session(log)
+    if session.recording.problem is not None:
+        errors.print(
+            f"note: only what comes before this is exported: {session.recording.problem}",
+            style="yellow",
+            markup=False,
+            soft_wrap=True,
+        )
+    return session
+
+
+def written(target: Path, what: str) -> None:
+    """Report the place of the export."""
+    out.print(f"{target}: {what}", markup=False, soft_wrap=True)
+
+
+DEFAULT_KINDS = ("approval_requested", "decision_made", "plan_halted", "mission_finished")
+LEAST, MOST = (40, 10), (400, 200)
+
+SizeOption = Annotated[
+    str, typer.Option("--size", metavar="COLUMNSxROWS", help="Size of the screen.")
+]
+MissionOption = Annotated[
+    str | None, typer.Option(help="Only the time from this mission's arrival to its end.")
+]
+FromOption = Annotated[
+    float, typer.Option("--from", min=0.0, help="Begin at this second of the session.")
+]
+UntilOption = Annotated[
+    float | None, typer.Option("--until", min=0.0, help="End at this second of the session.")
+]
+
+
+@app.command("svg")
+def svg(
+    log: LogArgument,
+    target: Annotated[Path, typer.Option("--out", "-o", help="The folder to make.")],
+    at: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A kind of event after which a picture is taken; repeatable. Without it: "
+            + ", ".join(DEFAULT_KINDS)
+        ),
+    ] = None,
+    every: Annotated[
+        float | None, typer.Option(min=0.1, help="A picture every so many seconds instead.")
+    ] = None,
+    mission: MissionOption = None,
+    first: FromOption = 0.0,
+    until: UntilOption = None,
+    size: SizeOption = "120x36",
+    world: SessionWorld = None,
+    rules: SessionRules = None,
+) -> None:
+    """Write numbered SVG pictures of the replayed console: 0001-approval_requested.svg, ..."""
+    from pa_console.export.screen_files import (  # noqa: PLC0415 - the screens load slowly
+        KINDS,
+        ReplayedScreen,
+        picture_replay,
+        shots_at,
+        shots_every,
+        take,
+    )
+    from pa_console.session.recording import Player  # noqa: PLC0415
+
+    known = [kind for kind in KINDS if kind != "telemetry"]
+    for kind in at or ():
+        if kind not in known:
+            raise ValueError(f"--at {kind}: no such kind of event; known: {', '.join(known)}")
+    if at and every is not None:
+        raise ValueError("--at and --every exclude each other")
+    screen = size_of(size)
+    session = opened(log)
+    span = span_of(session, mission, first, until)
+    shots = (
+        shots_every(every, *span)
+        if every is not None
+        else shots_at(session.recording, at or DEFAULT_KINDS, *span)
+    )
+    if not shots:
+        raise ValueError(f"{log}: no event of these kinds; try --at another, or --every")
+    site = site_of(session.started, world, rules)
+    player = Player(session.recording)
+    with ExportBar("filming", len(shots)) as bar, whole_folder(target) as folder:
+
+        async def direct(made: ReplayedScreen) -> None:
+            await take(made, shots, folder, session.started.session, bar.advance)
+
+        asyncio.run(picture_replay(site, player, screen, direct))
+    written(target, f"{count(len(shots), 'picture')} of {screen[0]}x{screen[1]}")
+
+
+@app.command("cast")
+def cast(
+    log: LogArgument,
+    target: Annotated[Path, typer.Option("--out", "-o", help="The file to write.")],
+    speed: Annotated[
+        float, typer.Option(min=0.01, max=1000.0, help="Recorded seconds in one second.")
+    ] = 4.0,
+    fps: Annotated[
+        float, typer.Option(min=0.1, max=30.0, help="Most pictures in one second.")
+    ] = 4.0,
+    mission: MissionOption = None,
+    first: FromOption = 0.0,
+    until: UntilOption = None,
+    size: SizeOption = "120x36",
+    world: SessionWorld = None,
+    rules: SessionRules = None,
+) -> None:
+    """Write the replay as an asciinema cast (asciicast v2), with a marker for every mission.
+
+    Play it with: asciinema play FILE
+    """
+    from pa_console.export.screen_files import (  # noqa: PLC0415 - loads the screens
+        CastWriter,
+        ReplayedScreen,
+        picture_replay,
+        positions,
+    )
+    from pa_console.session.recording import Player  # noqa: PLC0415
+
+    screen = size_of(size)
+    session = opened(log)
+    span = span_of(session, mission, first, until)
+    shown = positions(session.recording, *span, speed / fps)
+    site = site_of(session.started, world, rules)
+    player = Player(session.recording)
+    with ExportBar("filming", len(shown)) as bar, whole_file(target, log) as file:
+        writer = CastWriter(file, screen, speed, bar.advance)
+        start = session.recording[0].t + timedelta(seconds=shown[0])
+        writer.begin(start, f"PA Console, session {session.started.session}")
+
+        async def direct(made: ReplayedScreen) -> None:
+            await writer.shoot(made, shown)
+
+        asyncio.run(picture_replay(site, player, screen, direct))
+    seconds = (shown[-1] - shown[0]) / speed
+    written(target, f"{count(len(shown), 'frame')} of {screen[0]}x{screen[1]}, {seconds:.0f} s")
+
+
+def size_of(text: str) -> tuple[int, int]:
+    """Return (columns, rows); raises ValueError for what is no size or none of a terminal."""
+    found = re.fullmatch(r"(\d{1,4})[xX×](\d{1,4})", text.strip())
+    size = (int(found[1]), int(found[2])) if found else (0, 0)
+    if not all(low <= n <= high for low, n, high in zip(LEAST, size, MOST, strict=True)):
+        raise ValueError(
+            f"--size {text}: a size is COLUMNSxROWS, e.g. 120x36, from {LEAST[0]}x{LEAST[1]} to "
+            f"{MOST[0]}x{MOST[1]}"
+        )
+    return size
+
+
+def span_of(
+    session: OpenedSession, mission: str | None, first: float, until: float | None
+) -> tuple[float, float]:
+    """Return from when to when is filmed, in seconds; raises ValueError when that is nothing."""
+    recording = session.recording
+    last = min(recording.timeline.duration if until is None else until, recording.timeline.duration)
+    if mission is not None:
+        wanted = choose_mission(session.final_state().missions, mission).mission.id
+        of_it = [
+            index
+            for index in range(len(recording))
+            if recording.of_mission(index) and _mission_at(session, index) == wanted
+        ]
+        first = max(first, recording.timeline.seconds[of_it[0]])
+        last = min(last, recording.timeline.seconds[of_it[-1]])
+    if last < first:
+        raise ValueError(
+            f"nothing to film from {first:g} s to {last:g} s; the session lasts "
+            f"{recording.timeline.duration:.1f} s"
+        )
+    return first, last
+
+
+def _mission_at(session: OpenedSession, index: int) -> str | None:
+    event = session.recording[index]
+    data = event.data
+    return data.mission.id if isinstance(data, MissionReceived) else event.mission
+
+
+@app.command("markdown")
+def markdown(
+    log: LogArgument,
+    mission: Annotated[
+        str | None,
+        typer.Option(help="Id of the mission; may be left out when the session has only one."),
+    ] = None,
+    target: Annotated[
+        Path | None, typer.Option("--out", "-o", help="The file; without it, standard output.")
+    ] = None,
+    rules: SessionRules = None,
+) -> None:
+    """Write one mission's whole trace as GitHub Markdown: rules, prompts, plans, checks, outcome.
+
+    Prompts, answers and rules that were not broken are folded away.
+    """
+    session = opened(log)
+    trace = choose_mission(session.final_state().missions, mission)
+    known, note = rules_of(session.started, rules)
+    problem = session.recording.problem
+    notes = tuple(text for text in (note, str(problem) if problem else "") if text)
+    document = mission_document(trace, session.started, known, notes)
+    if target is None:
+        print_document(document)
+        return
+    with whole_file(target, log) as file:
+        file.write(visible(document).encode())
+    written(target, f"mission {trace.mission.id}")
+
+
+@app.command("mcap")
+def mcap(
+    log: LogArgument,
+    target: Annotated[Path, typer.Option("--out", "-o", help="The file to write.")],
+    world: SessionWorld = None,
+) -> None:
+    """Write the whole session as MCAP, for Foxglove, Rerun and the mcap tools.
+
+    /telemetry has the pictures, /events/KIND every other event, /notices the event list and
+    /scene the checkpoint in 3D. Needs the extra: pip install 'pa-console[mcap]'
+    """
+    session = opened(log)
+    site = world_of(session.started, world)
+    if site is None:
+        name = session.started.world
+        errors.print(
+            f"note: the world {name!r} is not installed here, so the scene has no ground; "
+            "give its file with --world",
+            style="yellow",
+            markup=False,
+            soft_wrap=True,
+        )
+    with ExportBar("writing", len(session.recording)) as bar, whole_file(target, log) as file:
+        messages = write_mcap(session, site, file, bar.advance)
+    written(target, count(messages, "message"))

@@ -1,0 +1,367 @@
+"""`pa-console keys`: the keys with which people approve, stations command, and vehicles check."""
+
+import getpass
+import json
+import os
+import platform
+import re
+import secrets
+import sys
+import time
+from collections.abc import Generator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from enum import Enum
+from pathlib import Path
+from typing import Annotated, Any, cast
+
+import typer
+from rich.table import Table
+
+from pa_console.cli.options import CertificatesOption, JsonOption
+from pa_console.cli.sessions.fleet import STATION, ask_passphrase, claim_credentials
+from pa_console.fleets.authorization import (
+    Approval,
+    EnrolledRules,
+    RefusedError,
+    SignedMessages,
+    UnsignedApproval,
+)
+from pa_console.fleets.key_folder import KeyFolder
+from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.document import DocumentError, read_bytes
+from pa_console.schema.rule import approvals_in_words
+from pa_console.schema.text import visible_line
+from pa_console.signing import PASSPHRASE_VARIABLE, fingerprint, is_public_key
+from pa_console.station.assembly import open_rules
+from pa_console.terminal.output import errors, out, print_json
+
+app = typer.Typer(
+    help="Make, list, enrol, revoke and rotate the keys of a site; sign; put a station in command.",
+    no_args_is_help=True,
+)
+
+
+class RoleOption(Enum):
+    """The role of a person."""
+
+    observer = "observer"
+    operator = "operator"
+    commander = "commander"
+
+
+class Enrolled(Enum):
+    """The kinds of roster entries."""
+
+    person = "person"
+    station = "station"
+    rules = "rules"
+
+
+def _new_passphrase(*, wanted: bool) -> str:
+    if not wanted:
+        return ""
+    if given := os.environ.get(PASSPHRASE_VARIABLE):
+        return given
+    asked = typer.prompt("New passphrase", hide_input=True, confirmation_prompt=True, err=True)
+    return cast(str, asked)
+
+
+PassphraseOption = Annotated[
+    bool, typer.Option("--passphrase", help="Protect the new key with a passphrase.")
+]
+
+
+BusOption = Annotated[
+    str,
+    typer.Option("--fleet", metavar="URL", help="Tell vehicles and stations on this bus at once."),
+]
+
+
+@app.command()
+def make(
+    name: Annotated[
+        str | None, typer.Argument(help="Whose key; default: the user of this machine.")
+    ] = None,
+    role: Annotated[
+        RoleOption, typer.Option(help="The role of one more person of a site; the owner gives it.")
+    ] = RoleOption.operator,
+    station: Annotated[
+        str | None, typer.Option(help="The name of this station; default: that of the machine.")
+    ] = None,
+    join: Annotated[
+        str | None,
+        typer.Option(metavar="KEY", help="Join the site of this owner's key; it has to enrol you."),
+    ] = None,
+    passphrase: PassphraseOption = False,
+) -> None:
+    """Make the keys of a new site, of one more person of it, or of a station that joins one.
+
+    A new site has an owner, this station, which is in command, and one commander.
+    """
+    folder = KeyFolder(ask=ask_passphrase)
+    person = name or _plain(getpass.getuser())
+    its = station or _plain(platform.node().partition(".")[0])
+    if join is not None:
+        own, other = folder.join(person, its, _public(join), _new_passphrase(wanted=passphrase))
+        out.print("The owner of the site has to enrol both:", markup=False)
+        enrol = f"pa-console keys enrol person {person} {own} --role {role.value}"
+        out.print(enrol, markup=False, soft_wrap=True)
+        out.print(f"pa-console keys enrol station {its} {other}", markup=False, soft_wrap=True)
+        return
+    if folder.made:
+        if name is None:
+            raise ValueError(f"{folder.path}: there are keys already; see pa-console keys list")
+        folder.make_person(person, role.value, _new_passphrase(wanted=passphrase))
+        _show(folder)
+        return
+    rules = _enrolled(open_rules("checkpoint")[0])
+    folder.make_site(person, its, dict((rules,)), _new_passphrase(wanted=passphrase))
+    out.print(f"keys: {folder.path}", markup=False, soft_wrap=True)
+    _show(folder)
+
+
+@app.command("list")
+def list_keys(
+    fleet: BusOption = "", certificates: CertificatesOption = None, json: JsonOption = False
+) -> None:
+    """List people, stations and rule sets of the site, the station in command, and revoked keys.
+
+    With --fleet, newer messages on the bus are taken from there first.
+    """
+    folder = KeyFolder()
+    with on_bus(folder, fleet, certificates):
+        pass
+    _show(folder, json=json)
+
+
+@app.command()
+def enrol(
+    kind: Annotated[Enrolled, typer.Argument(help="What is enrolled.")],
+    name: Annotated[str, typer.Argument(help="A person, a station, or a rule file.")],
+    key: Annotated[
+        str | None, typer.Argument(help="The public key of a person or station.")
+    ] = None,
+    role: Annotated[RoleOption, typer.Option(help="The role of a person.")] = RoleOption.operator,
+    fleet: BusOption = "",
+    certificates: CertificatesOption = None,
+) -> None:
+    """Take a person, a station or a rule set into the roster, which the owner's key signs.
+
+    Of rule sets of one name vehicles take the one that was enrolled last.
+    """
+    folder = KeyFolder(ask=ask_passphrase)
+    if key is None and kind is not Enrolled.rules:
+        raise ValueError(f"give the public key of the {kind.value}, which 'keys make' has printed")
+    with on_bus(folder, fleet, certificates):
+        if key is None:
+            folder.enrol_rules(*_enrolled(open_rules(name)[0]))
+        elif kind is Enrolled.person:
+            folder.enrol_person(name, _public(key), role.value)
+        else:
+            folder.enrol_station(name, _public(key))
+    _show(folder)
+
+
+@app.command()
+def revoke(
+    name: Annotated[str, typer.Argument(help="A person or a station.")],
+    fleet: BusOption = "",
+    certificates: CertificatesOption = None,
+) -> None:
+    """Revoke the key of a person or station for ever."""
+    folder = KeyFolder(ask=ask_passphrase)
+    with on_bus(folder, fleet, certificates):
+        folder.revoke(name)
+    _show(folder)
+
+
+@app.command()
+def rotate(
+    name: Annotated[str, typer.Argument(help="A person or a station with a key on this machine.")],
+    passphrase: PassphraseOption = False,
+    fleet: BusOption = "",
+    certificates: CertificatesOption = None,
+) -> None:
+    """Make a new key for a person or station, and revoke the one before."""
+    folder = KeyFolder(ask=ask_passphrase)
+    with on_bus(folder, fleet, certificates):
+        folder.rotate(name, _new_passphrase(wanted=passphrase))
+    _show(folder)
+
+
+@app.command()
+def takeover(
+    station: Annotated[str, typer.Argument(help="The station that is in command from now on.")],
+    fleet: BusOption = "",
+    certificates: CertificatesOption = None,
+) -> None:
+    """Put a station in command; a commander's key signs the next epoch.
+
+    Vehicles that have heard of it take nothing of the station before.
+    """
+    folder = KeyFolder(ask=ask_passphrase)
+    with on_bus(folder, fleet, certificates):
+        folder.take_over(station)
+    _show(folder)
+
+
+def _show(folder: KeyFolder, *, json: bool = False) -> None:
+    trust, rows = folder.trust(), folder.listed()
+    roster = trust.roster
+    if json:
+        print_json(
+            {
+                "folder": str(folder.path),
+                "roster": roster.serial,
+                "revocation": trust.revocation,
+                "epoch": trust.takeover.epoch,
+                "keys": [vars(row) for row in rows],
+                "rules": {sha: vars(its) for sha, its in roster.rules.items()},
+            }
+        )
+        return
+    table = Table("kind", "name", "role", "state", "here", "key")
+    for row in rows:
+        here = "yes" if row.here else "no"
+        table.add_row(row.kind, row.name, row.role, row.state, here, fingerprint(row.key))
+    out.print(table)
+    for sha, its in roster.rules.items():
+        asked = approvals_in_words(its.approvals)
+        more = f"; people who must approve: {asked}" if asked else ""
+        out.print(f"rules {its.name} {sha[:12]}{more}", markup=False, soft_wrap=True)
+    out.print(f"roster {roster.serial}; {trust.in_command}", markup=False, soft_wrap=True)
+    if trust.takeover.station in trust.revoked:
+        told = "no vehicle moves until another station is in command: pa-console keys takeover NAME"
+        errors.print(told, style="bold red", markup=False)
+
+
+def _enrolled(book: Rulebook) -> tuple[str, EnrolledRules]:
+    return book.seal.content_sha256, EnrolledRules(book.name, dict(book.approvals))
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", name).strip("-_") or "station"
+
+
+def _public(key: str) -> str:
+    if not is_public_key(key):
+        raise ValueError(f"{key!r} is no public key: 64 hexadecimal digits")
+    return key
+
+
+CONNECT_S = 5.0
+
+
+@contextmanager
+def on_bus(folder: KeyFolder, url: str, certificates: Path | None) -> Generator[None]:
+    """Take newer messages on the bus at `url` into `folder`; retain the newest there afterwards.
+
+    Does nothing without a `url`. Raises ValueError when no broker lets us in.
+    """
+    if not url:
+        yield
+        return
+    from pa_console.fleets.vda5050.additions import SIGNED, TRUST, SignedMessage  # noqa: PLC0415
+    from pa_console.fleets.vda5050.broker import BrokerAddress  # noqa: PLC0415 - with a bus only
+    from pa_console.fleets.vda5050.joining import take_retained  # noqa: PLC0415
+    from pa_console.fleets.vda5050.sharing import signed_messages  # noqa: PLC0415
+    from pa_console.fleets.vda5050.station_link import StationLink  # noqa: PLC0415
+    from pa_console.fleets.vda5050.wire import Numbers  # noqa: PLC0415
+
+    address = BrokerAddress.parse(url)
+    name = f"keys-{secrets.token_hex(4)}"
+    link = StationLink(address, name, SIGNED, claim_credentials(address, certificates, STATION))
+    try:
+        if not link.wait_connected(CONNECT_S):
+            raise ValueError(f"no broker lets us in at {address}: {link.problem}")
+        found = SignedMessages(folder.take)
+        for delivery in take_retained(link):
+            if isinstance(delivery.message, SignedMessage) and delivery.topic.identity == TRUST:
+                found.hear(delivery.message.message)
+        yield
+        newest = folder.newest
+        link.publish(*signed_messages(address.site, newest, Numbers(), datetime.now(UTC)))
+    finally:
+        link.close()
+    errors.print(f"retained at {address}: {', '.join(newest)}", markup=False, soft_wrap=True)
+
+
+MOST_BYTES = 131_072
+
+
+@app.command()
+def sign(
+    file: Annotated[
+        Path, typer.Argument(help="What GET /v1/plans/ID/approval has answered; - for the input.")
+    ],
+    yes: Annotated[
+        bool, typer.Option("--yes", help="Sign without the question, where it was read before.")
+    ] = False,
+) -> None:
+    """Sign a plan that takes two people, with your own key, on a machine without its session.
+
+    It shows what you approve and asks; then it prints the body of POST /v1/plans/ID/signatures.
+    """
+    unsigned = _read_approval(file)
+    approval = unsigned.approval
+    folder = KeyFolder(ask=ask_passphrase)
+    _show_approval(unsigned, folder)
+    if not yes and not _agreed(file):
+        raise ValueError("nothing was signed")
+    signed = unsigned.signed(folder.person_key(approval.person))
+    print_json({"person": approval.person, "signed": signed})
+
+
+def _read_approval(file: Path) -> UnsignedApproval:
+    """Return the text to sign; raises DocumentError or ValueError for any other."""
+    name = "standard input" if str(file) == "-" else str(file)
+    if str(file) == "-":
+        text: bytes = sys.stdin.buffer.read(MOST_BYTES + 1)
+    else:
+        text = read_bytes(file)
+    if len(text) > MOST_BYTES:
+        raise DocumentError(name, 0, "", "this is longer than an answer of /v1/plans/ID/approval")
+    try:
+        answer: Any = json.loads(text)
+        if isinstance(answer, dict) and "to_sign" not in answer and "detail" in answer:
+            raise DocumentError(name, 0, "", f"the session refused: {answer['detail']}")
+        unsigned = UnsignedApproval.read(cast(str, answer["to_sign"]))
+    except RefusedError as error:
+        raise DocumentError(name, 0, "to_sign", f"{error}; nothing was signed") from error
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise DocumentError(
+            name, 0, "to_sign", "this is no answer of GET /v1/plans/ID/approval, which has it"
+        ) from error
+    if unsigned.ends < time.time():
+        raise DocumentError(name, 0, "to_sign", "this approval has expired; ask for it again")
+    return unsigned
+
+
+def _show_approval(unsigned: UnsignedApproval, folder: KeyFolder) -> None:
+    """Show on stderr the content of the bytes to sign, and no accompanying words."""
+    approval: Approval = unsigned.approval
+    roster = folder.trust().roster if folder.made else None
+    station = roster.station_of(approval.station) if roster is not None else ""
+    rules = roster.rules.get(approval.rules) if roster is not None else None
+    acts = {"override": "the judge's objection is overridden",
+            "acknowledge": "a broken rule of medium priority is accepted"}  # fmt: skip
+    until = datetime.fromtimestamp(unsigned.ends, UTC)
+    lines = [
+        f"{approval.person} approves, at the station "
+        f"{station or f'{approval.station[:12]} (not in the roster that is here)'}:",
+        *(f"  {order}" for order in approval.orders),
+        *(f"  {acts.get(act, act)}" for act in approval.acts),
+        f"plan {approval.request}, SHA-256 {approval.plan[:12]}; session {approval.session}",
+        f"checked by the rules {rules.name if rules else approval.rules[:12]}",
+        f"good until {until:%Y-%m-%d %H:%M:%S} UTC; SHA-256 of what is signed {unsigned.sha256}",
+    ]
+    for line in lines:
+        errors.print(visible_line(line), markup=False, highlight=False, soft_wrap=True)
+
+
+def _agreed(file: Path) -> bool:
+    """Ask on the terminal; raises ValueError where nobody can be asked."""
+    if str(file) == "-" or not sys.stdin.isatty():
+        raise ValueError("nobody can be asked here; give a file on a terminal, or --yes")
+    return typer.confirm("Sign this?", default=False, err=True)

@@ -1,0 +1,59 @@
+"""`pa-console manual`: the manual in the terminal, a page at a time."""
+
+import os
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from pa_console.cli.options import JsonOption
+from pa_console.manual_pages import Page, load_manual
+from pa_console.terminal.output import out, print_document, print_json
+
+COLOURED = "-FRX"
+"""The options by which `less` shows colours, and leaves at once if a page fits the screen."""
+
+
+def manual(
+    topic: Annotated[
+        str | None, typer.Argument(help="A page of the manual; without one they are listed.")
+    ] = None,
+    plain: Annotated[
+        bool, typer.Option("--plain", help="Print the page's Markdown as it is, without a pager.")
+    ] = False,
+    json: JsonOption = False,
+) -> None:
+    """Read the manual: list its pages, or show one of them."""
+    if topic is None:
+        _list(load_manual().pages, json)
+    else:
+        _show(load_manual().find(topic), plain, json)
+
+
+def _list(pages: tuple[Page, ...], json: bool) -> None:
+    if json:
+        print_json([_about(page) for page in pages])
+        return
+    table = Table("page", "what it is about", box=None, pad_edge=False)
+    for page in pages:
+        table.add_row(page.name, page.summary)
+    out.print(table)
+
+
+def _show(page: Page, plain: bool, json: bool) -> None:
+    """Print the page for people on a terminal, for programs elsewhere."""
+    if json:
+        headings = [section.heading for section in page.sections]
+        print_json(_about(page) | {"sections": headings, "text": page.text})
+    elif plain or not out.is_terminal:
+        print_document(page.text)
+    else:
+        from rich.markdown import Markdown  # noqa: PLC0415 - only for a person
+
+        os.environ.setdefault("LESS", COLOURED)
+        with out.pager(styles=True):
+            out.print(Markdown(page.text, hyperlinks=False))
+
+
+def _about(page: Page) -> dict[str, object]:
+    return {"name": page.name, "title": page.title, "summary": page.summary}

@@ -1,0 +1,126 @@
+"""`pa-console models`: list the catalogue, pull a model."""
+
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import typer
+from rich.box import SIMPLE_HEAD
+from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from pa_console.cli.options import JsonOption
+from pa_console.llm.models.catalogue import Catalog, ModelEntry
+from pa_console.llm.models.fetching import pull as fetch
+from pa_console.terminal.output import errors, out, print_json
+
+app = typer.Typer(help="List and pull language models.", no_args_is_help=True)
+
+
+@app.command("list")
+def list_models(json: JsonOption = False) -> None:
+    """List the models of the catalogue and whether each is on this machine."""
+    catalog = Catalog.load()
+    if json:
+        print_json([_row(catalog, entry) for entry in catalog.models])
+        return
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("model", no_wrap=True)
+    table.add_column("size", no_wrap=True, justify="right")
+    table.add_column("here", min_width=8)
+    table.add_column("what it is", ratio=1)
+    for entry in catalog.models:
+        name = f"{entry.name}\n(default)" if entry.name == catalog.default else entry.name
+        about = f"{entry.title}, {entry.quantisation}, {entry.licence}. {entry.notes}".strip()
+        table.add_row(name, f"{entry.size_mb} MB", _here(entry), about)
+    for server in catalog.servers:
+        table.add_row(server.name, "", "on a server", f"{server.title}: {server.address}")
+    out.print(table)
+
+
+def _here(entry: ModelEntry) -> str:
+    """Return whether the model's file is on this machine, and whether its weights are prepared."""
+    if entry.local_file is None:
+        return "no"
+    if entry.how is None:
+        return "yes"
+    made = "prepared" if entry.prepared_file is not None else "to be prepared"
+    return f"yes, {entry.how} {made}"
+
+
+def _row(catalog: Catalog, entry: ModelEntry) -> dict[str, Any]:
+    local, prepared = entry.local_file, entry.prepared_file
+    return entry.model_dump(mode="json") | {
+        "default": entry.name == catalog.default,
+        "path": None if local is None else str(local),
+        "prepared_path": None if prepared is None else str(prepared),
+    }
+
+
+@app.command()
+def pull(
+    name: Annotated[
+        str | None, typer.Argument(help="A model of the catalogue; default: the default one.")
+    ] = None,
+    with_reader: Annotated[
+        bool,
+        typer.Option(
+            "--with-second-reader",
+            help="Fetch too the model that reads an order again of which this one is unsure.",
+        ),
+    ] = False,
+    json: JsonOption = False,
+) -> None:
+    """Fetch a model into the user's cache: resumable, and kept only if its hash is right.
+
+    Weights that the catalogue wants in another type are converted at once.
+    """
+    catalog = Catalog.load()
+    entry = catalog.get(name or catalog.default)
+    if with_reader and not entry.second_reader:
+        raise ValueError(f"{entry.name} has no second reader; leave out --with-second-reader")
+    fetched = [_fetch(entry)]
+    if with_reader:
+        fetched.append(_fetch(catalog.get(entry.second_reader)))
+    if json:
+        print_json(fetched[0].told if len(fetched) == 1 else [one.told for one in fetched])
+        return
+    for one in fetched:
+        out.print(str(one.path), markup=False, soft_wrap=True)
+        if one.note:
+            errors.print(one.note, markup=False)
+
+
+class _Fetched(NamedTuple):
+    """A model that is ready, and its notices."""
+
+    path: Path
+    note: str
+    told: dict[str, Any]
+
+
+def _fetch(entry: ModelEntry) -> _Fetched:
+    """Fetch and prepare `entry`, with a progress bar."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        DownloadColumn(),
+        TimeRemainingColumn(),
+    )
+    told = ""
+    with Progress(*columns, console=errors) as bar:
+        task = bar.add_task(entry.name, total=entry.size_mb * 1_000_000)
+
+        def progress(done: int, total: int, text: str) -> None:
+            nonlocal told
+            told = text
+            bar.update(task, completed=done, total=total, description=f"{entry.name}: {text}")
+
+        fetched = fetch(entry, progress)
+        hash_note = told if entry.sha256 is None else ""
+        path, sha256 = entry.ready_file(fetched, progress)
+        size = path.stat().st_size
+        bar.update(task, completed=size, total=size, description=f"{entry.name} is ready")
+    pinned = {"source_path": str(fetched), "source_sha256": entry.sha256}
+    return _Fetched(
+        path, hash_note, {"model": entry.name, "path": str(path), "sha256": sha256, **pinned}
+    )

@@ -1,0 +1,143 @@
+"""`pa-console replay`: verify a session log, or play it back."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pa_console.cli.options import JsonOption
+from pa_console.cli.settings_defaults import settings_of
+from pa_console.settings.sources import Loaded
+
+
+def replay(
+    context: typer.Context,
+    log: Annotated[
+        Path | None,
+        typer.Argument(
+            help="A session log (JSONL), or a session of 'pa-console sessions' by its id."
+        ),
+    ] = None,
+    last: Annotated[
+        bool, typer.Option("--last", help="The session that was recorded last.")
+    ] = False,
+    check: Annotated[
+        bool,
+        typer.Option(
+            "--verify",
+            help="Check the hash chain, the signatures and the signed head, name the first bad "
+            "line and what was done to it; then run the session again.",
+        ),
+    ] = False,
+    chain_only: Annotated[
+        bool,
+        typer.Option("--chain-only", help="With --verify: do not run the session again."),
+    ] = False,
+    key: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="With --verify: the fingerprint of a key that may have signed, besides this "
+            "machine's; repeatable."
+        ),
+    ] = None,
+    unsigned: Annotated[
+        bool, typer.Option("--unsigned", help="With --verify: accept a log without signatures.")
+    ] = False,
+    witness: Annotated[
+        Path | None,
+        typer.Option(
+            help="With --verify: the file of a witness; names the first head that it has seen and "
+            "the log no longer has."
+        ),
+    ] = None,
+    again: Annotated[
+        bool,
+        typer.Option(
+            "--resimulate",
+            help="Only run the session again: its telemetry, the rehearsals of its plans and what "
+            "the rules say of them must come out equal; name what does not.",
+        ),
+    ] = False,
+    world: Annotated[
+        str | None, typer.Option("--world", help="The session's world, when it is a file.")
+    ] = None,
+    scenario: Annotated[
+        str | None, typer.Option("--scenario", help="The session's situation, when it is a file.")
+    ] = None,
+    rules: Annotated[
+        str | None, typer.Option("--rules", help="The session's rules, when they are a file.")
+    ] = None,
+    other: Annotated[
+        Path | None,
+        typer.Option(
+            "--compare",
+            metavar="LOG",
+            help="Find the first event in which LOG tells something else, and what differs; leaves "
+            "with 0 when both tell the same and with 1 when not.",
+        ),
+    ] = None,
+    screen: Annotated[
+        bool, typer.Option("--screen", help="With --compare: show both at that point, on a screen.")
+    ] = False,
+    mouse: Annotated[
+        bool,
+        typer.Option("--mouse/--no-mouse", help="Take the mouse, or leave it to the terminal."),
+    ] = True,
+    json: JsonOption = False,
+) -> None:
+    """Play LOG back in the console, verify it, run it again, or compare it with another one.
+
+    --verify leaves with 0 only when every line is vouched for by a known key and the session came
+    out equal, with 2 when the log or its head was damaged, and with 1 when it is sound but not all
+    signed, or could not be run again to the same end.
+    """
+    log = _chosen(context, log, last=last)
+    if other is not None and not other.is_file():
+        raise ValueError(f"{other}: there is no such log")
+    if check or again:
+        from pa_console.cli.verbs.replay_checks import Place, Trust, show_again, show_verified  # noqa: PLC0415 - only when asked  # noqa: PLC0415
+
+        place = Place(world, scenario, rules)
+        if check:
+            trust = Trust(frozenset(key or ()), unsigned, witness)
+            show_verified(log, trust, None if chain_only else place, json)
+        else:
+            show_again(log, place, json)
+    printed = other is not None and not screen
+    if other is not None and printed:
+        from pa_console.cli.verbs.replay_checks import compare_logs  # noqa: PLC0415 - only when asked
+
+        compare_logs(log, other, json)
+    if not (check or again or printed):
+        _show(log, other, world, settings_of(context, mouse=mouse))
+
+
+def _chosen(context: typer.Context, log: Path | None, *, last: bool) -> Path:
+    """Return the log that is meant: a file, a recorded session by its id, or the last one."""
+    if last == (log is not None):
+        raise ValueError(
+            "give a session log, or --last for the session that was recorded last. "
+            "See 'pa-console replay --help'."
+        )
+    if log is not None and log.is_file():
+        return log
+    from pa_console.session.log.writer import default_folder  # noqa: PLC0415 - only without a file
+    from pa_console.session.past_sessions import find_session  # noqa: PLC0415
+
+    folder = settings_of(context).values.logs or default_folder()
+    if log is None:
+        return find_session(folder, "last")
+    if len(log.parts) > 1 or log.suffix:
+        raise ValueError(f"{log}: there is no such log")
+    return find_session(folder, str(log))
+
+
+def _show(log: Path, other: Path | None, world: str | None, settings: Loaded) -> None:
+    """Open the console on a recording, or on two at the point where they differ."""
+    from pa_console.cli.sessions.recorded import play  # noqa: PLC0415
+    from pa_console.cli.verbs.replay_checks import show_compared  # noqa: PLC0415 - only when shown
+
+    if other is not None:
+        show_compared(log, other, world, settings)
+    else:
+        play(log, world, settings)

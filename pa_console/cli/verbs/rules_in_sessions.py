@@ -1,0 +1,300 @@
+"""`pa-console rules effect` and `rules trace`: rules in sessions that were recorded."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pa_console.cli.options import JsonOption
+from pa_console.cli.progress_bars import ExportBar
+from pa_console.evaluation.changed_decisions import (
+    FLIP_KINDS,
+    ChangedDecision,
+    Gap,
+    SessionEffect,
+    effect_on_session,
+    rules_turned,
+)
+from pa_console.policy.rulebook import Rulebook, load_rules
+from pa_console.resources import existing_data
+from pa_console.schema.document import DocumentError
+from pa_console.schema.events.event import Event, SessionStarted
+from pa_console.session.log.chain import LogError, read_log
+from pa_console.station.assembly import SessionSites
+from pa_console.terminal.output import BAD_INPUT, FAILED, errors, out, print_json
+from pa_console.views.rule_trail import BREAKING, RuleDeed, Trail, trail_of
+
+LogsArgument = Annotated[
+    list[Path], typer.Argument(metavar="LOG...", help="Session logs, or folders of them.")
+]
+
+
+def find_logs(places: Sequence[Path]) -> list[Path]:
+    """Return every session log of `places`; a folder's other files are no logs and left out.
+
+    Raises ValueError when a place is not there, or holds no log at all.
+    """
+    found: list[Path] = []
+    for place in places:
+        if place.is_dir():
+            logs = [path for path in sorted(place.rglob("*.jsonl")) if _is_log(path)]
+            if not logs:
+                raise ValueError(f"{place}: there is no session log in this folder")
+            found += logs
+        elif place.is_file():
+            found.append(place)
+        else:
+            raise ValueError(f"{place}: there is no such log or folder")
+    return list(dict.fromkeys(found))
+
+
+class SessionEvents:
+    """The events of a log, once; `problem` says why they end before the log does, if they do."""
+
+    def __init__(self, log: Path) -> None:
+        """Read how the session began; raises LogError for what is no session log."""
+        self._events = read_log(log)
+        first = next(self._events, None)
+        if first is None:
+            raise LogError(str(log), 1, "the log is empty")
+        if not isinstance(first.data, SessionStarted):
+            raise LogError(str(log), 1, "the log does not begin with the start of a session")
+        self._first, self.started = first, first.data
+        self.problem = ""
+
+    def __iter__(self) -> Iterator[Event]:
+        yield self._first
+        try:
+            yield from self._events
+        except LogError as error:
+            self.problem = str(error)
+
+
+def _is_log(path: Path) -> bool:
+    with path.open("rb") as file:
+        return b'"kind":"session_started"' in file.readline(1 << 20).replace(b'": "', b'":"')
+
+
+@dataclass
+class Effects:
+    """The results by log or mission; `unread` has the logs that could not be read, and why."""
+
+    found: dict[str, SessionEffect] = field(default_factory=dict[str, SessionEffect])
+    unread: dict[str, str] = field(default_factory=dict[str, str])
+    notes: dict[str, str] = field(default_factory=dict[str, str])
+
+    @property
+    def flips(self) -> list[ChangedDecision]:
+        """Every decision that turns."""
+        return [flip for effect in self.found.values() for flip in effect.flips]
+
+    @property
+    def gaps(self) -> list[Gap]:
+        """Every decision that cannot be made again."""
+        return [gap for effect in self.found.values() for gap in effect.gaps]
+
+
+def effect(
+    rules: Annotated[str, typer.Argument(help="The changed rule file.")],
+    logs: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="LOG...", help="Session logs, or folders of them."),
+    ] = None,
+    missions: Annotated[
+        list[str] | None,
+        typer.Option(help="A mission set: a file, or a name beside the world; repeatable."),
+    ] = None,
+    was: Annotated[
+        str | None,
+        typer.Option(
+            "--was", help="The rules until now, when they are not installed as they were."
+        ),
+    ] = None,
+    world: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--world", help="A world of the sessions, or of the missions, as a file; repeatable."
+        ),
+    ] = None,
+    plans: Annotated[
+        int, typer.Option(min=1, help="With --missions: orders that are tried for each mission.")
+    ] = 24,
+    seed: Annotated[int, typer.Option(min=0, help="With --missions: which orders those are.")] = 0,
+    json: JsonOption = False,
+) -> None:
+    """Check every recorded plan again under RULES; list each decision that would turn.
+
+    A plan is checked against the picture, the rehearsal and the telemetry of its time. Missions
+    of a set have no recorded plans: single orders are tried there. Exit code 1 when a decision
+    turns, 2 when something cannot be read.
+    """
+    if not logs and not missions:
+        raise ValueError("give session logs, or a mission set with --missions")
+    new = load_rules(existing_data("rules", rules, "rules.yaml"))
+    effects = Effects()
+    if logs:
+        _sessions(find_logs(logs), new, SessionSites(world or (), (was,) if was else ()), effects)
+    for name in missions or ():
+        _missions(
+            name, new, was or "checkpoint", (world or ["checkpoint"])[0], (plans, seed), effects
+        )
+    if json:
+        print_json({"rules": new.name, "content_sha256": new.seal.content_sha256,
+                    "sessions": effects.found, "notes": effects.notes, "unread": effects.unread,
+                    "turned": dict(rules_turned(effects.flips))})  # fmt: skip
+    else:
+        _print_effects(effects)
+    if effects.unread:
+        raise typer.Exit(BAD_INPUT)
+    if effects.flips:
+        raise typer.Exit(FAILED)
+
+
+def _sessions(logs: list[Path], new: Rulebook, sites: SessionSites, effects: Effects) -> None:
+    with ExportBar("checking sessions again", len(logs)) as bar:
+        for log in logs:
+            try:
+                events = SessionEvents(log)
+                started = events.started
+                rulebook = sites.rules_of(started)
+                place = sites.world_of(started, log)
+                effects.found[str(log)] = effect_on_session(events, place, new, rulebook)
+                if rulebook is None:
+                    effects.notes[str(log)] = (
+                        f"its rules {started.rules!r} are not here as they were (give them with "
+                        "--was): compared with what is recorded; what running plans broke is not"
+                    )
+                if events.problem:
+                    effects.unread[str(log)] = events.problem
+            except (DocumentError, ValueError) as error:
+                effects.unread[str(log)] = str(error)
+            bar.advance(1)
+
+
+def _missions(
+    name: str, new: Rulebook, was: str, world: str, tried: tuple[int, int], effects: Effects
+) -> None:
+    from pa_console.evaluation.changed_decisions import effect_on_mission  # noqa: PLC0415
+    from pa_console.evaluation.runs.jobs import load_with_worlds, mission_file  # noqa: PLC0415
+    from pa_console.sim.worlds.world_file import open_world  # noqa: PLC0415
+
+    own, own_path = open_world(world)
+    path = mission_file(name, own_path)
+    cases, worlds = load_with_worlds(path, own)
+    old = load_rules(existing_data("rules", was, "rules.yaml"))
+    plans, seed = tried
+    with ExportBar(f"trying orders at {cases.name}", len(cases.missions) * (plans + 1)) as bar:
+        for case in cases.missions:
+            effects.found[f"{path}:{case.id}"] = effect_on_mission(
+                case, worlds[case.world], new, old, plans, seed, lambda: bar.advance(1)
+            )
+
+
+def _print_effects(effects: Effects) -> None:
+    """Print the changed and the undecidable results, by log; then the sums."""
+    for place, found in effects.found.items():
+        if not found.flips and not found.gaps and place not in effects.notes:
+            continue
+        _line(f"{place}: session {found.session}" if found.session else f"{place}:")
+        if place in effects.notes:
+            _line(f"  note: {effects.notes[place]}")
+        for flip in found.flips:
+            _line(_flip(flip))
+        for gap in found.gaps:
+            at = f"{gap.mission} attempt {gap.attempt}" if gap.attempt else gap.mission
+            rule = f" {gap.rule}:" if gap.rule else ""
+            _line(f"  {at}: cannot be checked again:{rule} {gap.reason}")
+    for place, problem in effects.unread.items():
+        errors.print(f"{place}: not read to its end: {problem}", markup=False, soft_wrap=True)
+    for rule, count in rules_turned(effects.flips):
+        _line(f"{rule} turns {count}")
+    every = effects.found.values()
+    kinds = [(kind, sum(f.kind == kind for f in effects.flips)) for kind in FLIP_KINDS]
+    parts = ", ".join(f"{count} {kind}" for kind, count in kinds if count) or "none"
+    _line(
+        f"sessions {sum(bool(e.session) for e in every)}, missions "
+        f"{sum(e.missions for e in every)}, plans {sum(e.plans for e in every)}, findings "
+        f"{sum(e.compared for e in every)}; turned: {parts}; "
+        f"cannot be checked again: {len(effects.gaps)}; not read: {len(effects.unread)}"
+    )
+
+
+def _flip(flip: ChangedDecision) -> str:
+    at = f"{flip.mission} attempt {flip.attempt}" if flip.attempt else flip.mission
+    plan = f" [{flip.plan}]" if flip.plan else ""
+    rules = ", ".join(flip.rules)
+    return f"  {at}{plan}: {flip.kind} {rules}: {flip.was} -> {flip.now}: {flip.words}"
+
+
+def _line(text: str) -> None:
+    out.print(text, markup=False, soft_wrap=True)
+
+
+_COUNTED: tuple[tuple[str, tuple[RuleDeed, ...]], ...] = (
+    ("retrieved", ("retrieved",)),
+    ("decided", ("decided", "broken", "refused")),
+    ("broken", BREAKING),
+    ("prescribed", ("prescribed",)),
+)
+
+
+def trace(
+    rule: Annotated[str, typer.Argument(metavar="RULE_ID", help="For example ROE-07.")],
+    logs: LogsArgument,
+    every: Annotated[bool, typer.Option("--all", help="Show where it did not apply, too.")] = False,
+    json: JsonOption = False,
+) -> None:
+    """List every mission in which a rule was retrieved, decided a plan, or was broken.
+
+    Each line says the event, the simulation's tick, the attempt, and the words. Exit code 1 when
+    no session knows the rule, 2 when a log cannot be read.
+    """
+    found: dict[str, list[Trail]] = {}
+    unread: dict[str, str] = {}
+    places = find_logs(logs)
+    with ExportBar("reading sessions", len(places)) as bar:
+        for log in places:
+            try:
+                events = SessionEvents(log)
+                found[str(log)] = trail_of(rule, events)
+                if events.problem:
+                    unread[str(log)] = events.problem
+            except DocumentError as error:
+                unread[str(log)] = str(error)
+            bar.advance(1)
+    if json:
+        print_json({"rule": rule, "sessions": found, "unread": unread})
+    else:
+        _print_trails(rule, found, every)
+    for log, problem in unread.items():
+        errors.print(f"{log}: not read to its end: {problem}", markup=False, soft_wrap=True)
+    if unread:
+        raise typer.Exit(BAD_INPUT)
+    if not any(found.values()):
+        raise typer.Exit(FAILED)
+
+
+def _print_trails(rule: str, found: dict[str, list[Trail]], every: bool) -> None:
+    for log, trails in found.items():
+        for trail in trails:
+            shown = [e for e in trail.entries if every or e.did != "not applicable"]
+            if not shown:
+                continue
+            _line(f"{log}: {trail.session} {trail.mission.id}  {trail.mission.text}")
+            for entry in shown:
+                attempt = f" attempt {entry.attempt}" if entry.attempt else ""
+                words = f": {entry.words}" if entry.words else ""
+                _line(f"  event {entry.event}, tick {entry.tick}{attempt}: {entry.did}{words}")
+    every_trail = [trail for trails in found.values() for trail in trails]
+    parts = [f"{name} in {_count(every_trail, what)}" for name, what in _COUNTED]
+    searched = f"sessions searched: {len(found)}"
+    if every_trail:
+        _line(f"{rule}, missions: {', '.join(parts)}; {searched}")
+    else:
+        _line(f"{rule}: no mission had to do with it; {searched}")
+
+
+def _count(trails: Iterable[Trail], what: tuple[RuleDeed, ...]) -> int:
+    return sum(trail.did(*what) for trail in trails)

@@ -1,0 +1,174 @@
+"""`pa-console serve`: the session as an HTTP interface on loopback, or the console in a browser."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+from pa_console.child_processes import python_command
+from pa_console.cli.options import (
+    AcceptRulesOption,
+    CertificatesOption,
+    FleetOption,
+    JsonOption,
+    MetricsPortOption,
+    ModelOption,
+    RulesOption,
+    ScenarioOption,
+    SeedOption,
+    TakContactsOption,
+    TakOption,
+    TakOriginOption,
+    TracesOption,
+    UnsignedOption,
+    WitnessOption,
+    WorldOption,
+)
+from pa_console.cli.sessions.live import Asked
+from pa_console.cli.sessions.log import witness_target
+from pa_console.cli.settings_defaults import given_words, settings_of
+
+PORT = 8765
+OWN = frozenset(("port", "web", "make_token", "person", "tokens", "revoke_token", "json"))
+"""The options that are of this verb alone; the console has the others, too."""
+IN_FILES = {
+    "world": ("", "world.yaml"),
+    "rules": ("", "rules.yaml"),
+    "scenario": ("",),
+    "model": ("",),
+}
+"""Options that may name a file, or for some the folder of a file that is called so."""
+RoleName = Literal["observer", "operator", "commander"]
+
+
+def serve(
+    context: typer.Context,
+    world: WorldOption = "checkpoint",
+    rules: RulesOption = "checkpoint",
+    model: ModelOption = None,
+    scenario: ScenarioOption = None,
+    seed: SeedOption = 0,
+    fleet: FleetOption = "",
+    certificates: CertificatesOption = None,
+    alarms: Annotated[
+        bool, typer.Option("--alarms/--no-alarms", help="Alarms become missions by themselves.")
+    ] = True,
+    port: Annotated[
+        int, typer.Option(min=0, max=65_535, help="The port of this machine; 0 for a free one.")
+    ] = PORT,
+    web: Annotated[
+        bool, typer.Option("--web", help="Serve the console itself, for a browser, in its place.")
+    ] = False,
+    make_token: Annotated[
+        RoleName | None,
+        typer.Option("--make-token", help="Make a token of this role, show it once, and leave."),
+    ] = None,
+    person: Annotated[
+        str | None,
+        typer.Option(help="Whose token is made; default: the user of this machine."),
+    ] = None,
+    tokens: Annotated[
+        bool, typer.Option("--tokens", help="List the tokens that were made, and leave.")
+    ] = False,
+    revoke_token: Annotated[
+        str | None, typer.Option(metavar="ID", help="Revoke a token, and leave.")
+    ] = None,
+    witness: WitnessOption = "",
+    traces: TracesOption = "",
+    metrics_port: MetricsPortOption = 0,
+    tak: TakOption = "",
+    tak_origin: TakOriginOption = "",
+    tak_contacts: TakContactsOption = None,
+    unsigned: UnsignedOption = False,
+    accept_rules: AcceptRulesOption = False,
+    json: JsonOption = False,
+) -> None:
+    """Serve a session on loopback: an HTTP interface (see /docs), or the console in a browser."""
+    from pa_console.cli.sessions import tokens as token_verbs  # noqa: PLC0415 - no help waits for it
+
+    if make_token is not None:
+        token_verbs.make(make_token, person, json=json)
+        return
+    if tokens:
+        token_verbs.show(json=json)
+        return
+    if revoke_token is not None:
+        token_verbs.revoke(revoke_token, json=json)
+        return
+    settings = settings_of(
+        context,
+        world=world,
+        rules=rules,
+        model=model or "",
+        alarms=alarms,
+        traces=traces,
+        metrics_port=metrics_port,
+        tak=tak,
+        tak_origin=tak_origin,
+        tak_contacts=tak_contacts,
+    )
+    asked = Asked(
+        world,
+        rules,
+        scenario,
+        seed,
+        alarms,
+        readonly=False,
+        unsigned=unsigned,
+        accept_rules=accept_rules,
+        resume=False,
+        fleet=fleet,
+        certificates=certificates,
+    )
+    try:
+        if web:
+            from pa_console.cli.sessions.web import serve_console  # noqa: PLC0415 - aiohttp
+
+            code = serve_console(_console(context), port)
+        else:
+            from pa_console.cli.sessions.served import serve_session  # noqa: PLC0415 - FastAPI
+
+            code = serve_session(asked, settings, model, port, witness)
+    except ModuleNotFoundError as error:
+        needed = f"this needs a library that is not installed ({error.name})"
+        raise ValueError(f"{needed}: pip install 'pa-console[serve]'") from error
+    raise typer.Exit(code)
+
+
+def _console(context: typer.Context) -> list[str]:
+    """Return what opens the console with the options that were given to `context`.
+
+    It opens in another folder, so every path is whole.
+    """
+    words = [*python_command("-m", "pa_console")]
+    words += [word for given in given_words(context) for word in ("--set", given)]
+    words += ["console", "--new"]
+    for name, value in context.params.items():
+        source = context.get_parameter_source(name)
+        whole = _whole(name, value)
+        if name in OWN or source is None or (source.name != "COMMANDLINE" and whole == value):
+            continue
+        option = name.replace("_", "-")
+        if value is True:
+            words.append(f"--{option}")
+        elif value is False:
+            words += [f"--no-{option}"] if name in ("alarms", "tak_contacts") else []
+        elif value not in (None, ""):
+            words += [f"--{option}", str(whole)]
+    return words
+
+
+def _whole(name: str, value: Any) -> Any:
+    """Return the `value` of the option `name`; a path that is relative to this folder made whole.
+
+    A world, rules, a scenario and a model may also be names of what is installed.
+    """
+    if isinstance(value, Path):
+        return value.expanduser().absolute()
+    if name == "witness" and value:
+        return witness_target(value)
+    if name in IN_FILES and value:
+        path = Path(value).expanduser()
+        if any((path / file).is_file() for file in IN_FILES[name]):
+            return str(path.absolute())
+    return value

@@ -1,0 +1,146 @@
+"""`pa-console sessions`: the sessions that were recorded on this machine."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from pa_console.cli.options import JsonOption
+from pa_console.cli.settings_defaults import settings_of
+from pa_console.schema.text import clock_text, count, visible
+from pa_console.session.log.writer import default_folder
+from pa_console.session.past_sessions import (
+    SessionSummary,
+    Soundness,
+    find_session,
+    newest_logs,
+    past_sessions,
+    soundness,
+    summarise,
+)
+from pa_console.terminal.mission import COLOURS
+from pa_console.terminal.output import errors, out, print_json
+from pa_console.views.status_words import outcomes_in_words, status_of
+
+MOST = 20
+"""The number of sessions listed unless more are asked for."""
+
+
+def sessions(
+    context: typer.Context,
+    session: Annotated[
+        str | None,
+        typer.Argument(help="Show one: a session's id, how it begins, 'last', or a log file."),
+    ] = None,
+    most: Annotated[
+        int, typer.Option("--most", min=1, help="List at most so many, the newest first.")
+    ] = MOST,
+    everything: Annotated[bool, typer.Option("--all", help="List every session.")] = False,
+    json: JsonOption = False,
+) -> None:
+    """List the recorded sessions: what each was about, how it ended, whether its log is sound."""
+    folder = settings_of(context).values.logs or default_folder()
+    if session is not None:
+        _show(find_session(folder, session), json)
+        return
+    with errors.status("reading the session logs"):
+        found = past_sessions(folder, None if everything else most)
+        sound = [soundness(summary.log) for summary in found]
+    if json:
+        print_json([_document(*each) for each in zip(found, sound, strict=True)])
+        return
+    if not found:
+        out.print(f"no session was recorded in {folder} yet", markup=False, soft_wrap=True)
+        return
+    out.print(_table(found, sound))
+    more = len(newest_logs(folder)) - len(found)
+    if more > 0 and not everything:
+        out.print(f"{more} more logs; --all lists them", style="dim")
+
+
+def _table(found: list[SessionSummary], sound: list[Soundness]) -> Table:
+    table = Table(box=None, pad_edge=False, expand=True)
+    table.add_column("Session", no_wrap=True, min_width=20)
+    table.add_column("Title", ratio=1, overflow="fold")
+    table.add_column("Missions", min_width=12, max_width=20)
+    table.add_column("Length", justify="right", no_wrap=True, min_width=6)
+    table.add_column("Log", no_wrap=True, min_width=12)
+    for summary, standing in zip(found, sound, strict=True):
+        mark = status_of("log", standing.standing)
+        table.add_row(
+            summary.log.stem,
+            _title(summary),
+            Text(outcomes_in_words(summary.outcomes)),
+            clock_text(summary.length_s),
+            Text(mark.text, COLOURS[mark.tone]),
+        )
+    return table
+
+
+def _title(summary: SessionSummary) -> Text:
+    """Return the title, and the scenario where that is not the title itself."""
+    title = Text(visible(summary.title))
+    if summary.scenario and summary.scenario != summary.title:
+        title.append(f" ({visible(summary.scenario)})", "dim")
+    return title
+
+
+def _show(log: Path, json: bool) -> None:
+    """Show one session: where and when it was, every mission and its end, and its log."""
+    with errors.status("reading the session log"):
+        summary, standing = summarise(log), soundness(log)
+    if json:
+        print_json(_document(summary, standing))
+        return
+    mark = status_of("log", standing.standing)
+    never = "not yet" if standing.standing == "running" else "its log was never closed"
+    rows = (
+        ("Session", summary.session),
+        ("Title", summary.title),
+        ("Begun", summary.local_start),
+        ("Length", clock_text(summary.length_s)),
+        ("World", f"{summary.world}, rules {summary.rules}, seed {summary.seed}"),
+        ("Scenario", summary.scenario or "none"),
+        ("Model", summary.model),
+        ("Ended", never if summary.ending == "open" else summary.reason),
+        ("Log", f"{mark.text}: {standing.detail}" if standing.detail else mark.text),
+        ("File", str(log)),
+    )
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for name, text in rows:
+        table.add_row(Text(name, "bold"), Text(visible(text)))
+    out.print(table)
+    out.print(f"\n{count(len(summary.missions), 'mission')}", style="bold")
+    missions = Table(box=None, show_header=False, pad_edge=False)
+    for mission in summary.missions:
+        told = status_of("mission", mission.status or "open")
+        text = Text(visible(f"{mission.origin}{mission.said}"))
+        if mission.reason:
+            text.append(f"\n{visible(mission.reason)}", "dim")
+        missions.add_row(mission.id, Text(told.text, COLOURS[told.tone]), text)
+    if summary.missions:
+        out.print(missions)
+    out.print(f"\nPlay it back: pa-console replay {log.stem}", markup=False, soft_wrap=True)
+
+
+def _document(summary: SessionSummary, standing: Soundness) -> dict[str, Any]:
+    return {
+        "session": summary.session,
+        "log": str(summary.log),
+        "title": summary.title,
+        "started": summary.started,
+        "length_s": round(summary.length_s, 3),
+        "world": summary.world,
+        "rules": summary.rules,
+        "model": summary.model,
+        "scenario": summary.scenario,
+        "seed": summary.seed,
+        "missions": summary.missions,
+        "outcomes": summary.outcomes,
+        "ending": summary.ending,
+        "reason": summary.reason,
+        "standing": standing.standing,
+        "detail": standing.detail,
+    }

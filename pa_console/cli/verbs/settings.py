@@ -1,0 +1,125 @@
+"""`pa-console settings`: show what is chosen and why, change it, start afresh."""
+
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from pa_console.cli.options import JsonOption
+from pa_console.cli.settings_defaults import given_settings
+from pa_console.settings.file import reset_settings, save_setting
+from pa_console.settings.schema import describe_settings, value_text
+from pa_console.settings.sources import Loaded, load_settings, settings_file
+from pa_console.terminal.output import out, print_json
+
+app = typer.Typer(
+    no_args_is_help=True,
+    help="Show, change and reset the settings. Sources, the first wins: command line (an option, "
+    "or --set NAME=VALUE before the verb), environment (PA_CONSOLE_...), the settings file, the "
+    "defaults.",
+)
+NameArgument = Annotated[
+    str, typer.Argument(help="A setting, or keys.ACTION; 'settings show' lists them.")
+]
+
+
+@app.command()
+def show(context: typer.Context, json: JsonOption = False) -> None:
+    """Show every setting: its value, where that comes from, and what it means."""
+    loaded = load_settings(given_settings(context))
+    wrong = _problems(loaded)
+    if json:
+        print_json({"file": str(loaded.path), "settings": _rows(loaded), "problems": wrong})
+        raise typer.Exit(2 if wrong else 0)
+    table = Table("setting", "value", "from", "what it is", box=None, pad_edge=False)
+    for name, about in describe_settings().items():
+        origin, value = loaded.origin(name), getattr(loaded.values, name)
+        if name == "keys":
+            value = "\n".join(f"{key}: {keys}" for key, keys in value.items())
+        place = origin.place.removeprefix(str(loaded.path)).removeprefix(":")
+        place = f"file, line {place}" if origin.source == "file" else place or origin.source
+        limits = f" {about.limits[0].upper()}{about.limits[1:]}." if about.limits else ""
+        texts = (name, value_text(value), place, about.help + limits)
+        table.add_row(*(Text(text, overflow="fold") for text in texts))
+    out.print(table)
+    there = "" if loaded.document is not None else " (not there yet)"
+    out.print(f"\nfile: {loaded.path}{there}", markup=False, soft_wrap=True)
+    for problem in wrong:
+        out.print(f"problem: {problem}", style="bold red", markup=False, soft_wrap=True)
+    raise typer.Exit(2 if wrong else 0)
+
+
+def _rows(loaded: Loaded) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": name,
+            "title": about.title,
+            "value": getattr(loaded.values, name),
+            "default": about.default,
+            "source": loaded.origin(name).source,
+            "place": loaded.origin(name).place,
+            "help": about.help,
+            "limits": about.limits,
+            "variable": about.variable,
+            "needs_restart": about.restart,
+        }
+        for name, about in describe_settings().items()
+    ]
+
+
+def _problems(loaded: Loaded) -> list[str]:
+    from pa_console.tui.settings_rows import problems  # noqa: PLC0415 - the screen's libraries
+
+    return [str(loaded.error(field, problem)) for field, problem in problems(loaded.values)]
+
+
+@app.command()
+def path() -> None:
+    """Print where the settings file is; PA_CONSOLE_SETTINGS names another one."""
+    out.print(str(settings_file()), markup=False, soft_wrap=True)
+
+
+@app.command("set")
+def set_(
+    name: NameArgument,
+    value: Annotated[str, typer.Argument(help="The value; empty goes back to the default.")],
+) -> None:
+    """Write one setting into the file, once it is found to be right; comments there stay."""
+    _write(name, value)
+
+
+@app.command()
+def unset(name: NameArgument) -> None:
+    """Take one setting out of the file, back to its default."""
+    _write(name, "")
+
+
+def _write(name: str, text: str) -> None:
+    """Check and save one setting as the settings screen does; raises ValueError, DocumentError."""
+    from pa_console.tui.settings_rows import choices, to_write  # noqa: PLC0415
+
+    name = name if name.startswith("keys.") else name.replace("-", "_")
+    known = {choice.id: choice for choice in choices()}
+    if name not in known:
+        raise ValueError(f"there is no setting {name!r}; known: {', '.join(known)}")
+    loaded = load_settings()
+    try:
+        field, value = to_write(loaded, known[name], text)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from error
+    save_setting(loaded.path, field, value)
+    done = f"{name} is {text}" if text.strip() else f"{name} is back to its default"
+    out.print(f"{loaded.path}: {done}", markup=False, soft_wrap=True)
+    origin = load_settings().origin(field)
+    if origin.source == "environment":
+        out.print(f"note: {origin.place} is set and wins over the file", markup=False)
+
+
+@app.command()
+def reset() -> None:
+    """Go back to the defaults; the old file is kept beside it as a backup."""
+    file = settings_file()
+    backup = reset_settings(file)
+    said = f"moved to {backup}" if backup is not None else "there is none: defaults are in force"
+    out.print(f"{file}: {said}", markup=False, soft_wrap=True)

@@ -1,0 +1,200 @@
+"""`pa-console site`: run the simulated checkpoint on a bus, and make the files that this needs."""
+
+import asyncio
+import hashlib
+import time
+from collections.abc import Callable
+from contextlib import nullcontext, suppress
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from pydantic import TypeAdapter, ValidationError
+
+from pa_console.cli.options import CertificatesOption, ScenarioOption, SeedOption, WorldOption
+from pa_console.cli.sessions.fleet import credentials_of
+from pa_console.end_signals import EndableRun, end_signals, exit_code_of
+from pa_console.fleets.key_folder import KeyFolder
+from pa_console.fleets.station_authority import Vehicles
+from pa_console.fleets.vda5050.broker import (
+    INTERFACE,
+    PORTS,
+    BrokerAddress,
+    Credentials,
+    EmbeddedBroker,
+)
+from pa_console.fleets.vda5050.simulated_site import SimulatedSite, SiteOptions
+from pa_console.fleets.vda5050.site_files import RESERVED, Machines, default_hosts, write_site
+from pa_console.fleets.vda5050.vehicle import anybody
+from pa_console.schema.base import Name
+from pa_console.schema.document import read_bytes
+from pa_console.schema.text import count, visible
+from pa_console.schema.world import World
+from pa_console.sim.checkpoint import Checkpoint
+from pa_console.sim.worlds.scenario_file import open_scenario
+from pa_console.sim.worlds.world_file import open_world
+from pa_console.terminal.output import errors, out
+
+MOST_MACHINE_NAME = 40
+"""The longest machine name: with its role before it, a certificate's common name has at most 64
+characters."""
+
+app = typer.Typer(help="Run the simulated checkpoint as a service on a message bus; more below.")
+
+
+@app.callback(invoke_without_command=True)
+def site(
+    context: typer.Context,
+    broker: Annotated[
+        str,
+        typer.Option("--broker", metavar="URL", help="Where the broker is, and the site on it."),
+    ] = f"mqtt://127.0.0.1/{INTERFACE}",
+    certificates: CertificatesOption = None,
+    embedded_broker: Annotated[
+        bool,
+        typer.Option(
+            "--embedded-broker", help="Start a broker too, for this machine alone, to try it out."
+        ),
+    ] = False,
+    world: WorldOption = "checkpoint",
+    scenario: ScenarioOption = None,
+    seed: SeedOption = 0,
+    rate: Annotated[
+        float, typer.Option("--rate", min=0.1, max=100.0, help="Simulated seconds a second.")
+    ] = 1.0,
+    paced: Annotated[
+        bool,
+        typer.Option("--paced", help="Stand still until the station moves on: for scripts."),
+    ] = False,
+) -> None:
+    """Run the simulated checkpoint as a service: one VDA 5050 vehicle an asset, until Ctrl-C."""
+    if context.invoked_subcommand is not None:
+        return
+    address = BrokerAddress.parse(broker)
+    if embedded_broker and address.tls:
+        raise ValueError("--embedded-broker has no certificates; give --broker mqtt://127.0.0.1")
+    credentials_of(address, certificates, "site")
+
+    def let_in(name: str) -> Credentials | None:
+        return credentials_of(address, certificates, name)
+
+    loaded, path = open_world(world)
+    played = open_scenario(loaded, path, scenario).scenario if scenario else None
+    vehicles = _vehicles(loaded)
+    options = SiteOptions(
+        world_sha256=hashlib.sha256(read_bytes(path)).hexdigest(),
+        scenario=played.name if played is not None else "",
+        paced=paced,
+        rate=rate,
+        verify=vehicles.verify if vehicles is not None else anybody,
+        take=_telling(vehicles) if vehicles is not None else lambda _message: None,
+        credentials=let_in,
+    )
+    checkpoint = Checkpoint(loaded, seed, played)
+    endable = EndableRun()
+    with (
+        end_signals(endable.end),
+        EmbeddedBroker(address.port) if embedded_broker else nullcontext(),
+    ):
+        errors.print(
+            f"{loaded.title}: {count(len(loaded.assets), 'asset')} at {address}; Ctrl-C ends it",
+            markup=False,
+            soft_wrap=True,
+        )
+        try:
+            endable.run(SimulatedSite(checkpoint, address, options).run())
+        except (asyncio.CancelledError, KeyboardInterrupt):
+            if not endable.ended_by:
+                raise
+    if endable.ended_by:
+        raise typer.Exit(exit_code_of(endable.ended_by))
+
+
+@app.command()
+def init(
+    folder: Annotated[Path, typer.Argument(help="Where to write; what is there stays.")],
+    world: WorldOption = "checkpoint",
+    robot: Annotated[
+        list[str] | None,
+        typer.Option(help="Another robot that gets a certificate, by serial number; repeatable."),
+    ] = None,
+    host: Annotated[
+        list[str] | None,
+        typer.Option(help="A name or address of the broker's machine; repeatable."),
+    ] = None,
+    station: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Another machine that may take command; a folder of that name in FOLDER has its "
+            "certificates; repeatable."
+        ),
+    ] = None,
+    joined: Annotated[
+        list[str] | None,
+        typer.Option(help="Another machine that joins a session alone; likewise; repeatable."),
+    ] = None,
+    name: Annotated[str, typer.Option("--site", help="The name of the site.")] = INTERFACE,
+    port: Annotated[int, typer.Option("--port", min=1, max=65535)] = PORTS["mqtts"],
+) -> None:
+    """Make an authority, certificates, an access list and a configuration for Mosquitto."""
+    loaded, _ = open_world(world)
+    for serial in robot or ():
+        _check_name("--robot", serial)
+        if serial in RESERVED:
+            raise ValueError(f"--robot {serial}: the site itself has this name")
+    machines = Machines(tuple(station or ()), tuple(joined or ()))
+    for machine in machines.stations:
+        _check_name("--station", machine, MOST_MACHINE_NAME)
+    for machine in machines.joined:
+        _check_name("--joined", machine, MOST_MACHINE_NAME)
+    robots = tuple(dict.fromkeys((*loaded.assets, *loaded.cameras, *(robot or ()))))
+    address = BrokerAddress.parse(f"mqtts://localhost:{port}/{name}")
+    hosts = (*default_hosts(), *(host or ()))
+    written = write_site(
+        folder, address.site, robots, tuple(dict.fromkeys(hosts)), port, machines=machines
+    )
+    made, kept = count(len(written.made), "certificate"), len(written.kept)
+    out.print(
+        f"{written.folder}: {made} made{f', {kept} kept' if kept else ''}\n"
+        f"broker:  mosquitto -c {written.folder}/mosquitto.conf\n"
+        f"site:    pa-console site --broker {address} --certificates {folder}\n"
+        f"station: pa-console console --fleet {address} --certificates {folder}",
+        markup=False,
+        soft_wrap=True,
+    )
+
+
+def _vehicles(world: World) -> Vehicles | None:
+    """Return what the vehicles check commands with: the site's keys, where this machine has them.
+
+    They go by wall time, as the station that signs does, however fast the site is.
+    """
+    folder = KeyFolder()
+    if not folder.made:
+        return None
+    return Vehicles(world.assets, folder.owner, folder.messages, time.time)
+
+
+def _telling(vehicles: Vehicles) -> Callable[[str], None]:
+    """Return a callback that passes signed messages to `vehicles`, and reports changes."""
+    told = vehicles.in_command
+
+    def take(message: str) -> None:
+        nonlocal told
+        why = vehicles.take(message)
+        line = f"a signed message changes nothing: {why}" if why else vehicles.in_command
+        if line != told:
+            told = line
+            errors.print(visible(line), markup=False, soft_wrap=True)
+
+    return take
+
+
+def _check_name(option: str, name: str, most: int = 64) -> None:
+    """Raise ValueError for a name that cannot be that of an asset or a machine."""
+    with suppress(ValidationError):
+        if len(TypeAdapter[str](Name).validate_python(name)) <= most:
+            return
+    raise ValueError(
+        f"{option} {name}: up to {most} letters, digits and _ after a letter, such as Robot_T03"
+    )

@@ -1,0 +1,152 @@
+"""`pa-console world` and `pa-console scenarios`: worlds, and their situations."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from pa_console.cli.options import JsonOption, WorldOption
+from pa_console.schema.incident import After, AssetIs, AssetReach, Condition, TrackIs
+from pa_console.schema.text import count
+from pa_console.session.log.writer import refuse_audit_file
+from pa_console.sim.checkpoint import Checkpoint
+from pa_console.sim.worlds.scenario_file import list_scenarios, open_scenario
+from pa_console.sim.worlds.world_file import open_world
+from pa_console.sim.worlds.world_generator import generate_world, world_yaml
+from pa_console.terminal.output import errors, out, print_document, print_json
+from pa_console.views.event_words import incident_truth_in_words
+
+app = typer.Typer(no_args_is_help=True, help="Generate a checkpoint world, or check one.")
+
+
+@app.command()
+def generate(
+    gates: Annotated[int, typer.Option("--gates", help="Number of gates.")] = 4,
+    assets: Annotated[int, typer.Option("--assets", help="Number of assets.")] = 8,
+    seed: Annotated[int, typer.Option("--seed", help="Equal seeds give equal worlds.")] = 0,
+    output: Annotated[
+        Path | None, typer.Option("--out", "-o", help="File to write; stdout when left out.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Write over an existing file.")] = False,
+) -> None:
+    """Generate a valid world: other gates, shapes and teams for every seed."""
+    if output is not None and output.exists() and not force:
+        raise ValueError(f"{output} exists; give another name, or --force to write over it")
+    with errors.status(f"laying out {count(gates, 'gate')} and {count(assets, 'asset')}"):
+        text = world_yaml(generate_world(gates, assets, seed))
+    if output is None:
+        print_document(text)
+        return
+    refuse_audit_file(output)
+    output.parent.mkdir(parents=True, exist_ok=True)
+    output.write_text(text, encoding="utf-8")
+    out.print(
+        f"{output}: {count(gates, 'gate')}, {count(assets, 'asset')}; "
+        f"open it with: pa-console console --world {output}",
+        markup=False,
+        soft_wrap=True,
+    )
+
+
+@app.command()
+def check(
+    world: Annotated[str, typer.Argument(help="A world: an installed name, a folder or a file.")],
+) -> None:
+    """Check a world file; errors name line and field."""
+    loaded, path = open_world(world)
+    with errors.status("placing the assets"):
+        picture = Checkpoint(loaded).picture()
+    bare = [gate for gate, cover in picture.gates.items() if not cover.covered]
+    out.print(
+        f"{path}: ok, {count(len(loaded.gates), 'gate')}, {count(len(loaded.assets), 'asset')}, "
+        f"{count(len(loaded.cameras), 'camera')}",
+        markup=False,
+        soft_wrap=True,
+    )
+    if bare:
+        out.print(f"gates that nobody covers at the start: {', '.join(bare)}", markup=False)
+
+
+_ASSET_STATES: dict[AssetReach, str] = {
+    "moving": "is moving",
+    "arrived": "has arrived",
+    "low_battery": "is low on battery",
+    "failed": "has failed",
+    "charging": "is charging",
+    "silent": "is silent",
+}
+
+scenarios_app = typer.Typer(
+    no_args_is_help=True, help="List, show and check the situations of a world."
+)
+
+
+@scenarios_app.command("list")
+def list_(world: WorldOption = "checkpoint", json: JsonOption = False) -> None:
+    """List the situations that lie beside the world file."""
+    _, path = open_world(world)
+    found = list_scenarios(path)
+    if json:
+        print_json([{"name": name, "title": title} for name, title in found])
+        return
+    table = Table("Name", "What happens", box=None, pad_edge=False)
+    for name, title in found:
+        table.add_row(name, title)
+    out.print(table)
+
+
+@scenarios_app.command()
+def show(
+    name: Annotated[str, typer.Argument(help="Name of a situation, or a file.")],
+    world: WorldOption = "checkpoint",
+    json: JsonOption = False,
+) -> None:
+    """Show what happens in a situation, and when."""
+    found, path = open_world(world)
+    scenario = open_scenario(found, path, name).scenario
+    if json:
+        print_json(scenario)
+        return
+    head = f"{scenario.title} ({scenario.duration_s:g} s)\n{scenario.about.strip()}\n"
+    out.print(head, markup=False)
+    table = Table(box=None, show_header=False, padding=(0, 2))
+    table.add_column(no_wrap=True)
+    table.add_column()
+    for event in scenario.events:
+        when = f"{event.at_s:g} s" if event.at_s is not None else _condition(event.when)
+        delay = f" + {event.delay_s:g} s" if event.delay_s else ""
+        table.add_row(when + delay, incident_truth_in_words(event.do))
+    for drawn in scenario.random:
+        for incident in drawn.do:
+            when = f"now and then, {drawn.mean_s:g} s apart"
+            table.add_row(when, incident_truth_in_words(incident))
+    out.print(table, highlight=False)
+
+
+@scenarios_app.command("check")
+def check_scenario(
+    file: Annotated[Path, typer.Argument(help="A scenario file.")],
+    world: WorldOption = "checkpoint",
+) -> None:
+    """Check a scenario file against a world; errors name line and field."""
+    found, path = open_world(world)
+    scenario = open_scenario(found, path, str(file)).scenario
+    out.print(
+        f"{file}: ok, {count(len(scenario.events), 'event')}, "
+        f"{count(len(scenario.random), 'random kind')}",
+        markup=False,
+        soft_wrap=True,
+    )
+
+
+def _condition(condition: Condition | None) -> str:
+    match condition:
+        case TrackIs(track=track, state=state):
+            return f"when {track} is {state}"
+        case AssetIs(asset=asset, state=state, at=at):
+            return f"when {asset} {_ASSET_STATES[state]}{f' at {at}' if at else ''}"
+        case After(event=event):
+            return f"after {event}"
+        case None:
+            return ""

@@ -1,0 +1,1 @@
+"""The terminal without a screen: what a mission, an approval and a console are drawn in."""

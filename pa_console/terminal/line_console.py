@@ -1,0 +1,288 @@
+"""The console as lines: what happens is said, and what is typed is dealt with at once."""
+
+import asyncio
+import re
+from collections.abc import Callable
+from contextlib import aclosing, suppress
+from time import monotonic
+
+from pa_console.observability import Observer, unobserved
+from pa_console.schema.events import event as ev
+from pa_console.schema.mission import Decision
+from pa_console.session.state import MissionTrace, SessionState
+from pa_console.station.station import Station
+from pa_console.terminal.session_lines import SessionLines
+from pa_console.terminal.typed_lines import (
+    HOW,
+    Answer,
+    AskedLines,
+    is_answer,
+    is_stop,
+    read_answer,
+    reason_of,
+)
+from pa_console.views.waiting import Waiting
+
+HELP = """\
+Type a mission in plain words, and Enter. Everything else is one of these lines:
+  stop              every asset holds at once, open plans are void; release ends that
+  why?              why this plan; why Drone_T04? why not the robot? what else could you do?
+  approve, reject   answer to a plan that waits; reject WHY, approve because WHY
+  modify PLAN       another plan: ASSET COMMAND; ASSET COMMAND
+  reading 1         the order was meant as this reading of those that are offered
+  show              say the plan that waits once more
+  mission TEXT      give TEXT as a mission while a plan waits
+  cancel            end the active mission, in any stage
+  status            time, gates, stop, the active mission, what waits
+  assets, alarms, queue, trace
+  standing          the standing orders in force; revoke S1 ends one
+  seen              acknowledge the open alarms
+  speed 2           simulated seconds per second, 1 to 8
+  help, quit"""
+CTRL_C = (
+    "Ctrl-C stops nothing by itself. Type stop (every asset holds) or quit (the session ends); "
+    "any other line goes on."
+)
+TOLD_EVERY_S = 5.0
+"""The interval between two lines about the present wait, seconds."""
+
+_SPEED = re.compile(r"(?i)\s*speed\s+(\S+)\s*")
+_REVOKE = re.compile(r"(?i)\s*revoke\s+(\S+)\s*")
+_MISSION = re.compile(r"(?is)\s*mission\b[\s:]+(\S.*)")
+
+
+class LineConsole:
+    """Shows a station's events through `say`, and carries out typed lines."""
+
+    def __init__(
+        self,
+        station: Station,
+        say: Callable[[str], None],
+        show_plan: Callable[[MissionTrace, int], None],
+        show_trace: Callable[[MissionTrace], None],
+        waiting: Waiting,
+        *,
+        hold_s: float = 0.0,
+        called: Callable[[], None] = lambda: None,
+        observer: Observer = unobserved,
+    ) -> None:
+        """Open the console.
+
+        `show_plan` and `show_trace` print rows. An approval within `hold_s` seconds of its plan is
+        not accepted: the plan cannot have been read. `called` is called when the operator is waited
+        for; `observer` is given every event.
+        """
+        self._station, self._say = station, say
+        self._told = SessionLines(say, show_plan, show_trace, called)
+        self.waiting, self._hold_s, self._called = waiting, hold_s, called
+        self._observe = observer
+        self._confirming: Callable[[], None] | None = None
+        self._reason = ""
+        self._shown_at = 0.0
+        self._closing: asyncio.Task[None] | None = None
+        self._input_ended = False
+        self._asked = AskedLines(station, say, self._tell_waits)
+
+    @property
+    def state(self) -> SessionState:
+        """The session as it stands."""
+        return self._told.state
+
+    @property
+    def request(self) -> ev.ApprovalRequested | None:
+        """The plan that waits for a decision."""
+        return self._told.request
+
+    async def run(
+        self, lines: asyncio.Queue[str | None], forget: Callable[[], None] = lambda: None
+    ) -> None:
+        """Carry the session on until it is closed; `forget` drops what was typed too early."""
+        self._forget = forget
+        self._say("Type a mission in plain words, and Enter. help says what else there is.")
+        work = [asyncio.create_task(self._listen(lines)), asyncio.create_task(self._tell_waiting())]
+        try:
+            async with aclosing(self._station.run()) as events:
+                async for event in events:
+                    self._take(event)
+                    await asyncio.sleep(0)
+        finally:
+            for task in work:
+                task.cancel()
+            await asyncio.gather(*work, return_exceptions=True)
+
+    def interrupted(self) -> None:
+        """Answer Ctrl-C, which stops nothing by itself."""
+        self._confirming = None
+        self._say(CTRL_C)
+
+    # What happens
+
+    def _take(self, event: ev.Event) -> None:
+        self._observe(event)
+        self._told.take(event)
+        self.waiting.take(event, self.state, monotonic())
+        if isinstance(event.data, ev.ApprovalRequested):
+            self._ask(event.data)
+        self._told.tell_notice(event)
+
+    def _ask(self, request: ev.ApprovalRequested) -> None:
+        """Show the plan that waits, and ask."""
+        self._reason, self._confirming = "", None
+        if request.state == "not_understood":
+            why = "; ".join(request.blocked_by)
+            self._say(why)
+            self._answer(Answer(Decision(kind="reject", reason=why, request_id=request.request_id)))
+            return
+        self._show_request(request)
+        if self._input_ended:
+            self._reject_unanswered(request)
+            return
+        self._forget()
+        self._shown_at = monotonic()
+        self._called()
+
+    def _show_request(self, request: ev.ApprovalRequested) -> None:
+        self._told.show(request, "you", f"Your answer: {HOW}")
+
+    async def _tell_waiting(self) -> None:
+        """Show the present wait now and then."""
+        while True:
+            await asyncio.sleep(TOLD_EVERY_S)
+            if line := self.waiting.line(monotonic(), self.state):
+                self._say(line)
+
+    # What is typed
+
+    async def _listen(self, lines: asyncio.Queue[str | None]) -> None:
+        while (line := await lines.get()) is not None:
+            if line.strip():
+                self._do(line.strip())
+        self._say("no more lines can come: the session ends when nothing is under way")
+        self._input_ended = True
+        await self._asked.all_answered()
+        if self.request is not None:
+            self._reject_unanswered(self.request)
+        await self._station.settled()
+        await self._station.close("the input has ended")
+
+    def _reject_unanswered(self, request: ev.ApprovalRequested) -> None:
+        reason = "nobody answers any more"
+        decision = Decision(kind="reject", reason=reason, request_id=request.request_id)
+        self._answer(Answer(decision))
+
+    def _do(self, line: str) -> None:
+        """Carry out one line; what is wrong with it is said."""
+        confirming, self._confirming = self._confirming, None
+        try:
+            if is_stop(line):
+                self._station.stop_all()
+            elif confirming is not None and line.casefold() == "yes":
+                confirming()
+            elif confirming is not None and line.casefold() == "no":
+                self._say("left as it is")
+            elif not self._simple(line) and not self._asked.take(line):
+                self._answer_or_order(line)
+        except ValueError as error:
+            self._say(str(error))
+
+    def _simple(self, line: str) -> bool:
+        """Carry out a line of one word, or `speed`; return whether it was one."""
+        word = line.casefold()
+        speed, revoke = _SPEED.fullmatch(line), _REVOKE.fullmatch(line)
+        if self._told.look(word):
+            pass
+        elif word in ("help", "?"):
+            self._say(HELP)
+        elif word == "cancel":
+            self._station.cancel()
+        elif word == "release":
+            self._confirm("Release the stop: missions are taken again. Type yes", self._release)
+        elif word == "seen":
+            self._seen()
+        elif word in ("quit", "exit"):
+            self._quit()
+        elif speed is not None:
+            self._speed(speed[1])
+        elif revoke is not None:
+            self._station.revoke(revoke[1].upper())
+        else:
+            return False
+        return True
+
+    def _tell_waits(self) -> None:
+        """Show, after an answer, that a plan still waits."""
+        if self.request is not None:
+            self._say(f"The plan still waits: {HOW}")
+
+    def _answer_or_order(self, line: str) -> None:
+        """Take a line as the answer to the plan that waits, or as a mission."""
+        order, request = _MISSION.fullmatch(line), self.request
+        if order is not None:
+            self._submit(order[1])
+            return
+        if request is None:
+            if is_answer(line):
+                self._say("no plan waits for an answer; to give this as a mission: mission TEXT")
+            else:
+                self._submit(line)
+            return
+        if reason := reason_of(line):
+            self._reason = reason
+            self._say("the reason is noted; now approve or reject")
+            return
+        answer = read_answer(line, request, self._reason)
+        if answer is None:
+            self._say(f"A plan waits: {HOW}. To give another mission now: mission TEXT")
+        elif answer.decision is not None and monotonic() - self._shown_at < self._hold_s:
+            self._say("the plan had just been shown: read it, and answer again")
+        else:
+            self._answer(answer)
+
+    def _answer(self, answer: Answer) -> None:
+        decision = answer.decision
+        if answer.problem:
+            self._say(answer.problem)
+        elif answer.show and self.request is not None:
+            self._show_request(self.request)
+        elif decision is not None and answer.confirm:
+            self._confirm(answer.confirm, lambda: self._station.decide(decision))
+        elif decision is not None:
+            self._station.decide(decision)
+
+    def _confirm(self, question: str, do: Callable[[], None]) -> None:
+        self._confirming = do
+        self._say(question)
+
+    def _submit(self, text: str) -> None:
+        mission = self._station.submit(text)
+        if mission.typed:
+            self._say(f"read as: {mission.text}")
+
+    def _release(self) -> None:
+        self._station.release()
+
+    def _seen(self) -> None:
+        unseen = [item.alarm.id for item in self.state.alarms if not item.acknowledged]
+        for name in unseen:
+            self._station.acknowledge(name)
+        if not unseen:
+            self._say("every alarm has been seen")
+
+    def _speed(self, text: str) -> None:
+        with suppress(ValueError):
+            rate = float(text)
+            if 1.0 <= rate <= 8.0:
+                self._station.rate = rate
+                self._say(f"speed {rate:g}")
+                return
+        self._say("speed takes a number from 1 to 8")
+
+    def _quit(self) -> None:
+        if self.state.active is None:
+            self._close()
+            return
+        question = f"Mission {self.state.active} is active; leaving cancels it. Type yes to leave"
+        self._confirm(question, self._close)
+
+    def _close(self) -> None:
+        self._closing = asyncio.create_task(self._station.close())

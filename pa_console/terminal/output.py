@@ -1,0 +1,117 @@
+"""Output on a terminal: streams, consoles that print text as it is, JSON, and exit codes."""
+
+import json
+import os
+import sys
+from collections.abc import Iterable
+from typing import IO, TYPE_CHECKING, Any
+
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.segment import Segment
+from rich.status import Status
+from rich.text import Text
+
+from pa_console.schema.text import visible, visible_json
+
+if TYPE_CHECKING:
+    from pa_console.schema.rule import RulesSeal
+
+
+class PlainConsole(Console):
+    """A console that passes its own styles on, and shows all text in visible form."""
+
+    def __init__(self, **options: Any) -> None:
+        """`options` are Rich's own; markup, highlighting and emoji codes are off."""
+        super().__init__(markup=False, highlight=False, emoji=False, **options)
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """Return `text` as it is shown, before it is measured, wrapped and put into columns."""
+        return super().render_str(visible(text), **options)
+
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterable[Segment]:
+        """Yield the segments of anything; the last gate, for what was a `Text` before."""
+        for segment in super().render(renderable, options):
+            yield segment if segment.control else Segment(visible(segment.text), segment.style)
+
+    def status(self, status: RenderableType, **options: Any) -> Status:
+        """Return a spinner whose text, now and later, is no markup."""
+        return _PlainStatus(_text(status), console=self, **options)
+
+
+class _PlainStatus(Status):
+    """A spinner that treats its label as plain text."""
+
+    def update(self, status: RenderableType | None = None, **options: Any) -> None:
+        """Show another text."""
+        super().update(None if status is None else _text(status), **options)
+
+
+def _text(status: RenderableType) -> RenderableType:
+    return Text(visible(status)) if isinstance(status, str) else status
+
+
+DRIVER = "TEXTUAL_DRIVER"
+"""The variable with the name of another driver than a terminal's, such as that of a browser."""
+
+
+def open_closed_streams() -> None:
+    """Let every standard stream that was closed read nothing, or lead nowhere.
+
+    Otherwise the next file that is opened becomes standard input or output, and whoever reads or
+    writes there meets it.
+    """
+    for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
+        if getattr(sys, name) is None:
+            stream = _open_on_nothing(number, mode)
+            setattr(sys, name, stream)
+            setattr(sys, f"__{name}__", stream)
+
+
+def require_keys(instead: str) -> None:
+    """Raise ValueError, with what to do instead, where no key of an operator can arrive.
+
+    Textual's own drivers, such as that of a browser, bring keys without a terminal.
+    """
+    if DRIVER not in os.environ and not sys.stdin.isatty():
+        raise ValueError(f"standard input is no terminal, no key would arrive; {instead}")
+
+
+def _open_on_nothing(number: int, mode: str) -> IO[Any]:
+    """Return a stream on the null device: as descriptor `number`, unless a file is there by now."""
+    opened = os.open(os.devnull, os.O_RDONLY if mode == "r" else os.O_WRONLY)
+    os.set_inheritable(opened, opened == number)
+    return os.fdopen(opened, mode, encoding="utf-8", closefd=False)
+
+
+FAILED = 1
+BAD_INPUT = 2
+
+out = PlainConsole()
+errors = PlainConsole(stderr=True)
+
+
+def warn_of_altered(rules: str, seal: "RulesSeal") -> None:
+    """Report on stderr the warnings about the rules in force."""
+    altered = (f"{seal.words}: {seal.problem}",) if seal.altered else ()
+    for warning in (*altered, *seal.warnings):
+        errors.print(
+            f"warning: the rules {rules!r}: {warning}",
+            style="bold red",
+            markup=False,
+            soft_wrap=True,
+        )
+
+
+def print_json(value: Any) -> None:
+    """Print `value`, dataclasses and pydantic models included, as one indented JSON document."""
+    from pydantic import TypeAdapter  # noqa: PLC0415 - only when it is asked for
+
+    plain = TypeAdapter(Any).dump_python(value, mode="json")
+    sys.stdout.write(visible_json(json.dumps(plain, indent=2, ensure_ascii=False)) + "\n")
+
+
+def print_document(text: str) -> None:
+    """Print a text that has its own lines, such as Markdown, and nothing after it."""
+    sys.stdout.write(visible(text))

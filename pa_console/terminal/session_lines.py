@@ -1,0 +1,189 @@
+"""A session as lines: what happens in it is said, and how it stands when that is asked for."""
+
+from collections.abc import Callable
+
+from pa_console.language.plain_words import plain_reading
+from pa_console.schema.events import event as ev
+from pa_console.schema.text import clock_text, count
+from pa_console.session.state import MissionTrace, Notice, SessionState
+from pa_console.session.wording import order_in_words
+from pa_console.terminal.mission import step_line
+from pa_console.views.event_words import standing_in_words
+from pa_console.views.status_words import status_of
+from pa_console.views.trace.layout import progress
+
+
+def status_lines(state: SessionState) -> list[str]:
+    """Return time, gates, stop, model, the active mission and what waits."""
+    picture, lines = state.picture, list[str]()
+    if picture is not None:
+        lines.append(f"time {clock_text(picture.time_s)}, weather {picture.weather}")
+        uncovered = [name for name, cover in picture.gates.items() if not cover.covered]
+        lines.append(
+            f"gates not covered: {', '.join(uncovered)}" if uncovered else "all gates covered"
+        )
+    if state.stop is not None:
+        held, open_ = state.stop.held, state.stop.unconfirmed
+        named = [
+            f"{name} ({why})" if (why := state.stop.overdue.get(name)) else name for name in open_
+        ]
+        waits = f"; not confirmed by {', '.join(named)}" if named else ""
+        lines.append(f"STOPPED: {held} assets hold{waits}; release ends the stop")
+    if state.log_problem:
+        lines.append(f"the log cannot be written, nothing is dispatched: {state.log_problem}")
+    if state.relieved:
+        lines.append(f"NOT IN COMMAND, nothing is sent: {state.relieved}")
+    if state.worker is not None:
+        lines.append(f"model {state.worker.state} {state.worker.detail}".strip())
+    for server in state.servers.values():
+        lines.append(f"model server {server.server} {server.state}: {server.detail}")
+    if (tak := state.tak.connection) is not None:
+        reported = count(len(state.reported_contacts), "contact")
+        lines.append(f"TAK {tak.state}: {tak.detail}; {reported} reported, none verified")
+    trace = state.current
+    if trace is None:
+        lines.append("no mission yet")
+    else:
+        how = "".join(span.text for span in progress(trace))
+        lines.append(f"mission {trace.mission.id}: {trace.mission.said}")
+        lines.append(f"  {how}")
+    lines.append(f"{len(state.queue)} missions wait, {len(state.alarms)} alarms are open")
+    return lines
+
+
+def asset_lines(state: SessionState) -> list[str]:
+    """Return a line for each asset: where it is, what it does, how it is."""
+    if state.picture is None:
+        return ["nothing was reported yet"]
+    return [
+        f"{asset.id}: {asset.task} {f'at {asset.at}' if asset.at else f'to {asset.post}'}, "
+        f"{asset.status}, battery {asset.battery_pct:.0f} %, link {asset.comms}"
+        f"{', report is old' if asset.stale else ''}"
+        for asset in state.picture.assets.values()
+    ]
+
+
+def alarm_lines(state: SessionState) -> list[str]:
+    """Return a line for each open alarm, the most urgent first."""
+    return [
+        f"{item.alarm.priority}: {item.alarm.text}{', seen' if item.acknowledged else ''}"
+        for item in state.alarms
+    ] or ["no alarm is open"]
+
+
+def queue_lines(state: SessionState) -> list[str]:
+    """Return a line for each mission that waits, the next first."""
+    return [
+        f"{entry.mission.id}: {entry.mission.said} ({entry.reason})" for entry in state.queue
+    ] or ["no mission waits"]
+
+
+def standing_lines(state: SessionState) -> list[str]:
+    """Return two lines for each standing order in force: what it says, and what it has done."""
+    lines: list[str] = []
+    for trace in state.standing.values():
+        if not trace.in_force:
+            continue
+        last = f", last {trace.last.mission} for {trace.last.subject}" if trace.last else ""
+        lines.append(standing_in_words(trace.order))
+        lines.append(f"  {trace.order.condition}; {count(trace.started, 'start')}{last}")
+    return lines or ["no standing order is in force"]
+
+
+_LEVELS = ("warning", "alarm")
+_TABLES = {"status": status_lines, "assets": asset_lines, "alarms": alarm_lines,
+           "queue": queue_lines, "standing": standing_lines}  # fmt: skip
+
+
+class SessionLines:
+    """Folds the events of a session, its own or another station's, and shows them a line each."""
+
+    def __init__(
+        self,
+        say: Callable[[str], None],
+        show_plan: Callable[[MissionTrace, int], None],
+        show_trace: Callable[[MissionTrace], None],
+        called: Callable[[], None],
+    ) -> None:
+        """Open the session.
+
+        `show_plan` and `show_trace` print rows. `called` is called when the operator is waited for.
+        """
+        self._say, self._show_plan, self._show_trace = say, show_plan, show_trace
+        self._called = called
+        self.state = SessionState()
+        self._last_notice: Notice | None = None
+
+    @property
+    def request(self) -> ev.ApprovalRequested | None:
+        """The plan that waits for a decision."""
+        current = self.state.current
+        return current.approval if current is not None else None
+
+    def fold(self, event: ev.Event) -> None:
+        """Take in an event without showing it."""
+        self.state.apply(event)
+        self._last_notice = self._newest_notice()
+
+    def take(self, event: ev.Event) -> None:
+        """Take in an event, and show it; a waiting plan is for `show`."""
+        self._last_notice = self._newest_notice()
+        self.state.apply(event)
+        if line := step_line(event):
+            self._say(line)
+        match event.data:
+            case ev.CommandReplied(reply=reply) if reply.status in ("done", "failed", "refused"):
+                self._say(f"{reply.agent} {reply.status}{f': {reply.detail}' * bool(reply.detail)}")
+            case ev.CommandSent(command=command) if event.mission is None:
+                self._say(f"{command.agent}: {order_in_words(command)}")
+            case ev.DecisionMade(accepted=False, detail=detail):
+                self._say(f"not taken: {detail}")
+            case ev.MissionReported(text=text):
+                self._say(text.strip())
+            case ev.SessionEnded(reason=reason):
+                self._say(f"the session has ended: {reason}")
+            case _:
+                pass
+
+    def tell_notice(self, event: ev.Event) -> None:
+        """Show the new lines of the event list after `event`, unless a step has shown them."""
+        last = self._newest_notice()
+        if last is None or last is self._last_notice:
+            return
+        self._last_notice = last
+        hidden = last.hidden or event.mission is not None or last.level not in _LEVELS
+        if not hidden:
+            self._say(f"{last.level.upper()}  {last.subject}: {last.text}")
+            if last.level == "alarm":
+                self._called()
+
+    def show(self, request: ev.ApprovalRequested, waits: str, how: str) -> None:
+        """Say the plan of a request; `waits` is for whom, `how` what may be answered."""
+        trace = self.state.current
+        if trace is not None:
+            self._show_plan(trace, request.attempt)
+        told = status_of("approval", request.state or "none")
+        what = "A plan" if request.standing is None else f"Standing order {request.standing.id}"
+        self._say(f"{what} waits for {waits}. {told.word}.")
+        for reason in request.blocked_by:
+            self._say(f"blocked: {reason}")
+        if request.acknowledge:
+            self._say(f"broken, to be accepted by you: {', '.join(request.acknowledge)}")
+        for number, asked in enumerate(request.readings, start=1):
+            self._say(f"reading {number}: {plain_reading(asked)}")
+        self._say(how)
+
+    def look(self, word: str) -> bool:
+        """Show the state that `word` asks for; return whether it asks for any."""
+        if word in _TABLES:
+            for told in _TABLES[word](self.state):
+                self._say(told)
+        elif word == "trace" and self.state.current is not None:
+            self._show_trace(self.state.current)
+        else:
+            return False
+        return True
+
+    def _newest_notice(self) -> Notice | None:
+        notices = self.state.notices
+        return notices[-1] if notices else None

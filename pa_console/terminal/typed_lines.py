@@ -1,0 +1,239 @@
+"""Lines typed in a session: read in a thread, and taken as answers and questions."""
+
+import asyncio
+import os
+import re
+import select
+import sys
+import termios
+from collections.abc import Callable
+from dataclasses import dataclass
+from threading import Thread
+from typing import Protocol
+
+from pydantic import ValidationError
+
+from pa_console.language.questions import Question
+from pa_console.schema.events.event import ApprovalRequested
+from pa_console.schema.events.intake import QuestionAnswered
+from pa_console.schema.mission import Decision
+from pa_console.schema.plan import Plan
+
+LONGEST = 20_000
+"""Bytes of a line; what is longer is cut."""
+
+
+class InputLines:
+    """Puts each line of standard input into `queue`; None when there will be no more.
+
+    On a terminal the end of the input (Ctrl-D) is the line `quit`, and reading goes on for as
+    long as the terminal is there.
+    """
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self.queue: asyncio.Queue[str | None] = asyncio.Queue()
+        self._loop, self._file = loop, sys.stdin.fileno()
+        self._terminal = sys.stdin.isatty()
+        self._ended, self._end = os.pipe()
+        self._thread = Thread(target=self._read, name="input", daemon=True)
+
+    def start(self) -> None:
+        """Begin to read."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Read no more."""
+        os.write(self._end, b".")
+        self._thread.join()
+        os.close(self._end)
+        os.close(self._ended)
+
+    def forget_typed(self) -> None:
+        """Drop the text typed and not yet sent: it was meant for another prompt."""
+        if self._terminal:
+            termios.tcflush(self._file, termios.TCIFLUSH)
+
+    def _read(self) -> None:
+        pending = b""
+        while self._ended not in select.select([self._file, self._ended], [], [])[0]:
+            try:
+                read = os.read(self._file, 4096)
+            except OSError:
+                read = b""
+                self._terminal = False
+            if not read and self._terminal and os.isatty(self._file):
+                self._give("quit")
+                continue
+            if not read:
+                if pending:
+                    self._give(pending.decode(errors="replace"))
+                self._give(None)
+                return
+            *lines, pending = (pending + read).split(b"\n")
+            pending = pending[:LONGEST]
+            for line in lines:
+                self._give(line[:LONGEST].decode(errors="replace"))
+
+    def _give(self, line: str | None) -> None:
+        self._loop.call_soon_threadsafe(self.queue.put_nowait, line)
+
+
+HOW = "approve, reject, modify, show, stop; with an objection of the judge: approve because REASON"
+_WORDS = re.compile(r"(?is)\s*(approve|reject|modify|reading|reason|show)\b[\s:,]*(.*)")
+_STOP = re.compile(r"(?i)\s*stop(\s+all)?\s*[.!]*\s*")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A typed answer: a decision, a question to be confirmed by `yes` first, or its fault."""
+
+    decision: Decision | None = None
+    confirm: str = ""
+    problem: str = ""
+    show: bool = False
+
+
+def is_stop(line: str) -> bool:
+    """Return whether `line` stops all assets, at any console in lines and at any prompt."""
+    return _STOP.fullmatch(line) is not None
+
+
+def read_answer(line: str, request: ApprovalRequested, reason: str = "") -> Answer | None:
+    """Return the answer to `request` in `line`; None when it is no answer at all.
+
+    `reason` was given before, by itself.
+    """
+    found = _WORDS.fullmatch(line)
+    if found is None or not is_answer(line):
+        return None
+    word, rest = found[1].casefold(), found[2].strip()
+    match word:
+        case "approve":
+            why = re.sub(r"(?i)^because\b[\s:,]*", "", rest) or reason
+            return _approve(request, why)
+        case "reject":
+            why = re.sub(r"(?i)^because\b[\s:,]*", "", rest) or reason or "rejected by the operator"
+            return Answer(_named(request, Decision(kind="reject", reason=why)))
+        case "reading":
+            return _choose(request, rest)
+        case "modify":
+            return _modify(request, rest, reason)
+        case "show":
+            return Answer(show=True)
+        case _:
+            return Answer(problem="type the reason too: reason TEXT")
+
+
+def is_answer(line: str) -> bool:
+    """Return whether `line` would be the answer to a plan, if one waited."""
+    found = _WORDS.fullmatch(line)
+    return found is not None and (found[1].casefold() != "show" or not found[2].strip())
+
+
+def reason_of(line: str) -> str:
+    """Return the reason that `line` gives by itself, empty when it gives none."""
+    found = _WORDS.fullmatch(line)
+    return found[2].strip() if found is not None and found[1].casefold() == "reason" else ""
+
+
+def _named(request: ApprovalRequested, decision: Decision) -> Decision:
+    return decision.model_copy(update={"request_id": request.request_id})
+
+
+def _approve(request: ApprovalRequested, reason: str) -> Answer:
+    if request.blocked_by:
+        return Answer(problem=f"it cannot be approved: {'; '.join(request.blocked_by)}")
+    if request.needs_override and not reason:
+        return Answer(problem="the judge objects: type approve because REASON, or reject")
+    decision = Decision(
+        kind="approve",
+        reason=reason,
+        override_judge=request.needs_override,
+        acknowledged=request.acknowledge,
+    )
+    doubts = [f"it breaks {', '.join(request.acknowledge)}"] if request.acknowledge else []
+    if request.needs_override:
+        doubts.append("the judge objects")
+    if request.state == "narrowed":
+        doubts.append("it does less than was asked")
+    if request.state == "may_be_misunderstood":
+        doubts.append("the order may have been misread")
+    confirm = f"{' and '.join(doubts)}. Approve it all the same? Type yes" if doubts else ""
+    return Answer(_named(request, decision), confirm[:1].upper() + confirm[1:])
+
+
+def _choose(request: ApprovalRequested, number: str) -> Answer:
+    if not number.isdecimal() or not 0 < int(number) <= len(request.readings):
+        known = f"1 to {len(request.readings)}" if request.readings else "none"
+        return Answer(problem=f"there is no reading {number!r}; there are: {known}")
+    asked = request.readings[int(number) - 1]
+    return Answer(_named(request, Decision(kind="choose", asked=asked)))
+
+
+def _modify(request: ApprovalRequested, text: str, reason: str) -> Answer:
+    if not text:
+        now = "; ".join(f"{action.agent} {action.command}" for action in request.plan.actions)
+        example = now or "ASSET hold"
+        return Answer(problem=f"type the whole plan anew, for example: modify {example}")
+    actions: list[dict[str, str]] = []
+    for part in filter(None, (part.strip() for part in text.split(";"))):
+        agent, _, command = part.partition(" ")
+        actions.append({"agent": agent, "command": command.strip()})
+    try:
+        plan = Plan.model_validate(
+            {"reason": reason or "changed by the operator", "actions": tuple(actions)}
+        )
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = [str(part) for part in first["loc"] if isinstance(part, int)]
+        which = f"action {int(place[0]) + 1}: " if place else ""
+        problem = first["msg"].removeprefix("Value error, ")
+        return Answer(problem=f"{which}{problem}; nothing was changed")
+    return Answer(_named(request, Decision(kind="modify", plan=plan, reason=reason)))
+
+
+class Answering(Protocol):
+    """A station, its own or one that was joined, as far as it answers."""
+
+    def question_in(self, text: str) -> Question | None:
+        """Return the question about the record in a text; None for any other text."""
+        ...
+
+    async def answer(self, question: Question) -> QuestionAnswered:
+        """Answer a question."""
+        ...
+
+
+class AskedLines:
+    """Has the questions among the lines answered; the lines that follow do not wait for that."""
+
+    def __init__(
+        self,
+        station: Answering,
+        say: Callable[[str], None],
+        answered: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Call `answered` after each answer."""
+        self._station, self._say, self._answered = station, say, answered
+        self._answering: set[asyncio.Task[None]] = set()
+
+    def take(self, line: str) -> bool:
+        """Answer a line that is a question about the record; return whether it is one."""
+        question = self._station.question_in(line)
+        if question is None:
+            return False
+        task = asyncio.create_task(self._tell_answer(question))
+        self._answering.add(task)
+        task.add_done_callback(self._answering.discard)
+        return True
+
+    async def all_answered(self) -> None:
+        """Wait until every question so far is answered."""
+        await asyncio.gather(*self._answering)
+
+    async def _tell_answer(self, question: Question) -> None:
+        """Show the answer line by line; a waiting plan goes on waiting."""
+        told = await self._station.answer(question)
+        for line in told.lines:
+            self._say(f"{line.about}: {line.said}")
+        self._answered()
