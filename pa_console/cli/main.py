@@ -116,7 +116,7 @@ def _usage(error: typer.TyperException) -> str:
 
 
 def _fail(text: str, code: int) -> int:
-    errors.print(f"error: {text}", style="bold red", markup=False, highlight=False, soft_wrap=True)
+    errors.line(f"error: {text}", style="bold red")
     return code
 
 

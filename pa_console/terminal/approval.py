@@ -71,17 +71,17 @@ class _Words(Prompt):
 def show_request(request: ApprovalRequested, trace: MissionTrace | None) -> None:
     """Show all that decides about a plan that waits, or what has to be asked about the order."""
     if request.state == "not_understood":
-        errors.print("; ".join(request.blocked_by), style="bold yellow", markup=False)
+        errors.print("; ".join(request.blocked_by), style="bold yellow")
         for number, choice in enumerate(_choices(trace), start=1):
-            errors.print(f"  {number}  {choice}", markup=False)
+            errors.print(f"  {number}  {choice}")
         return
     if trace is not None:
         print_proposal(errors, trace, request.attempt)
     if request.state in ("narrowed", "may_be_misunderstood"):
         told = status_of("approval", request.state)
-        errors.print(told.text, style="bold yellow", markup=False)
+        errors.print(told.text, style="bold yellow")
     for reason in request.blocked_by:
-        errors.print(f"blocked: {reason}", style="bold red", markup=False)
+        errors.print(f"blocked: {reason}", style="bold red")
 
 
 def ask_decision(
@@ -111,10 +111,10 @@ def _asked(
         return Decision(kind="reject", reason="; ".join(request.blocked_by))
     if request.approvals:
         told = f"{people_words(request.approvals)} to approve, and here is one"
-        errors.print(told, style="bold red", markup=False)
+        errors.print(told, style="bold red")
         return Decision(kind="reject", reason=told)
     if request.acknowledge:
-        errors.print(f"broken, to be acknowledged: {', '.join(request.acknowledge)}", markup=False)
+        errors.print(f"broken, to be acknowledged: {', '.join(request.acknowledge)}")
     reason = ""
     _begin_asking()
     try:
@@ -168,10 +168,10 @@ def _raise_question(text: str, question_in: QuestionIn) -> None:
 def _what_was_meant(request: ApprovalRequested, question_in: QuestionIn) -> str:
     """Ask which reading of the order was meant; '' for the one that was planned for."""
     own = f"read as: {plain_reading(request.asked)}; " if request.asked else ""
-    errors.print(f"{own}the order may also mean:", markup=False)
+    errors.print(f"{own}the order may also mean:")
     numbers = [f"{number}" for number, _ in enumerate(request.readings, start=1)]
     for number, asked in zip(numbers, request.readings, strict=True):
-        errors.print(f"  {number}  {plain_reading(asked)}", markup=False)
+        errors.print(f"  {number}  {plain_reading(asked)}")
     question = "Was one of these meant? 0: no"
     chosen = _Words(question, question_in, ["0", *numbers])(default="0")
     return request.readings[int(chosen) - 1] if chosen != "0" else ""
@@ -183,7 +183,7 @@ def _begin_asking() -> None:
     Lines typed before the plan was on screen are dropped: they cannot have been meant for it.
     """
     if sys.stdin.isatty():
-        errors.print(HOW_TO_ASK, style="dim", markup=False)
+        errors.print(HOW_TO_ASK, style="dim")
         termios.tcflush(sys.stdin, termios.TCIFLUSH)
 
 

@@ -32,13 +32,13 @@ def keep(name: str, figures: Any, file: Path | None) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     plain = TypeAdapter(Any).dump_python(figures, mode="json")
     path.write_text(json.dumps(plain, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-    errors.print(f"figures: {path}", markup=False, highlight=False, soft_wrap=True)
+    errors.line(f"figures: {path}")
 
 
 def introduce(machine: Machine, model: LocalModel | None, measured: str) -> None:
     """Print the machine and the model that is measured, and how."""
     for line in machine.lines:
-        out.print(line, markup=False)
+        out.print(line)
     named = f"model {model.name} ({model.sha256[:12]}), " if model is not None else ""
     out.print(f"{named}{measured}")
 

@@ -185,4 +185,4 @@ def _run(found: Followed, shown: SessionOnMap, connection: TakConnection) -> int
 
 def tell(line: str) -> None:
     """Print one line on stderr."""
-    errors.print(line, markup=False, highlight=False, soft_wrap=True)
+    errors.line(line)

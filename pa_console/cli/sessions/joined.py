@@ -124,7 +124,6 @@ class JoinedSession:
                 errors.print(
                     f"command was not taken: {self.station.station} has it as before",
                     style="bold red",
-                    markup=False,
                 )
 
     def _show_screen(self, settings: Loaded) -> tuple[bool, int]:

@@ -166,7 +166,7 @@ def _open_site(asked: Asked, pins: RulesPins, deadline_s: float) -> Site:
 
 def _accepted(error: ValueError) -> bool:
     """Ask on the terminal whether refused rules go in force all the same; Enter means no."""
-    errors.print(str(error), style="bold red", markup=False, soft_wrap=True)
+    errors.line(str(error), style="bold red")
     return sys.stdin.isatty() and typer.confirm("Put these rules in force?", default=False)
 
 
@@ -202,14 +202,13 @@ def choose_session(
             problem = str(error)
     if wanted:
         raise ValueError(f"this session cannot go on: {problem}")
-    errors.print(f"It cannot go on: {problem}. A new session begins.", style="yellow",
-                 markup=False, soft_wrap=True)  # fmt: skip
+    errors.line(f"It cannot go on: {problem}. A new session begins.", style="yellow")
     return None
 
 
 def _asked() -> bool:
     if not sys.stdin.isatty():
-        errors.print("A new session begins; --resume goes on with that one.", markup=False)
+        errors.print("A new session begins; --resume goes on with that one.")
         return False
     question = "Go on from there? Nothing is dispatched by that. No begins anew"
     return typer.confirm(question, default=True, err=True)
@@ -261,7 +260,7 @@ def _tell(found: UnclosedSession) -> None:
         lines.append("  stop       everything is stopped, and stays so until it is released")
     if not found.unfinished:
         lines.append("  no mission was under way, none waited, and no alarm was open")
-    errors.print(Text(visible("\n".join(lines))), soft_wrap=True)
+    errors.line(Text(visible("\n".join(lines))))
 
 
 def _named(word: str, texts: list[str]) -> list[str]:

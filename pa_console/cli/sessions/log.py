@@ -57,7 +57,7 @@ def witness_target(given: str) -> str:
 
 def warn_of_witness(text: str) -> None:
     """Report on stderr the problem of a witness."""
-    errors.print(f"warning: {text}", style="yellow", markup=False, soft_wrap=True)
+    errors.line(f"warning: {text}", style="yellow")
 
 
 def usual_file() -> Path:

@@ -46,11 +46,11 @@ def observing(settings: Settings, world: str = "", *, live: bool = False) -> Gen
             yield Beside(stack.enter_context(observed(asked, problems.append, also)), outside)
     finally:
         for problem in dict.fromkeys(problems):
-            errors.print(f"warning: {problem}", style="yellow", markup=False, soft_wrap=True)
+            errors.line(f"warning: {problem}", style="yellow")
 
 
 def _say(line: str) -> None:
-    errors.print(line, style="dim", markup=False, highlight=False, soft_wrap=True)
+    errors.line(line, style="dim")
 
 
 def _nothing(_: str) -> None:

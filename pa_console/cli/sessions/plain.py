@@ -36,7 +36,7 @@ def run_plain(
     station, model, values = opened.station, engine.model.sha256, settings.values
 
     def cannot_write(error: LogError) -> None:
-        errors.print(f"warning: {error}", style="bold red", soft_wrap=True)
+        errors.line(f"warning: {error}", style="bold red")
 
     signer = load_signer()
     writer = open_log(
@@ -132,7 +132,7 @@ def bell(values: Settings) -> Callable[[], None]:
 
 def say(text: str) -> None:
     """Print a line at once."""
-    out.print(text, soft_wrap=True)
+    out.line(text)
     sys.stdout.flush()
 
 

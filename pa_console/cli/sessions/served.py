@@ -56,9 +56,9 @@ def serve_session(
             opened.station.listen_to(beside.outside)
             loop.run(_serve(opened, writer, tokens, listening, beside.observer, ending))
         tell_of_witness(writer)
-        out.print(f"session log: {writer.path}", markup=False, soft_wrap=True)
+        out.line(f"session log: {writer.path}")
     if opened.station.failure:
-        errors.print(opened.station.failure, style="bold red", markup=False, soft_wrap=True)
+        errors.line(opened.station.failure, style="bold red")
         return FAILED
     return exit_code_of(ending.ended_by) if ending.ended_by else 0
 
@@ -117,24 +117,21 @@ async def _serve(
 
 def _greet(address: str, tokens: TokenBook) -> None:
     """Show the address of the interface, and the access token."""
-    out.print(f"{address}/docs", markup=False, highlight=False, soft_wrap=True)
+    out.line(f"{address}/docs")
     if not tokens.listed():
         person = this_user()
         token = tokens.make(person, "operator", keep=False)
-        errors.print(
+        errors.line(
             f"no token was made yet; this one of {person}, operator, is for this session alone and "
-            f"is not shown again:\n{token}",
-            markup=False,
-            highlight=False,
-            soft_wrap=True,
+            f"is not shown again:\n{token}"
         )
     errors.print("Ctrl-C ends the session: what moves goes to safety, the log is closed.")
 
 
 def _cannot_write(error: LogError) -> None:
-    errors.print(f"warning: {error}", style="bold red", markup=False, soft_wrap=True)
+    errors.line(f"warning: {error}", style="bold red")
 
 
 def _failed(error: Exception) -> None:
     told = f"a request failed: {type(error).__name__}: {error}"
-    errors.print(told, style="bold red", markup=False, soft_wrap=True)
+    errors.line(told, style="bold red")

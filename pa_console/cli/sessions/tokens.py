@@ -30,8 +30,8 @@ def make(role: Role, person: str | None, *, json: bool = False) -> None:
     if json:
         print_json({"person": name, "role": role, "token": token})
         return
-    errors.print(f"a token of {name}, {role}; it is not shown again:", markup=False)
-    out.print(token, markup=False, highlight=False, soft_wrap=True)
+    errors.print(f"a token of {name}, {role}; it is not shown again:")
+    out.line(token)
 
 
 def show(*, json: bool = False) -> None:
@@ -53,7 +53,7 @@ def revoke(name: str, *, json: bool = False) -> None:
     if json:
         print_json({"revoked": _told(gone)})
     else:
-        out.print(f"revoked: {gone.id}, {gone.person}, {gone.role}", markup=False)
+        out.print(f"revoked: {gone.id}, {gone.person}, {gone.role}")
 
 
 def this_user() -> str:

@@ -118,16 +118,13 @@ class ServedConsole(Server):
         return exit_code_of(ended_by[0]) if ended_by else 0
 
     def _greet(self) -> None:
-        out.print(self.public_url, markup=False, highlight=False, soft_wrap=True)
+        out.line(self.public_url)
         if not self._tokens.listed():
             person = this_user()
             token = self._tokens.make(person, "operator", keep=False)
-            errors.print(
+            errors.line(
                 f"no token was made yet; this one of {person}, operator, is for this run alone and "
-                f"is not shown again:\n{token}",
-                markup=False,
-                highlight=False,
-                soft_wrap=True,
+                f"is not shown again:\n{token}"
             )
         errors.print("Ctrl-C ends the console that is open, in order, and this.")
 
@@ -274,7 +271,7 @@ def _in_shell(command: Sequence[str]) -> str:
 
 
 def _report(error: Exception) -> None:
-    errors.print(str(error), style="bold red", markup=False, soft_wrap=True)
+    errors.line(str(error), style="bold red")
 
 
 def _page(problem: str, status: int = 200) -> web.Response:

@@ -112,7 +112,7 @@ def _print(checks: list[Check], missing: list[str]) -> None:
     out.print(table)
     warnings = sum(check.state == "warning" for check in checks)
     end = f"missing: {', '.join(missing)}" if missing else "nothing is missing"
-    out.print(f"\n{end}; {count(warnings, 'warning')}", markup=False, soft_wrap=True)
+    out.line(f"\n{end}; {count(warnings, 'warning')}")
 
 
 SPEED = "model's speed"

@@ -101,7 +101,7 @@ class EvalProgress(LiveBar):
         if not errors.is_terminal:
             word = "ok" if record.strict else "failed"
             line = f"{self._made}/{self._total} {record.run}: {record.status}, strict {word}"
-            errors.print(line, markup=False, soft_wrap=True)
+            errors.line(line)
 
 
 _GAP = 2
@@ -214,11 +214,9 @@ def evaluate(
     site = load_site(world, rules, unsigned=unsigned)
     warn_of_altered(rules, site.rulebook.seal)
     if why := RulesPins().refusal(site.rulebook.name, site.rulebook.seal):
-        errors.print(
+        errors.line(
             f"this evaluation has rules of its own, which no mission would take: {why}",
             style="bold red",
-            markup=False,
-            soft_wrap=True,
         )
     one_of(jobs=jobs > 1, workers=bool(workers), scheduler=bool(scheduler))
     variants = [find_variant(name) for name in variant or ("full",)]
@@ -254,10 +252,9 @@ def evaluate(
             asyncio.run(_run(results, planned, models, jobs, reuse=reuse, logs=logs))
     except KeyboardInterrupt:
         made = len(results.done & {job.run for job in planned})
-        errors.print(
+        errors.line(
             f"stopped: {made} of {count(len(planned), 'run')} kept; the same command with "
-            f"--out {folder} goes on",
-            soft_wrap=True,
+            f"--out {folder} goes on"
         )
         raise
     finally:
@@ -360,10 +357,10 @@ def _report(folder: Path, *, json: bool) -> None:
     for table in tables:
         out.print(to_rich(table, out.width))
         if table.note:
-            out.print(table.note, markup=False)
+            out.print(table.note)
         out.print()
     for name in ("report.html", "report.md", "runs.jsonl"):
-        out.print(str(folder / name), markup=False, soft_wrap=True)
+        out.line(str(folder / name))
 
 
 @dataclass(frozen=True)

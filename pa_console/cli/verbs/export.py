@@ -46,18 +46,16 @@ def opened(log: Path) -> OpenedSession:
     with errors.status(f"reading {log.name}"):
         session = open_session(log)
     if session.recording.problem is not None:
-        errors.print(
+        errors.line(
             f"note: only what comes before this is exported: {session.recording.problem}",
             style="yellow",
-            markup=False,
-            soft_wrap=True,
         )
     return session
 
 
 def written(target: Path, what: str) -> None:
     """Report the place of the export."""
-    out.print(f"{target}: {what}", markup=False, soft_wrap=True)
+    out.line(f"{target}: {what}")
 
 
 DEFAULT_KINDS = ("approval_requested", "decision_made", "plan_halted", "mission_finished")
@@ -270,12 +268,10 @@ def mcap(
     site = world_of(session.started, world)
     if site is None:
         name = session.started.world
-        errors.print(
+        errors.line(
             f"note: the world {name!r} is not installed here, so the scene has no ground; "
             "give its file with --world",
             style="yellow",
-            markup=False,
-            soft_wrap=True,
         )
     with ExportBar("writing", len(session.recording)) as bar, whole_file(target, log) as file:
         messages = write_mcap(session, site, file, bar.advance)

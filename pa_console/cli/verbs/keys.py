@@ -104,10 +104,10 @@ def make(
     its = station or _plain(platform.node().partition(".")[0])
     if join is not None:
         own, other = folder.join(person, its, _public(join), _new_passphrase(wanted=passphrase))
-        out.print("The owner of the site has to enrol both:", markup=False)
+        out.print("The owner of the site has to enrol both:")
         enrol = f"pa-console keys enrol person {person} {own} --role {role.value}"
-        out.print(enrol, markup=False, soft_wrap=True)
-        out.print(f"pa-console keys enrol station {its} {other}", markup=False, soft_wrap=True)
+        out.line(enrol)
+        out.line(f"pa-console keys enrol station {its} {other}")
         return
     if folder.made:
         if name is None:
@@ -117,7 +117,7 @@ def make(
         return
     rules = _enrolled(open_rules("checkpoint")[0])
     folder.make_site(person, its, dict((rules,)), _new_passphrase(wanted=passphrase))
-    out.print(f"keys: {folder.path}", markup=False, soft_wrap=True)
+    out.line(f"keys: {folder.path}")
     _show(folder)
 
 
@@ -229,11 +229,11 @@ def _show(folder: KeyFolder, *, json: bool = False) -> None:
     for sha, its in roster.rules.items():
         asked = approvals_in_words(its.approvals)
         more = f"; people who must approve: {asked}" if asked else ""
-        out.print(f"rules {its.name} {sha[:12]}{more}", markup=False, soft_wrap=True)
-    out.print(f"roster {roster.serial}; {trust.in_command}", markup=False, soft_wrap=True)
+        out.line(f"rules {its.name} {sha[:12]}{more}")
+    out.line(f"roster {roster.serial}; {trust.in_command}")
     if trust.takeover.station in trust.revoked:
         told = "no vehicle moves until another station is in command: pa-console keys takeover NAME"
-        errors.print(told, style="bold red", markup=False)
+        errors.print(told, style="bold red")
 
 
 def _enrolled(book: Rulebook) -> tuple[str, EnrolledRules]:
@@ -284,7 +284,7 @@ def on_bus(folder: KeyFolder, url: str, certificates: Path | None) -> Generator[
         link.publish(*signed_messages(address.site, newest, Numbers(), datetime.now(UTC)))
     finally:
         link.close()
-    errors.print(f"retained at {address}: {', '.join(newest)}", markup=False, soft_wrap=True)
+    errors.line(f"retained at {address}: {', '.join(newest)}")
 
 
 MOST_BYTES = 131_072
@@ -357,7 +357,7 @@ def _show_approval(unsigned: UnsignedApproval, folder: KeyFolder) -> None:
         f"good until {until:%Y-%m-%d %H:%M:%S} UTC; SHA-256 of what is signed {unsigned.sha256}",
     ]
     for line in lines:
-        errors.print(visible_line(line), markup=False, highlight=False, soft_wrap=True)
+        errors.line(visible_line(line))
 
 
 def _agreed(file: Path) -> bool:

@@ -85,9 +85,9 @@ def pull(
         print_json(fetched[0].told if len(fetched) == 1 else [one.told for one in fetched])
         return
     for one in fetched:
-        out.print(str(one.path), markup=False, soft_wrap=True)
+        out.line(str(one.path))
         if one.note:
-            errors.print(one.note, markup=False)
+            errors.print(one.note)
 
 
 class _Fetched(NamedTuple):

@@ -179,11 +179,11 @@ def _events(recording: Recording) -> Iterator[Event]:
 
 
 def _line(text: str) -> None:
-    out.print(text, markup=False, soft_wrap=True)
+    out.line(text)
 
 
 def _object(text: str) -> None:
-    errors.print(text, markup=False, soft_wrap=True)
+    errors.line(text)
 
 
 CHANGES = 12
@@ -206,11 +206,11 @@ def compare_logs(first: Path, second: Path, json: bool) -> None:
     if json:
         print_json({"same": found.same and not problem, **asdict(found)})
     elif found.same and not problem:
-        out.print(f"the same: {count(len(a), 'event')}", markup=False)
+        out.print(f"the same: {count(len(a), 'event')}")
     else:
         _print(found, (a, b), (first, second))
     if problem is not None:
-        errors.print(f"note: {problem}", style="yellow", markup=False, soft_wrap=True)
+        errors.line(f"note: {problem}", style="yellow")
     if not found.same:
         raise typer.Exit(FAILED)
     if problem is not None:
@@ -236,13 +236,11 @@ def _print(
     found: SessionComparison, both: tuple[Recording, Recording], names: tuple[Path, Path]
 ) -> None:
     for letter, name, recording in zip("AB", names, both, strict=True):
-        out.print(
-            f"{letter}  {name}: {count(len(recording), 'event')}", markup=False, soft_wrap=True
-        )
+        out.line(f"{letter}  {name}: {count(len(recording), 'event')}")
     if found.started:
         out.print("\nstarted differently", style="bold")
         for change in found.started:
-            out.print(f"  {change.path}: {change.a} | {change.b}", markup=False, soft_wrap=True)
+            out.line(f"  {change.path}: {change.a} | {change.b}")
     if found.first is None:
         out.print("\nevery event means the same in both")
     else:
@@ -265,10 +263,9 @@ def _print_difference(
         when = f"{recording.timeline.seconds[at]:.1f} s, tick {event.tick}"
         line = Text(f"  {letter}  event {at + 1}, {when}: ")
         line.append(words, "bold").append(f" {said[:160]}")
-        out.print(line, soft_wrap=True)
+        out.line(line)
     for change in found.changes[:CHANGES]:
-        out.print(f"     {change.path}: {_short(change.a)} | {_short(change.b)}", markup=False,
-                  soft_wrap=True)  # fmt: skip
+        out.line(f"     {change.path}: {_short(change.a)} | {_short(change.b)}")
     if len(found.changes) > CHANGES:
         out.print(f"     and {count(len(found.changes) - CHANGES, 'more value')}; --json has all")
 
@@ -355,7 +352,7 @@ def _print_result(log: Path, result: VerifyResult, own: frozenset[str]) -> None:
     }[result.standing]
     told = f"{log}: {count(result.lines, 'line')}, chain intact, {standing}"
     told += f" {result.note[:1].upper()}{result.note[1:]}." if result.note else ""
-    out.print(told, markup=False, soft_wrap=True)
+    out.line(told)
 
 
 def _print_statement(log: Path, witness: Path | None, seen: WitnessResult) -> None:
@@ -365,4 +362,4 @@ def _print_statement(log: Path, witness: Path | None, seen: WitnessResult) -> No
         _object(f"{place}: {seen.problem}")
         return
     told = f"{log}: has all {count(seen.heads, 'head')} that {witness} has seen, the last after "
-    out.print(f"{told}record {seen.records}", markup=False, soft_wrap=True)
+    out.line(f"{told}record {seen.records}")

@@ -51,9 +51,9 @@ def _tell_approvals(book: Rulebook) -> None:
     """Show the acts that need several people, and those that standing orders may do unasked."""
     if book.unasked:
         told = f"standing orders may have carried out unasked: {', '.join(book.unasked)}"
-        out.print(told, markup=False, soft_wrap=True)
+        out.line(told)
     if asked := approvals_in_words(book.approvals):
-        out.print(f"people who must approve: {asked}", markup=False, soft_wrap=True)
+        out.line(f"people who must approve: {asked}")
 
 
 def list_rules(rules: RulesOption = "checkpoint", json: JsonOption = False) -> None:
@@ -129,18 +129,17 @@ def check(
         for entry in wrong:
             errors.print(
                 f"{entry['rule']}: example {entry['example']!r} should {entry['expected']}, "
-                f"got {entry['got']}: {entry['message']}",
-                markup=False,
+                f"got {entry['got']}: {entry['message']}"
             )
         out.print(
             f"{count(len(book.rules), 'rule')}, {checked} checked, "
             f"{count(examples, 'example')}, {len(wrong)} wrong"
         )
-        out.print(f"{book.name}, {seal_in_words(book.seal)}", markup=False, soft_wrap=True)
+        out.line(f"{book.name}, {seal_in_words(book.seal)}")
         _tell_approvals(book)
         warn_of_altered(book.name, book.seal)
         if lacking := differing_core(book):
-            out.print(f"the core's own stay in force besides: {', '.join(lacking)}", soft_wrap=True)
+            out.line(f"the core's own stay in force besides: {', '.join(lacking)}")
     if wrong or book.seal.altered:
         raise typer.Exit(BROKEN)
 
@@ -167,11 +166,9 @@ def pin(
     if json:
         print_json({"file": str(path), "content_sha256": found, "pinned": agrees})
     else:
-        out.print(f"{path}: {found}", markup=False, soft_wrap=True)
-        out.print(
-            f"{target}: {'the same' if agrees else 'ANOTHER; rules pin --write makes it agree'}",
-            markup=False,
-            soft_wrap=True,
+        out.line(f"{path}: {found}")
+        out.line(
+            f"{target}: {'the same' if agrees else 'ANOTHER; rules pin --write makes it agree'}"
         )
     if not agrees:
         raise typer.Exit(BAD_INPUT)
@@ -200,12 +197,8 @@ def sign(
     if json:
         print_json({"signature": str(signature_path(path)), "name": rule_set.name, "seal": seal})
         return
-    out.print(
-        f"{signature_path(path)}: {rule_set.name}, {seal_in_words(seal)}",
-        markup=False,
-        soft_wrap=True,
-    )
-    out.print(f"key: {seal.key}", markup=False, soft_wrap=True)
+    out.line(f"{signature_path(path)}: {rule_set.name}, {seal_in_words(seal)}")
+    out.line(f"key: {seal.key}")
 
 
 def diff(a: SetArgument, b: SetArgument, json: JsonOption = False) -> None:
@@ -225,17 +218,15 @@ def diff(a: SetArgument, b: SetArgument, json: JsonOption = False) -> None:
         print_json({"equal": not changes, "sets": described, "changes": changes})
     else:
         for path, rule_set, seal in zip(paths, sets, seals, strict=True):
-            out.print(
-                f"{path}: {rule_set.name}, {seal_in_words(seal)}", markup=False, soft_wrap=True
-            )
+            out.line(f"{path}: {rule_set.name}, {seal_in_words(seal)}")
         for change in changes:
-            out.print(_change_text(change), soft_wrap=True)
+            out.line(_change_text(change))
         counts = [
             f"{number} {kind}"
             for kind in ("added", "removed", "changed", "moved")
             if (number := sum(change.kind == kind for change in changes))
         ]
-        out.print(", ".join(counts) or "the same rules", markup=False)
+        out.print(", ".join(counts) or "the same rules")
     if changes:
         raise typer.Exit(FAILED)
 
@@ -297,17 +288,15 @@ def lint(
                     "counts": counts, "searched": searched.words if states else ""})  # fmt: skip
     else:
         for entry in findings:
-            out.print(
+            out.line(
                 f"{path}:{entry.line}: {entry.severity}: {entry.rule}: {entry.kind}: "
                 f"{entry.problem}; {entry.remedy}",
                 style=STYLES[entry.severity],
-                markup=False,
-                soft_wrap=True,
             )
         told = ", ".join(f"{name}s {count}" for name, count in counts.items())
-        out.print(f"rules: {len(rule_set.rules)}, {told}", markup=False)
+        out.print(f"rules: {len(rule_set.rules)}, {told}")
         if states:
-            out.print(f"searched: {searched.words}", markup=False, soft_wrap=True)
+            out.line(f"searched: {searched.words}")
     if counts["error"] or counts["warning"]:
         raise typer.Exit(FAILED)
 

@@ -44,9 +44,9 @@ def show(context: typer.Context, json: JsonOption = False) -> None:
         table.add_row(*(Text(text, overflow="fold") for text in texts))
     out.print(table)
     there = "" if loaded.document is not None else " (not there yet)"
-    out.print(f"\nfile: {loaded.path}{there}", markup=False, soft_wrap=True)
+    out.line(f"\nfile: {loaded.path}{there}")
     for problem in wrong:
-        out.print(f"problem: {problem}", style="bold red", markup=False, soft_wrap=True)
+        out.line(f"problem: {problem}", style="bold red")
     raise typer.Exit(2 if wrong else 0)
 
 
@@ -77,7 +77,7 @@ def _problems(loaded: Loaded) -> list[str]:
 @app.command()
 def path() -> None:
     """Print where the settings file is; PA_CONSOLE_SETTINGS names another one."""
-    out.print(str(settings_file()), markup=False, soft_wrap=True)
+    out.line(str(settings_file()))
 
 
 @app.command("set")
@@ -110,10 +110,10 @@ def _write(name: str, text: str) -> None:
         raise ValueError(f"{name}: {error}") from error
     save_setting(loaded.path, field, value)
     done = f"{name} is {text}" if text.strip() else f"{name} is back to its default"
-    out.print(f"{loaded.path}: {done}", markup=False, soft_wrap=True)
+    out.line(f"{loaded.path}: {done}")
     origin = load_settings().origin(field)
     if origin.source == "environment":
-        out.print(f"note: {origin.place} is set and wins over the file", markup=False)
+        out.print(f"note: {origin.place} is set and wins over the file")
 
 
 @app.command()
@@ -122,4 +122,4 @@ def reset() -> None:
     file = settings_file()
     backup = reset_settings(file)
     said = f"moved to {backup}" if backup is not None else "there is none: defaults are in force"
-    out.print(f"{file}: {said}", markup=False, soft_wrap=True)
+    out.line(f"{file}: {said}")

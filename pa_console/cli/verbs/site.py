@@ -96,10 +96,8 @@ def site(
         end_signals(endable.end),
         EmbeddedBroker(address.port) if embedded_broker else nullcontext(),
     ):
-        errors.print(
-            f"{loaded.title}: {count(len(loaded.assets), 'asset')} at {address}; Ctrl-C ends it",
-            markup=False,
-            soft_wrap=True,
+        errors.line(
+            f"{loaded.title}: {count(len(loaded.assets), 'asset')} at {address}; Ctrl-C ends it"
         )
         try:
             endable.run(SimulatedSite(checkpoint, address, options).run())
@@ -154,13 +152,11 @@ def init(
         folder, address.site, robots, tuple(dict.fromkeys(hosts)), port, machines=machines
     )
     made, kept = count(len(written.made), "certificate"), len(written.kept)
-    out.print(
+    out.line(
         f"{written.folder}: {made} made{f', {kept} kept' if kept else ''}\n"
         f"broker:  mosquitto -c {written.folder}/mosquitto.conf\n"
         f"site:    pa-console site --broker {address} --certificates {folder}\n"
-        f"station: pa-console console --fleet {address} --certificates {folder}",
-        markup=False,
-        soft_wrap=True,
+        f"station: pa-console console --fleet {address} --certificates {folder}"
     )
 
 
@@ -185,7 +181,7 @@ def _telling(vehicles: Vehicles) -> Callable[[str], None]:
         line = f"a signed message changes nothing: {why}" if why else vehicles.in_command
         if line != told:
             told = line
-            errors.print(visible(line), markup=False, soft_wrap=True)
+            errors.line(visible(line))
 
     return take
 

@@ -41,11 +41,9 @@ def generate(
     refuse_audit_file(output)
     output.parent.mkdir(parents=True, exist_ok=True)
     output.write_text(text, encoding="utf-8")
-    out.print(
+    out.line(
         f"{output}: {count(gates, 'gate')}, {count(assets, 'asset')}; "
-        f"open it with: pa-console console --world {output}",
-        markup=False,
-        soft_wrap=True,
+        f"open it with: pa-console console --world {output}"
     )
 
 
@@ -58,14 +56,12 @@ def check(
     with errors.status("placing the assets"):
         picture = Checkpoint(loaded).picture()
     bare = [gate for gate, cover in picture.gates.items() if not cover.covered]
-    out.print(
+    out.line(
         f"{path}: ok, {count(len(loaded.gates), 'gate')}, {count(len(loaded.assets), 'asset')}, "
-        f"{count(len(loaded.cameras), 'camera')}",
-        markup=False,
-        soft_wrap=True,
+        f"{count(len(loaded.cameras), 'camera')}"
     )
     if bare:
-        out.print(f"gates that nobody covers at the start: {', '.join(bare)}", markup=False)
+        out.print(f"gates that nobody covers at the start: {', '.join(bare)}")
 
 
 _ASSET_STATES: dict[AssetReach, str] = {
@@ -109,7 +105,7 @@ def show(
         print_json(scenario)
         return
     head = f"{scenario.title} ({scenario.duration_s:g} s)\n{scenario.about.strip()}\n"
-    out.print(head, markup=False)
+    out.print(head)
     table = Table(box=None, show_header=False, padding=(0, 2))
     table.add_column(no_wrap=True)
     table.add_column()
@@ -121,7 +117,7 @@ def show(
         for incident in drawn.do:
             when = f"now and then, {drawn.mean_s:g} s apart"
             table.add_row(when, incident_truth_in_words(incident))
-    out.print(table, highlight=False)
+    out.print(table)
 
 
 @scenarios_app.command("check")
@@ -132,11 +128,9 @@ def check_scenario(
     """Check a scenario file against a world; errors name line and field."""
     found, path = open_world(world)
     scenario = open_scenario(found, path, str(file)).scenario
-    out.print(
+    out.line(
         f"{file}: ok, {count(len(scenario.events), 'event')}, "
-        f"{count(len(scenario.random), 'random kind')}",
-        markup=False,
-        soft_wrap=True,
+        f"{count(len(scenario.random), 'random kind')}"
     )
 
 

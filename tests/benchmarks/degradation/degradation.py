@@ -95,7 +95,7 @@ def degradation(
             ),
         )  # fmt: skip
         for example in row.examples:
-            errors.print(f"{row.condition}: {example}", markup=False)
+            errors.print(f"{row.condition}: {example}")
     out.print(table)
     out.print(
         f"the model was asked {count(asked.times, 'time')}, "

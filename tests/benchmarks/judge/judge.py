@@ -53,7 +53,7 @@ def show(report: JudgeReport) -> None:
     for table in tables:
         out.print(to_rich(table, out.width))
         if table.note:
-            out.print(table.note, markup=False)
+            out.print(table.note)
         out.print()
     notes = [
         f"judge {report.model} ({report.fingerprint[:12]}), plans of {', '.join(report.planners)}",
@@ -71,7 +71,7 @@ def show(report: JudgeReport) -> None:
         f"no verdict, {count(times, 'time')}: {error}" for error, times in report.errors.items()
     ]
     for note in notes:
-        out.print(note, markup=False, soft_wrap=True)
+        out.line(note)
 
 
 def _confusion_table(report: JudgeReport) -> Table:
@@ -250,7 +250,7 @@ async def _ask(
                     said = run.plan.verdict or run.plan.error
                     truth = "Success" if run.strict else "Failure"
                     line = f"{len(found)}/{len(cases)} {run.run}: {said}, in truth {truth}"
-                    errors.print(line, markup=False, soft_wrap=True)
+                    errors.line(line)
     finally:
         await engine.close()
     return found, engine.asked, engine.reused

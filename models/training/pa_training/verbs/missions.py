@@ -50,4 +50,4 @@ def make_missions(
     errors.print(
         f"{counted(len(missions.worlds), 'world')}; not taken: {counted(dropped, 'mission')}"
     )
-    out.print(str(file), markup=False, soft_wrap=True)
+    out.line(str(file))

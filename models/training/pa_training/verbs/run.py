@@ -73,12 +73,11 @@ def run_training(
         ),
     )
     adapter = f"{folder / ADAPTER}: SHA-256 {result.adapter_sha256}"
-    out.print(adapter, markup=False, soft_wrap=True)
+    out.line(adapter)
     if not result.finished:
-        errors.print(
+        errors.line(
             f"stopped after step {last.step} of {last.steps}; "
-            f"python -m pa_training {task} --out {folder} --resume goes on",
-            soft_wrap=True,
+            f"python -m pa_training {task} --out {folder} --resume goes on"
         )
         raise KeyboardInterrupt
 
