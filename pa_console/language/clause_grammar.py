@@ -7,7 +7,7 @@ a team: that something is not there must be sayable.
 
 A reason begins with what was asked, in words without a colon; what is stated of a place, an asset,
 a track or of who is free has its name before a colon. Such statements are taken from the digest,
-and whether the condition of an order is so is decided by it (`order.py`). All else is left to
+and whether the condition of an order is so is decided by it (`facts.py`). All else is left to
 the model.
 """
 
@@ -32,6 +32,7 @@ from pa_console.language.facts import (
     asset_state,
     conditions,
     evidence,
+    holds,
     standing,
     stands_at,
     told_assets,
@@ -39,7 +40,7 @@ from pa_console.language.facts import (
     tracks_of_digest,
 )
 from pa_console.language.name_linking import link_names
-from pa_console.language.order import holds, in_words
+from pa_console.language.order import in_words
 from pa_console.language.reading import parted
 from pa_console.schema.telemetry import Digest
 from pa_console.schema.world import PLAIN_KINDS, World

@@ -4,12 +4,13 @@ Words for the facts of a digest are those of a trained planner's reading; a reas
 else.
 """
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
-from pa_console.language.order import Condition, Fact, TrackKind, decides
+from pa_console.language.order import Condition, Fact, TrackKind
 from pa_console.schema.command import BUSY_TASKS
-from pa_console.schema.telemetry import AssetTelemetry, Digest, Picture
+from pa_console.schema.telemetry import AssetTelemetry, Digest, Picture, Track
 from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
 
 
@@ -67,6 +68,62 @@ class DigestTrack:
         if self.identity:
             return f"{self.identity}, intent {self.intent}"
         return f"not identified{', intent hostile' if self.intent == 'hostile' else ''}"
+
+
+class Facts(Protocol):
+    """The facts that a condition can depend on, None if they are unknown."""
+
+    def tracks(self, gate: str) -> Sequence[Track | DigestTrack]:
+        """Return the tracks at a gate that do not leave."""
+        ...
+
+    def is_covered(self, gate: str) -> bool | None:
+        """Return whether a gate has a guard."""
+        ...
+
+    def is_low(self, asset: str) -> bool | None:
+        """Return whether the battery of an asset is low."""
+        ...
+
+    def is_up(self, asset: str) -> bool | None:
+        """Return whether an asset works."""
+        ...
+
+    def has_free(self, kind: AssetKind | None) -> bool:
+        """Return whether an asset of a kind, or any, may be sent somewhere."""
+        ...
+
+
+def holds(condition: Condition, facts: Facts) -> bool | None:
+    """Return whether the condition is true, None if the facts do not decide it."""
+    subject = condition.subject
+    match condition.fact:
+        case "track_at":
+            return bool(there(condition, facts))
+        case "no_track_at":
+            return not there(condition, facts)
+        case "authorized" | "unauthorized" | "hostile":
+            return any(decides(condition, track) for track in there(condition, facts))
+        case "covered" | "uncovered":
+            so, told = condition.fact == "covered", facts.is_covered(subject)
+        case "low" | "not_low":
+            so, told = condition.fact == "low", facts.is_low(subject)
+        case "up" | "down":
+            so, told = condition.fact == "up", facts.is_up(subject)
+        case "free" | "none_free":
+            so, told = condition.fact == "free", facts.has_free(condition.kind)
+    return None if told is None else told is so
+
+
+def there(condition: Condition, facts: Facts) -> list[Track | DigestTrack]:
+    """Return the tracks that a condition is about."""
+    here = facts.tracks(condition.subject)
+    return [track for track in here if condition.track in ("", track.kind)]
+
+
+def decides(condition: Condition, track: Track | DigestTrack) -> bool:
+    """Return whether a track makes a condition about a contact true."""
+    return condition.fact in (track.identity, track.intent)
 
 
 def tracks_of_digest(lines: Iterable[str]) -> list[DigestTrack]:

@@ -8,9 +8,9 @@ Obstacles say why an ask cannot be carried out: the console uses them for readin
 drawn orders. Whether a gate can spare its guard is not decided here.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple
 
 from pydantic import Field
 
@@ -92,81 +92,6 @@ def in_words(condition: Condition) -> str:
     if condition.kind is not None:
         said["kind"] = PLAIN_KINDS[condition.kind]
     return CONDITIONS[condition.fact].words.write(said)
-
-
-class TrackFacts(Protocol):
-    """The known facts of a track."""
-
-    @property
-    def kind(self) -> str:
-        """Return vehicle or person."""
-        ...
-
-    @property
-    def identity(self) -> str:
-        """Return authorized or unauthorized, another word while it is unknown."""
-        ...
-
-    @property
-    def intent(self) -> str:
-        """Return unknown, benign or hostile."""
-        ...
-
-
-class Facts(Protocol):
-    """The facts that a condition can depend on, None if they are unknown."""
-
-    def tracks(self, gate: str) -> Iterable[TrackFacts]:
-        """Return the tracks at a gate that do not leave."""
-        ...
-
-    def is_covered(self, gate: str) -> bool | None:
-        """Return whether a gate has a guard."""
-        ...
-
-    def is_low(self, asset: str) -> bool | None:
-        """Return whether the battery of an asset is low."""
-        ...
-
-    def is_up(self, asset: str) -> bool | None:
-        """Return whether an asset works."""
-        ...
-
-    def has_free(self, kind: AssetKind | None) -> bool:
-        """Return whether an asset of a kind, or any, may be sent somewhere."""
-        ...
-
-
-def holds(condition: Condition, facts: Facts) -> bool | None:
-    """Return whether the condition is true, None if the facts do not decide it."""
-    subject = condition.subject
-    match condition.fact:
-        case "track_at":
-            return bool(there(condition, facts))
-        case "no_track_at":
-            return not there(condition, facts)
-        case "authorized" | "unauthorized" | "hostile":
-            return any(decides(condition, track) for track in there(condition, facts))
-        case "covered" | "uncovered":
-            so, told = condition.fact == "covered", facts.is_covered(subject)
-        case "low" | "not_low":
-            so, told = condition.fact == "low", facts.is_low(subject)
-        case "up" | "down":
-            so, told = condition.fact == "up", facts.is_up(subject)
-        case "free" | "none_free":
-            so, told = condition.fact == "free", facts.has_free(condition.kind)
-    return None if told is None else told is so
-
-
-def there(condition: Condition, facts: Facts) -> list[TrackFacts]:
-    """Return the tracks that a condition is about."""
-    here = facts.tracks(condition.subject)
-    return [track for track in here if condition.track in ("", track.kind)]
-
-
-def decides(condition: Condition, track: TrackFacts) -> bool:
-    """Return whether a track makes a condition about a contact true."""
-    return condition.fact in (track.identity, track.intent)
 
 
 Task = Literal[

@@ -14,16 +14,9 @@ from dataclasses import dataclass, field
 from pa_console.language.lexicon import word_lists
 from pa_console.language.mentions import ASSETS
 from pa_console.language.name_linking import link_names
+from pa_console.language.references import reader as words
 from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.reader import (
-    BARE,
-    CHARGE,
-    CONTACTS,
-    FAILED,
-    GUARDED,
-    GUARDS,
-    IN,
-    SILENT,
     Reader,
     Token,
     asset_at,
@@ -150,10 +143,10 @@ def _other_noun(reader: Reader) -> _Said | None:
         said.terms.append(cel)
         adjectives.append(plain)
     word = reader.word().removesuffix("s")
-    if word not in CONTACTS:
+    if word not in words.CONTACTS:
         return None
     reader.at += 1
-    if kind := CONTACTS[word]:
+    if kind := words.CONTACTS[word]:
         said.terms.append(f"it.kind == {_text(kind)}")
     noun = " ".join((*adjectives, kind or "visitor"))
     said.who = f"an {noun}" if noun[0] in "aeiou" else f"a {noun}"
@@ -163,7 +156,7 @@ def _other_noun(reader: Reader) -> _Said | None:
 def _place(scene: Scene, reader: Reader, said: _Said) -> None:
     """Read *at the east gate* after an asset or a track."""
     start = reader.at
-    if said.each == "gate" or not reader.take_in(IN):
+    if said.each == "gate" or not reader.take_in(words.IN):
         return
     place = place_at(scene, reader)
     if not place or (said.each == "track" and place not in scene.gates):
@@ -181,7 +174,7 @@ def _place(scene: Scene, reader: Reader, said: _Said) -> None:
 def _of_asset(scene: Scene, reader: Reader, said: _Said) -> str:
     """Read the state of an asset, and return it in words; '' if it is not understood."""
     start = reader.at
-    if reader.take("'s") and not reader.take_in(CHARGE):
+    if reader.take("'s") and not reader.take_in(words.CHARGE):
         reader.at = start
     if reader.take("fails", "breaks down", "dies", "breaks", "crashes", "has failed", "goes down"):
         return _so(said, *_FAILS)
@@ -195,8 +188,8 @@ def _of_asset(scene: Scene, reader: Reader, said: _Said) -> str:
     if charge := _charge(reader, has=has):
         comparison, percent = charge
         sign = "<" if comparison == "below" else ">"
-        words = f"is {comparison} {percent:g} % battery"
-        return _so(said, f"it.battery_pct {sign} {percent:.1f}", words)
+        below = f"is {comparison} {percent:g} % battery"
+        return _so(said, f"it.battery_pct {sign} {percent:.1f}", below)
     return "" if has else _state(reader, said) or _arrives(scene, reader, said)
 
 
@@ -204,11 +197,11 @@ def _state(reader: Reader, said: _Said) -> str:
     """Read a state of an asset after *is*; '' where none is here."""
     if reader.take("low", "flat", "nearly empty", "almost empty", "out of battery"):
         if reader.take("on", "of"):
-            reader.take_in(CHARGE)
+            reader.take_in(words.CHARGE)
         return _so(said, "it.low_battery", "is low on battery")
-    if reader.take_in(FAILED) or reader.take("out of order", "out of action"):
+    if reader.take_in(words.FAILED) or reader.take("out of order", "out of action"):
         return _so(said, *_FAILS)
-    if reader.take_in(SILENT):
+    if reader.take_in(words.SILENT):
         return _so(said, *_UNHEARD)
     if reader.take("suspect", "spoofed", "sending suspect telemetry", "suspect telemetry"):
         return _so(said, "it.integrity == 'suspect'", "sends suspect telemetry")
@@ -235,7 +228,7 @@ def _charge(reader: Reader, *, has: bool) -> tuple[str, float] | None:
     unit = bool(reader.take_in(_PERCENT))
     reader.take("of")
     reader.take("its")
-    charge = bool(reader.take_in(CHARGE))
+    charge = bool(reader.take_in(words.CHARGE))
     reader.take("left", "remaining")
     if not 0.0 < percent <= 100.0 or not (unit or charge) or (has and not below):
         reader.at = start
@@ -248,15 +241,15 @@ def _of_gate(_: Scene, reader: Reader, said: _Said) -> str:
     bare = "!it.covered && size(it.unsure) == 0"
     if reader.take("has no", "has not a", "is without a", "is without", "loses its last",
                    "loses its only", "loses its", "has lost its"):  # fmt: skip
-        if reader.take_in(GUARDS):
+        if reader.take_in(words.GUARDS):
             return _so(said, bare, "has no guard")
         return ""
     if reader.take("has only one", "has fewer than two", "has less than two", "is down to one"):
-        if reader.take_in(GUARDS):
+        if reader.take_in(words.GUARDS):
             return _so(said, "size(it.by) < 2", "has fewer than 2 guards")
         return ""
     reader.take("is left", "is", "'s", "gets", "becomes", "stands", "goes")
-    if reader.take_in(BARE) or (reader.take("not") and reader.take_in(GUARDED)):
+    if reader.take_in(words.BARE) or (reader.take("not") and reader.take_in(words.GUARDED)):
         return _so(said, bare, "has no guard")
     return ""
 
@@ -317,9 +310,9 @@ def _target(scene: Scene, reader: Reader, said: _Said, joint: str) -> str:
     return ""
 
 
-def _so(said: _Said, cel: str, words: str) -> str:
+def _so(said: _Said, cel: str, plain: str) -> str:
     said.terms.append(cel)
-    return words
+    return plain
 
 
 def _gate(place: str) -> str:

@@ -13,8 +13,8 @@ from pa_console.language.clause_grammar import (
     grounded_asked,
     grounded_reason,
 )
-from pa_console.language.facts import DigestFacts, conditions, evidence, tracks_of_digest
-from pa_console.language.order import Condition, holds, in_words
+from pa_console.language.facts import DigestFacts, conditions, evidence, holds, tracks_of_digest
+from pa_console.language.order import Condition, in_words
 from pa_console.llm.roles.grammar import compact_opening_grammar, plan_grammar
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Digest, Selection

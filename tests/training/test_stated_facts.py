@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from llguidance import LLMatcher, LLTokenizer
 
 from pa_console.language.clause_grammar import grounded_reason
-from pa_console.language.facts import DigestFacts
-from pa_console.language.order import holds
+from pa_console.language.facts import DigestFacts, holds
 from pa_console.llm.roles.grammar import plan_grammar
 from pa_training.order_generator.orders import is_so
 from pa_training.order_generator.sampler import sample_order

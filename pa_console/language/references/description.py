@@ -4,16 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from pa_console.language.references.reader import (
-    CHARGE,
-    FAR,
-    LEAST,
-    MOST,
-    NEAR,
-    Reader,
-    asset_at,
-    place_at,
-)
+from pa_console.language.references import reader as words
+from pa_console.language.references.reader import Reader, asset_at, place_at
 from pa_console.language.references.scene import Scene
 
 Sort = Literal["gate", "asset"]
@@ -122,8 +114,8 @@ class Told:
     def by_distance(self) -> bool:
         """Read *nearest to the base*, *furthest away*; False where neither is here."""
         reader = self.reader
-        near = bool(reader.take_in(NEAR))
-        if not near and not reader.take_in(FAR):
+        near = bool(reader.take_in(words.NEAR))
+        if not near and not reader.take_in(words.FAR):
             return False
         self.rank(Ranking("near" if near else "far"))
         self.from_where()
@@ -154,8 +146,14 @@ class Told:
             return True
         if reader.take("with", "has", "have", "having"):
             reader.take("the")
-            by = "full" if reader.take_in(MOST) else "flat" if reader.take_in(LEAST) else None
-            if by is not None and self.sort == "asset" and reader.take_in(CHARGE):
+            by = (
+                "full"
+                if reader.take_in(words.MOST)
+                else "flat"
+                if reader.take_in(words.LEAST)
+                else None
+            )
+            if by is not None and self.sort == "asset" and reader.take_in(words.CHARGE):
                 reader.take("level")
                 reader.take("left", "remaining")
                 if reader.take("among the", "of the", "of all"):

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from pa_console.language.mentions import ASSETS
+from pa_console.language.references import reader as words
 from pa_console.language.references.description import (
     Description,
     Ranking,
@@ -22,26 +23,7 @@ from pa_console.language.references.description import (
     is_silent,
     works,
 )
-from pa_console.language.references.reader import (
-    AFTER_ONE,
-    ANYBODY,
-    BARE,
-    CONTACTS,
-    DEFINITE,
-    EVERY,
-    EVERYBODY,
-    FAILED,
-    FAR,
-    FREE_CHOICE,
-    IDLE,
-    INDEFINITE,
-    NEAR,
-    SILENT,
-    Reader,
-    Token,
-    asset_at,
-    number_of,
-)
+from pa_console.language.references.reader import Reader, Token, asset_at, number_of
 from pa_console.language.references.scene import Scene
 from pa_console.language.references.trait_clauses import AssetClauses, GateClauses, sent
 
@@ -150,12 +132,12 @@ class _Parser:
         """Read *whoever is nearest*, *everyone but the guards*, *everybody at the checkpoint*."""
         reader, told = self.reader, self._told
         start = reader.at
-        if reader.take_in(ANYBODY):
+        if reader.take_in(words.ANYBODY):
             if self._scene.members(reader.word()) or reader.word() in (*ASSETS, "gate"):
                 reader.at = start
                 return False
             self._any = self._definite = True
-        elif reader.take_in(EVERYBODY) or (
+        elif reader.take_in(words.EVERYBODY) or (
             reader.word() == "all" and reader.word(1) in ("but", "except") and reader.take("all")
         ):
             self._number, self._definite = 0, True
@@ -192,15 +174,15 @@ class _Parser:
         before = reader.word(-1)
         if reader.take("both of the", "both the", "both"):
             self._number, self._definite, self._told.describes = 2, True, True
-        elif reader.take("all of the", "all the") or reader.take_in(EVERY):
+        elif reader.take("all of the", "all the") or reader.take_in(words.EVERY):
             self._number, self._definite = 0, True
             self._count()
-        elif reader.take_in(FREE_CHOICE):
+        elif reader.take_in(words.FREE_CHOICE):
             self._any = self._definite = True
-        elif reader.take_in(DEFINITE):
+        elif reader.take_in(words.DEFINITE):
             self._definite = True
             self._count()
-        elif reader.word() in INDEFINITE:
+        elif reader.word() in words.INDEFINITE:
             reader.at += 1
         else:
             self._definite = self._bare = not before or not before[0].isalnum()
@@ -211,21 +193,21 @@ class _Parser:
         following = self.reader.word(1)
         if not 1 <= number <= _MOST or following in ("", ","):
             return
-        if number > 1 or following not in AFTER_ONE:
+        if number > 1 or following not in words.AFTER_ONE:
             self.reader.at += 1
             self._number = number
 
     def _adjective(self) -> bool:
         """Read one adjective; False where none is here."""
         reader, told = self.reader, self._told
-        if reader.word() in NEAR | FAR:
-            told.rank(Ranking("near" if reader.take_in(NEAR) else "far"))
-            reader.take_in(FAR)
+        if reader.word() in words.NEAR | words.FAR:
+            told.rank(Ranking("near" if reader.take_in(words.NEAR) else "far"))
+            reader.take_in(words.FAR)
         elif reader.take("freshest"):
             told.of_assets = told.rank(Ranking("full"))
         elif reader.take("other", "remaining"):
             self._other()
-        elif reader.take_in(BARE):
+        elif reader.take_in(words.BARE):
             told.sort = "gate"
             told.say(is_bare)
         elif reader.word() in ("last", "first") and self._scene.moved:
@@ -240,13 +222,13 @@ class _Parser:
     def _state(self) -> bool:
         """Read an adjective of an asset's state."""
         reader, told = self.reader, self._told
-        for words, trait in (
-            (IDLE, is_idle),
+        for state_words, trait in (
+            (words.IDLE, is_idle),
             (("low", "flat"), is_low),
-            (FAILED, has_failed),
-            (SILENT, is_silent),
+            (words.FAILED, has_failed),
+            (words.SILENT, is_silent),
         ):
-            if reader.take_in(words):
+            if reader.take_in(state_words):
                 told.of_assets = True
                 return told.say(trait)
         return False
@@ -291,7 +273,7 @@ class _Parser:
         if reader.word(-2) != "that":
             return True
         before = reader.tokens[: self._first]
-        kinds = [CONTACTS[token.word] for token in before if token.word in CONTACTS]
+        kinds = [words.CONTACTS[token.word] for token in before if token.word in words.CONTACTS]
         if kinds and scene.visitors(kinds[-1]):
             self._told.say(lambda s, g: any(t.gate == g for t in s.visitors(kinds[-1])))
         return True

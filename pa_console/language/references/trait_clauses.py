@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from pa_console.language.references import reader as words
 from pa_console.language.references.description import (
     Told,
     Trait,
@@ -15,25 +16,7 @@ from pa_console.language.references.description import (
     may_leave,
     works,
 )
-from pa_console.language.references.reader import (
-    BARE,
-    BUT,
-    COMING,
-    CONTACTS,
-    FAILED,
-    GUARDED,
-    GUARDING,
-    GUARDS,
-    IDLE,
-    IN,
-    SAYING,
-    SENT,
-    SILENT,
-    STANDING,
-    asset_at,
-    number_of,
-    place_at,
-)
+from pa_console.language.references.reader import asset_at, number_of, place_at
 
 NounTraits = Callable[[], list[Trait]]
 """Reads another noun phrase and returns its traits; none if there is none here."""
@@ -52,18 +35,18 @@ class AssetClauses:
         """Read one clause; False where none is here, or none that is understood."""
         reader, told = self._reader, self._told
         self._start, self._no = reader.at, False
-        if reader.take(*BUT):
+        if reader.take(*words.BUT):
             return self._excluded()
         if told.ranked() or self._sent_before():
             return True
         self._related = bool(reader.take("that", "which", "who"))
         if self._related and self._sent_before():
             return True
-        if not self._related and reader.word() in SAYING | {"does", "do"}:
+        if not self._related and reader.word() in words.SAYING | {"does", "do"}:
             return False
-        reader.skip(STANDING)
+        reader.skip(words.STANDING)
         self._no = bool(reader.take("does not", "do not", "not", "without", "never"))
-        reader.skip(STANDING)
+        reader.skip(words.STANDING)
         if self._related and told.ranked():
             return True
         ways: tuple[Way, ...] = (self._guarding, self._possessed, self._located, self._state)
@@ -94,7 +77,7 @@ class AssetClauses:
         reader.take("have", "'ve")
         early = bool(reader.take("first"))
         reader.take("just", "last", "only just")
-        if not reader.take_in(SENT):
+        if not reader.take_in(words.SENT):
             reader.at = start
             return False
         early = bool(reader.take("first")) or early
@@ -107,7 +90,7 @@ class AssetClauses:
     def _guarding(self) -> bool:
         """Read the guarded gate: *guarding the west gate*, *cover a gate*."""
         reader, start = self._reader, self._reader.at
-        if not reader.take_in(GUARDING):
+        if not reader.take_in(words.GUARDING):
             return False
         place = place_at(self._scene, reader)
         if place:
@@ -159,7 +142,7 @@ class AssetClauses:
         start = reader.at
         if told.ranking is not None and not self._related:
             return False
-        if not reader.take_in(IN):
+        if not reader.take_in(words.IN):
             return False
         if reader.take("a gate", "any gate", "gates", "the gates", "gate duty"):
             return self._say(is_guard)
@@ -190,7 +173,7 @@ class AssetClauses:
 
     def _condition(self) -> bool:
         reader = self._reader
-        if reader.take_in(IDLE) or reader.take("doing nothing"):
+        if reader.take_in(words.IDLE) or reader.take("doing nothing"):
             return self._say(is_idle)
         if reader.take("doing anything"):
             return self._told.say(is_idle)
@@ -199,10 +182,10 @@ class AssetClauses:
             return self._say(is_low)
         if reader.take("still works", "works", "still working", "working"):
             return self._say(works)
-        if reader.take_in(FAILED):
+        if reader.take_in(words.FAILED):
             return self._say(has_failed)
         answers = reader.take("answering", "answer", "responding", "respond", "reporting")
-        if (self._no and answers) or reader.take_in(SILENT):
+        if (self._no and answers) or reader.take_in(words.SILENT):
             return self._told.say(is_silent)
         return False
 
@@ -248,13 +231,13 @@ class GateClauses:
         reader, start = self._reader, self._reader.at
         if reader.take("nobody", "no one"):
             reader.skip(("is", "'s", "at", "there"))
-            reader.take_in(GUARDING)
+            reader.take_in(words.GUARDING)
             return self._told.say(is_bare)
         reader.skip(("is", "are", "'s", "currently", "still"))
         no = bool(reader.take("not"))
-        if related and reader.take_in(BARE):
+        if related and reader.take_in(words.BARE):
             return self._told.say(is_bare, no=no)
-        if reader.take_in(GUARDED):
+        if reader.take_in(words.GUARDED):
             return self._by() if reader.take("by") else self._told.say(is_bare, no=not no)
         reader.at = start
         return False
@@ -282,7 +265,7 @@ class GateClauses:
         alone = bool(reader.take("only", "just", "no more than"))
         number = self._how_many()
         alone = alone or reader.word(-1) == "single"
-        if number >= 0 and reader.take_in(GUARDS):
+        if number >= 0 and reader.take_in(words.GUARDS):
             reader.take(*_ON_IT)
             return told.say(lambda s, g: len(s.guards(g)) == number)
         teams = self._teams()
@@ -331,7 +314,7 @@ class GateClauses:
         if team:
             reader.at += not name
             reader.skip(("is", "'s", "currently"))
-            if reader.take_in(GUARDING) or reader.take("at", "stands at", "on"):
+            if reader.take_in(words.GUARDING) or reader.take("at", "stands at", "on"):
                 return self._told.say(lambda s, g: bool(team & set(s.stationed(g))))
         reader.at = start
         return False
@@ -345,7 +328,7 @@ class GateClauses:
             names.append(name)
             reader.take("and", ",")
         if names:
-            reader.skip(STANDING)
+            reader.skip(words.STANDING)
             return self._told.say(lambda s, g: all(n in s.stationed(g) for n in names))
         reader.at = start
         return self._visited()
@@ -355,12 +338,12 @@ class GateClauses:
         reader, start = self._reader, self._reader.at
         reader.take("the", "a", "that", "this", "an")
         reader.take("unknown", "strange", "suspicious")
-        word = reader.take_in(CONTACTS)
+        word = reader.take_in(words.CONTACTS)
         if not word:
             reader.at = start
             return False
-        kind = CONTACTS[word]
-        reader.skip(COMING)
+        kind = words.CONTACTS[word]
+        reader.skip(words.COMING)
         return self._told.say(lambda s, g: any(t.gate == g for t in s.visitors(kind)))
 
     def _of_guard(self) -> bool:
@@ -372,9 +355,9 @@ class GateClauses:
         if reader.take("low", "nearly flat", "almost empty"):
             reader.take("on battery", "on power", "on juice", "on charge")
             trait = is_low
-        elif reader.take_in(FAILED):
+        elif reader.take_in(words.FAILED):
             trait = has_failed
-        elif reader.take_in(SILENT) or (no and reader.take("answering", "responding")):
+        elif reader.take_in(words.SILENT) or (no and reader.take("answering", "responding")):
             trait = is_silent
         else:
             return False

@@ -20,13 +20,12 @@ from pa_console.language.clauses import (
     counted,
     written,
 )
-from pa_console.language.facts import evidence, is_free, sole_covers
+from pa_console.language.facts import evidence, holds, is_free, sole_covers
 from pa_console.language.order import (
     ANYBODY,
     Ask,
     Condition,
     Who,
-    holds,
     in_words,
 )
 from pa_console.schema.telemetry import Digest, Picture, Track
