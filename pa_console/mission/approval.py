@@ -1,7 +1,8 @@
-"""Approvals that are given beforehand: by an instruction at the start, or by a standing order.
+"""Step 6: what stands between a checked plan and its execution; deterministic checks decide.
 
-Nobody looks at such a plan. So the gate, the rules and the models have to be surer than where
-somebody does.
+An approval may be given beforehand, by an instruction at the start or by a standing order. Nobody
+looks at such a plan, so the gate, the rules and the models have to be surer than where somebody
+does.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence

@@ -20,9 +20,8 @@ from pa_console.mission.approval import (
     request_approval,
     unasked_decision,
 )
-from pa_console.mission.candidate import LIKELIER_OTHERWISE, Candidate
 from pa_console.mission.context import MissionContext, Outcome
-from pa_console.mission.plan import Planned
+from pa_console.mission.plan import LIKELIER_OTHERWISE, Candidate, Planned
 from pa_console.mission.premises import way_to_safety
 from pa_console.mission.propose import other_readings
 from pa_console.mission.understand import NotUnderstood, StandingOffer

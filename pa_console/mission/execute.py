@@ -1,6 +1,6 @@
 """Step 7 of a mission: dispatch, follow to the end or halt, wait for the evidence."""
 
-from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from pa_console.mission.context import MissionContext
@@ -83,7 +83,11 @@ class Execution:
         start = fleet.time_s
         with self._feed.follow() as steps:
             self._dispatch = dispatch = Dispatch(commands, fleet.tick, fleet.world.dt_s, limit_s)
-            halted = self._send(commands)
+            with self._context.stopwatch.time("dispatch_s"):
+                passages = gate.send(commands, emit)
+            kept = (each for each in passages if isinstance(each, ev.CommandRefused))
+            refused = next((f"{k.command.agent} {k.command.verb}: {k.reason}" for k in kept), "")
+            halted = (refused,) if refused else ()
             if not halted:
                 halted = await self._until_ended(premises, dispatch, steps)
             if halted:
@@ -112,15 +116,6 @@ class Execution:
         self._halts += 1
         prefix = f"{self._context.mission.id}.halt{self._halts}"
         return safe_state(self._safety, self._services.fleet.picture(), under_way, prefix)
-
-    def _send(self, commands: Sequence[DeviceCommand]) -> tuple[str, ...]:
-        """Send every command; return why the plan is halted if the gate keeps one back."""
-        with self._context.stopwatch.time("dispatch_s"):
-            for passage in self._services.gate.send(commands, self._context.emit):
-                if isinstance(passage, ev.CommandRefused):
-                    command = passage.command
-                    return (f"{command.agent} {command.verb}: {passage.reason}",)
-        return ()
 
     async def _until_ended(
         self, premises: Premises, dispatch: Dispatch, steps: AsyncIterator[Step]

@@ -204,7 +204,8 @@ class CommandGate:
             if self._waits_for_log(command):
                 logged_first.append(command)
             else:
-                self._transmit(command)
+                self._standing[command.agent] = command
+                self._fleet.send(command)
                 passages.append(ev.CommandSent(command=command))
         if not refused:
             passages += [ev.CommandSent(command=command) for command in logged_first]
@@ -218,12 +219,9 @@ class CommandGate:
                 emit(passage)
             return (*passages, *held)
         for command in logged_first:
-            self._transmit(command)
+            self._standing[command.agent] = command
+            self._fleet.send(command)
         return tuple(passages)
-
-    def _transmit(self, command: DeviceCommand) -> None:
-        self._standing[command.agent] = command
-        self._fleet.send(command)
 
     def _waits_for_log(self, command: DeviceCommand) -> bool:
         """Return whether `command` moves an asset for a plan, and so waits for the log."""

@@ -23,9 +23,8 @@ from pa_console.llm.roles.grammar import (
 )
 from pa_console.llm.roles.judge import Judge, Judgement, JudgeQuestion, OrderRead
 from pa_console.llm.roles.role_model import PromptFormat, RoleModel, first_answer
-from pa_console.mission.candidate import Candidate, ReadAgain
 from pa_console.mission.context import MissionContext
-from pa_console.mission.plan import Planned, with_commands_given
+from pa_console.mission.plan import Candidate, Planned, ReadAgain, with_commands_given
 from pa_console.mission.propose import Answered
 from pa_console.mission.tasking.fulfilment import gaps
 from pa_console.mission.tasking.moves import PlanMoves

@@ -1,4 +1,4 @@
-"""The result of a mission's executed plans: its status, and its open points (Step 7)."""
+"""Step 7: where a mission stands in its workflows (WF-01), and what its executed plans come to."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field

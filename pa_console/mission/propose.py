@@ -175,56 +175,43 @@ async def ask_planner(
 
     Where a model on a server gives no plan, the session's own is asked in its place.
     """
-    attempt = context.next_attempt()
+    attempt, watch, emit = context.next_attempt(), context.stopwatch, context.emit
+
+    def on_text(piece: str) -> None:
+        emit(ev.TextStreamed(role="planner", attempt=attempt, text=piece))
 
     async def ask(model: RoleModel) -> Answered:
         question = ask_for_plan(context.services, retrieved, reasons, previous, model)
-        return await _answered(context, model, retrieved, question, attempt)
+        prompt = question.prompt
+        watch.add("picture_s", question.picture_s)
+        watch.add("prompt_s", question.prompt_s)
+        emit(ev.PictureDigested(digest=question.digest, seconds=question.picture_s))
+        emit(
+            ev.PromptBuilt(
+                role="planner",
+                attempt=attempt,
+                system=prompt.system,
+                user=prompt.user,
+                seconds=question.prompt_s,
+                server=model.where,
+            )
+        )
+        with watch.time("planning_s"):
+            if model.prompt_format.served:
+                proposal = await _served(context, model, retrieved, question, on_text)
+            else:
+                proposal = await model.planner.plan(
+                    prompt, question.grammar, on_text, question.schema
+                )
+        if retrieved.chosen:
+            proposal = replace(proposal, confidence=None)
+        return Answered(model, retrieved, question, proposal, attempt)
 
     answered = await first_answer(context.services.planners, ask, context.turn_to_own)
-    proposal = answered.proposal
-    context.emit(_proposed(answered, proposal, attempt))
+    emit(_proposed(answered, answered.proposal, attempt))
     if attempt == 1:
-        context.stopwatch.add("first_token_s", proposal.usage.first_token_s)
+        watch.add("first_token_s", answered.proposal.usage.first_token_s)
     return answered
-
-
-async def _answered(
-    context: MissionContext,
-    model: RoleModel,
-    retrieved: Retrieved,
-    question: PlanQuestion,
-    attempt: int,
-) -> Answered:
-    """Ask `model` for the plan number `attempt`."""
-    watch = context.stopwatch
-    watch.add("picture_s", question.picture_s)
-    watch.add("prompt_s", question.prompt_s)
-    context.emit(ev.PictureDigested(digest=question.digest, seconds=question.picture_s))
-    context.emit(
-        ev.PromptBuilt(
-            role="planner",
-            attempt=attempt,
-            system=question.prompt.system,
-            user=question.prompt.user,
-            seconds=question.prompt_s,
-            server=model.where,
-        )
-    )
-
-    def on_text(piece: str) -> None:
-        context.emit(ev.TextStreamed(role="planner", attempt=attempt, text=piece))
-
-    with watch.time("planning_s"):
-        if model.prompt_format.served:
-            proposal = await _served(context, model, retrieved, question, on_text)
-        else:
-            proposal = await model.planner.plan(
-                question.prompt, question.grammar, on_text, question.schema
-            )
-    if retrieved.chosen:
-        proposal = replace(proposal, confidence=None)
-    return Answered(model, retrieved, question, proposal, attempt)
 
 
 async def _served(

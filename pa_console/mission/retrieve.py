@@ -33,21 +33,19 @@ class Retrieved:
 def retrieve(
     context: MissionContext, task: Mission, verbs: tuple[Verb, ...] = (), chosen: str = ""
 ) -> Retrieved:
-    """Step 2: find the rules that concern the words of `task`, and the pinned ones."""
+    """Step 2: find the rules that concern the words of `task`, and the pinned ones.
+
+    By variant, the planner is given pinned rules, best ones, or both.
+    """
     started = perf_counter()
-    hits = _hits(context, task.text)
-    seconds = perf_counter() - started
-    context.stopwatch.add("retrieval_s", seconds)
-    method = context.services.retriever.method
-    context.emit(ev.RulesRetrieved(method=method, hits=hits, seconds=seconds))
-    return Retrieved(task, hits, verbs, chosen)
-
-
-def _hits(context: MissionContext, text: str) -> tuple[RuleHit, ...]:
-    """Return the rules for the prompt: pinned ones, best ones, or both, by variant."""
     retriever, variant = context.services.retriever, context.services.variant
     top_k = context.services.top_k if variant.retrieval else 0
     if variant.pinned:
-        return retriever.retrieve(text, top_k)
-    best = retriever.score_all(text)[:top_k]
-    return tuple(hit.model_copy(update={"pinned": False}) for hit in best)
+        hits = retriever.retrieve(task.text, top_k)
+    else:
+        best = retriever.score_all(task.text)[:top_k]
+        hits = tuple(hit.model_copy(update={"pinned": False}) for hit in best)
+    seconds = perf_counter() - started
+    context.stopwatch.add("retrieval_s", seconds)
+    context.emit(ev.RulesRetrieved(method=retriever.method, hits=hits, seconds=seconds))
+    return Retrieved(task, hits, verbs, chosen)

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 from pa_console.language.references.resolution import chosen, names_something
 from pa_console.language.references.scene import Move
-from pa_console.mission.candidate import Candidate
 from pa_console.mission.context import Emit, MissionContext, Outcome, Services, ordered_by
 from pa_console.mission.decide import (
     Approved,
@@ -25,7 +24,7 @@ from pa_console.mission.dispatch import StepFeed
 from pa_console.mission.execute import Execution
 from pa_console.mission.judge import judge
 from pa_console.mission.outcome import Results, WorkflowProgress, begun
-from pa_console.mission.plan import Unplanned, plan, reexamine, take
+from pa_console.mission.plan import Candidate, Unplanned, plan, reexamine, take
 from pa_console.mission.report import PlanFacts, ReportFacts, after_action_report
 from pa_console.mission.retrieve import Retrieved, retrieve
 from pa_console.mission.spelling import read_words

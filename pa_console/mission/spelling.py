@@ -1,8 +1,13 @@
-"""Step 1: misspelt words of a mission are put right before anything reads it.
+"""Step 1: the words of a mission before any model reads them.
 
-A word is misspelt when no dictionary, no operator, no rule and no name of the world knows it; it is
-read as the likeliest word that few slips of the hand make it of (a noisy channel). Words that are
-known stay as they are, so a rule's words never vanish, and what was typed is kept beside.
+Misspelt words are put right. A word is misspelt when no dictionary, no operator, no rule and no
+name of the world knows it; it is read as the likeliest word that few slips of the hand make of it
+(a noisy channel). Words that are known stay as they are, so a rule's words never vanish, and what
+was typed is kept beside.
+
+A model finds an order in everything. So what is not English, has no words, is program text, or
+speaks of nothing that the site has is asked back about, and no plan is made for it. Words alone
+decide, by closed lists and the dictionary: nothing here is fitted to texts.
 """
 
 import json

@@ -1,7 +1,8 @@
 """Step 7: does telemetry show that the plan happened? Unknown is never taken for done.
 
 A pass rests on reports that are fresh, sound and sent at or after the end of the command; what a
-device says of itself proves nothing.
+device says of itself proves nothing. The judge's verdict on the outcome changes nothing of that: it
+is asked while nobody needs the model, and emitted as an event of its own.
 """
 
 import asyncio

@@ -24,8 +24,8 @@ from pa_console.station.why import (
     end_lines,
     not_in_plan,
     plan_lines,
+    why_not_lines,
 )
-from pa_console.station.why_not import why_not_lines
 
 MOST_REMEMBERED = 50
 """The number of missions kept; a question is about the last one."""

@@ -1,4 +1,7 @@
-"""Finds the world and the rules that a recorded session ran with, by the hashes in its log."""
+"""Puts a station together from the names of a world, a rule file and a model.
+
+For a recorded session, its world and rules are found by the hashes in its log.
+"""
 
 import hashlib
 import secrets
@@ -174,7 +177,7 @@ def open_station(
     grammar = plan_grammar(site.world, fleet.picture(), tuple(site.world.assets)[:MAX_ACTIONS])
     reader = engine.model.second_reader
     started = (
-        resumed.started
+        resumed.before.started
         if resumed is not None
         else SessionStarted(
             session=new_session_id(),

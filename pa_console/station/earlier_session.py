@@ -1,12 +1,18 @@
-"""Takes up a session whose console ended without closing it: its world, its alarms, its queue.
+"""What an earlier session left open: one whose console was killed, or whose command was taken.
 
-The log tells everything that the world depended on: seed, scenario, incidents and commands. So the
-fleet is simulated once more from the beginning up to the last record, and must then show the
-picture that the log tells of.
+A session whose console ended without closing it goes on here. Its log tells everything that the
+world depended on: seed, scenario, incidents and commands. So the fleet is simulated once more from
+the beginning up to the last record, and must then show the picture that the log tells of.
+
+Of a relieved station's session, a mission that has not moved any asset is queued again with its
+original text, planned with the vehicles' present reports, and takes an approval as any mission
+does. A mission that has sent a command is only reported: its plan was approved for another station.
+Alarms are raised anew by the picture, and with them the missions that answer them; standing orders
+were approved at that station alone.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from pa_console.fleets.simulated import SimulatedFleet
@@ -121,29 +127,16 @@ class UnclosedSession:
 
 @dataclass(frozen=True)
 class ResumedSession:
-    """A session as it was at its last record.
+    """A session as it was at its last record: its world, alarms and sightings, brought back.
 
-    `missions` counts all so far and `stops` the stops; `interrupted` are the ids of the missions
-    that end with it, `unanswered` those of the alarms that one of them answered. No standing order
-    goes on: `standing` are those that were in force, of the `standing_ids` that were given, and
-    `started_by_standing` the missions that wait which they had started.
+    `stops` counts the stops so far. No standing order goes on.
     """
 
-    started: ev.SessionStarted
+    before: UnclosedSession
     fleet: SimulatedFleet
     alarms: AlarmBook
     sightings: Sightings
-    waiting: tuple[QueueEntry, ...]
-    interrupted: tuple[str, ...]
-    unanswered: tuple[str, ...]
-    missions: int
     stops: int
-    stopped: bool
-    standing: tuple[str, ...] = ()
-    standing_ids: tuple[str, ...] = ()
-    started_by_standing: tuple[str, ...] = ()
-    told: SessionState = field(default_factory=SessionState)
-    """The session as its log has it: what questions about it are answered from."""
 
 
 def find_unclosed(folder: Path, world_sha256: str) -> UnclosedSession | None:
@@ -182,13 +175,11 @@ def resume(found: UnclosedSession, world: World, scenario: Scenario | None) -> R
     Raises NotResumableError when the world does not come out as the log tells of it, LogError when
     the log cannot be read.
     """
-    state, started = found.state, found.started
-    fleet = SimulatedFleet.start(world, started.seed, scenario)
+    fleet = SimulatedFleet.start(world, found.started.seed, scenario)
     alarms, sightings = AlarmBook(world), Sightings(world)
     sent: dict[str, DeviceCommand] = {}
-    stops, first, told = 0, False, SessionState()
+    stops, first = 0, False
     for event in _events(found.log):
-        told.apply(event)
         while fleet.tick < event.tick:
             fleet.step()
         match event.data:
@@ -214,22 +205,4 @@ def resume(found: UnclosedSession, world: World, scenario: Scenario | None) -> R
                 alarms.acknowledge(name, "operator")
             case _:
                 pass
-    interrupted = found.interrupted
-    return ResumedSession(
-        started=started,
-        fleet=fleet,
-        alarms=alarms,
-        sightings=sightings,
-        waiting=found.waiting,
-        interrupted=tuple(trace.mission.id for trace in interrupted),
-        unanswered=tuple(trace.mission.alarm for trace in interrupted if trace.mission.alarm),
-        missions=len(state.missions),
-        stops=stops,
-        stopped=state.stop is not None,
-        standing=tuple(each.order.id for each in state.standing.values() if each.in_force),
-        standing_ids=tuple(
-            trace.standing.order.id for trace in state.missions.values() if trace.standing
-        ),
-        started_by_standing=found.started_by_standing,
-        told=told,
-    )
+    return ResumedSession(found, fleet, alarms, sightings, stops)

@@ -1,13 +1,17 @@
 """Turns successive pictures into lines for the operator's event list, and stays quiet in noise.
 
-A change is told once it has lasted; the same change of many assets at once is one line.
+A change is told once it has lasted; the same change of many assets at once is one line. Reports
+from outside the site's sensors are shown beside them, and have no other effect.
 """
 
-from collections.abc import Iterator
+import asyncio
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from typing import Protocol, get_args
 
 from pa_console.mission.picture_text import silence
+from pa_console.schema.events import event as ev
 from pa_console.schema.events.event import Level, Noticed
 from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Track
 
@@ -179,3 +183,35 @@ def _grouped(facts: list[_Fact]) -> Iterator[Noticed]:
         named = ", ".join(fact.subject for fact in others[: MOST_ALIKE - 1])
         text = f"{first.text}; likewise {len(others)} others, among them {named}"
         yield Noticed(level=first.level, subject=first.subject, text=text)
+
+
+LOOK_S = 0.5
+"""The interval between two requests for reports, wall seconds."""
+
+
+_ADMITTED = get_args(ev.OutsideReport)
+
+
+class Outside(Protocol):
+    """A source of reports."""
+
+    def news(self) -> Sequence[ev.OutsideReport]:
+        """Return the new reports since the last call; at once, and never many."""
+        ...
+
+
+async def pass_on(outside: Outside, emit: Callable[[ev.OutsideReport], None]) -> None:
+    """Emit the reports of a source for as long as the session lasts; only reports are let in.
+
+    A source that fails is reported and left out: the session goes on without it.
+    """
+    while True:
+        try:
+            told = [report for report in outside.news() if isinstance(report, _ADMITTED)]
+        except Exception as error:  # whoever reports from outside must not end the session
+            text = f"nothing more is taken from outside: {type(error).__name__}: {error}"
+            emit(ev.Noticed(level="warning", subject="TAK", text=text))
+            return
+        for report in told:
+            emit(report)
+        await asyncio.sleep(LOOK_S)

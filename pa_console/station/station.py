@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import AsyncGenerator, Callable
+from copy import deepcopy
 from datetime import UTC, datetime
 from functools import partial
 
@@ -25,13 +26,13 @@ from pa_console.session.log.writer import LogWriter
 from pa_console.session.state import SessionState
 from pa_console.station.alternatives import Alternative, rehearse_other_ways, rehearse_reading
 from pa_console.station.answering import IS_QUESTION, RecentRecord, answer
-from pa_console.station.background import Background, Outside, pass_on
 from pa_console.station.clock import Clock, Ticking
-from pa_console.station.earlier_session import LeftMissions, ResumedSession
+from pa_console.station.earlier_session import LeftMissions, ResumedSession, UnclosedSession
 from pa_console.station.intake import Intake, ReadText, read_text
+from pa_console.station.notices import Outside, pass_on
 from pa_console.station.read_ahead import ReadAhead
 from pa_console.station.rules_in_force import RulesReload, RulesWatch
-from pa_console.station.worker import MissionWorker, StationParts
+from pa_console.station.worker import Background, MissionWorker, StationParts
 
 READ_ONLY = "this console is read-only: commands are refused"
 NOT_SIMULATED = "incidents can only be made to happen in a simulated fleet"
@@ -89,14 +90,17 @@ class Station:
         self._reload = RulesReload(services, watch, self._emit, self._worker, self._ahead)
         self._ticking = Ticking(parts, clock, self._worker, self._stop_for)
         self._closed, self._resumed = False, resumed
-        self._record = RecentRecord(resumed.told if resumed is not None else SessionState())
+        self._record = RecentRecord(deepcopy(resumed.before.state) if resumed else SessionState())
         self._again: list[tuple[ev.EventPayload, str]] = []
         """The missions that open alarms become once more."""
         if resumed is not None:
-            self._gate.resume(resumed.stops, stopped=resumed.stopped)
-            services.standing.skip_ids(resumed.standing_ids)
+            before = resumed.before
+            missions = before.state.missions.values()
+            self._gate.resume(resumed.stops, stopped=before.state.stop is not None)
+            services.standing.skip_ids(one.standing.order.id for one in missions if one.standing)
+            unanswered = [one.mission.alarm for one in before.interrupted if one.mission.alarm]
             self._again = self._intake.take_up(
-                resumed.alarms, resumed.waiting, resumed.missions, resumed.unanswered
+                resumed.alarms, before.waiting, len(missions), unanswered
             )
         self._last_read: tuple[tuple[str, Scene, Rulebook], ReadText] | None = None
         self._ending: asyncio.Task[None] | None = None
@@ -178,7 +182,7 @@ class Station:
             if self._taken is not None:
                 self._take_over(self._taken.station, self._left)
         else:
-            self._go_on(self._resumed)
+            self._go_on(self._resumed.before)
         if problem := self._gate.objection(self._services.rulebook):
             self._emit(ev.Noticed(level="alarm", subject="keys", text=problem))
         self._services.engine.on_state = self.worker_changed
@@ -207,17 +211,19 @@ class Station:
             if not self._keep_engine:
                 await self._services.engine.close()
 
-    def _go_on(self, resumed: ResumedSession) -> None:
+    def _go_on(self, before: UnclosedSession) -> None:
         """Emit that the session goes on, and take up waiting missions; nothing is dispatched."""
-        self._emit(ev.SessionResumed(version=__version__, interrupted=resumed.interrupted))
+        interrupted = tuple(trace.mission.id for trace in before.interrupted)
+        given = [each.order.id for each in before.state.standing.values() if each.in_force]
+        started = before.started_by_standing
+        self._emit(ev.SessionResumed(version=__version__, interrupted=interrupted))
         self._emit(ev.TelemetryReceived(picture=self._ticking.first))
-        for name in resumed.interrupted:
+        for name in interrupted:
             held = ev.MissionFinished(status="held", reason=INTERRUPTED, metrics=Metrics())
             self._emit(held, name)
-        for name in resumed.standing:
-            ended = ev.StandingOrderRevoked(order_id=name, by="the console", reason=NOT_KEPT)
-            self._emit(ended)
-        for name in resumed.started_by_standing:
+        for name in given:
+            self._emit(ev.StandingOrderRevoked(order_id=name, by="the console", reason=NOT_KEPT))
+        for name in started:
             held = ev.MissionFinished(status="held", reason=NOT_KEPT, metrics=Metrics())
             self._emit(held, name)
         for payload, mission in self._again:

@@ -1,8 +1,8 @@
-"""Works on missions, one at a time, in the queue's order."""
+"""Works on missions, one at a time, in the queue's order, and runs the session's own tasks."""
 
 import asyncio
 from collections import deque
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Coroutine
 from dataclasses import dataclass
 
 from pa_console.fleets.fleet import Countersigned
@@ -15,8 +15,36 @@ from pa_console.mission.verify import OutcomeVerdicts
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.telemetry import Picture
-from pa_console.station.background import Background
 from pa_console.station.intake import Intake
+
+
+class Background:
+    """Runs tasks beside a session."""
+
+    def __init__(self, on_failure: Callable[[BaseException], None]) -> None:
+        """Call `on_failure` with the error of a task that broke."""
+        self._on_failure = on_failure
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    def start(self, work: Coroutine[None, None, None]) -> asyncio.Task[None]:
+        """Run `work` from now on."""
+        task = asyncio.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._ended)
+        return task
+
+    async def stop(self) -> None:
+        """Cancel every task and wait until it has ended."""
+        tasks = list(self._tasks)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    def _ended(self, task: asyncio.Task[None]) -> None:
+        self._tasks.discard(task)
+        if not task.cancelled() and (error := task.exception()) is not None:
+            self._on_failure(error)
+
 
 MOST_COUNTERSIGNED = 16
 EmitFor = Callable[[ev.EventPayload, str | None], None]

@@ -6,9 +6,8 @@ import math
 import pytest
 
 from pa_console.mission.approval import standing_approver
-from pa_console.mission.candidate import Candidate
 from pa_console.mission.examine import Examination
-from pa_console.mission.plan import MOST_SERVED
+from pa_console.mission.plan import MOST_SERVED, Candidate
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.finding import Verdict
 from pa_console.schema.plan import Action, Plan

@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from pa_console.station.background import Background
+from pa_console.station.worker import Background
 
 
 async def test_the_error_of_a_task_is_told_and_those_that_end_well_are_not() -> None:

@@ -11,9 +11,8 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from pa_console.schema.events import event as ev
 from pa_console.schema.plan import Plan
 from pa_console.station.assembly import Site
-from pa_console.station.joined_station import JoinedStation, Signatory
+from pa_console.station.joined_station import JoinedStation, Signatory, SiteCopy
 from pa_console.station.shared_log import SharedLog
-from pa_console.station.site_copy import SiteCopy
 from tests.scripted import ScriptedEngine, plan
 from tests.station.test_answers import Talk, talks
 

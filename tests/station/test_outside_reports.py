@@ -7,7 +7,7 @@ from typing import Any, cast
 import pytest
 
 from pa_console.schema.events import event as ev
-from pa_console.station import background as outside_reports
+from pa_console.station import notices as outside_reports
 from tests.rig import Rig
 from tests.scripted import ScriptedEngine
 from tests.tui import story

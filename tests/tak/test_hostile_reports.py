@@ -30,7 +30,7 @@ from pa_console.schema.incident import SpawnTrack
 from pa_console.schema.text import visible_line
 from pa_console.schema.world import Origin
 from pa_console.session.state import SessionState
-from pa_console.station import background as outside_reports
+from pa_console.station import notices as outside_reports
 from pa_console.station.assembly import Site, load_site, open_station
 from pa_console.station.clock import SteppedClock
 from pa_console.station.headless import run_missions

@@ -22,9 +22,8 @@ from pa_console.schema.world import World
 from pa_console.session.log.writer import default_folder
 from pa_console.settings.sources import Loaded
 from pa_console.station.assembly import SessionSites, open_world
-from pa_console.station.joined_station import JoinedStation, Signatory, Succession
+from pa_console.station.joined_station import JoinedStation, Signatory, SiteCopy, Succession
 from pa_console.station.shared_log import HEARD, SharedLog, read_so_far
-from pa_console.station.site_copy import SiteCopy
 from pa_console.terminal.output import errors, require_keys
 
 CONNECT_S = 5.0

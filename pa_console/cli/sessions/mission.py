@@ -37,9 +37,9 @@ from pa_console.settings.sources import Loaded
 from pa_console.signing import load_signer
 from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.station.assembly import load_site, open_station
-from pa_console.station.background import Outside
 from pa_console.station.clock import SteppedClock
 from pa_console.station.headless import exit_code, run_missions
+from pa_console.station.notices import Outside
 from pa_console.station.station import Station
 from pa_console.terminal.approval import ask_decision, show_request
 from pa_console.terminal.mission import print_answer, print_trace, step_line

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pa_console import __version__
 from pa_console.observability import Observer, Observing, observed
 from pa_console.settings.schema import Settings
-from pa_console.station.background import Outside
+from pa_console.station.notices import Outside
 from pa_console.terminal.output import errors
 
 

@@ -7,10 +7,9 @@ from time import perf_counter
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.roles.prompts import plan_facts
-from pa_console.mission.candidate import Candidate
 from pa_console.mission.context import MissionContext, Services
 from pa_console.mission.judge import judge
-from pa_console.mission.plan import Unplanned, plan, take
+from pa_console.mission.plan import Candidate, Unplanned, plan, take
 from pa_console.mission.propose import PlanQuestion, ask_for_plan
 from pa_console.mission.retrieve import Retrieved, retrieve
 from pa_console.mission.verify import OutcomeCase, ask_about_outcome
