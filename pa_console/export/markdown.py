@@ -9,8 +9,8 @@ from pa_console.schema.events.event import SessionStarted
 from pa_console.schema.rule import Rule
 from pa_console.schema.text import visible, visible_line
 from pa_console.session.mission_trace import MissionTrace
-from pa_console.views.trace.layout import lay_out, progress
-from pa_console.views.trace.parts import (
+from pa_console.views.trace_layout import lay_out, progress
+from pa_console.views.trace_parts import (
     Block,
     Detail,
     Line,

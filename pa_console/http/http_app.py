@@ -19,7 +19,6 @@ from pa_console import __version__
 from pa_console.fleets.authorization import RefusedError, Role
 from pa_console.http import views
 from pa_console.http.connections import ADDRESS, BACKLOG, Listening
-from pa_console.http.event_feed import Numbered
 from pa_console.http.guard import (
     CONNECTION,
     Guard,
@@ -28,7 +27,7 @@ from pa_console.http.guard import (
     Rate,
     internal_error,
 )
-from pa_console.http.served_session import ServedSession
+from pa_console.http.served_session import Numbered, ServedSession
 from pa_console.http.tokens import Bearer, TokenBook
 from pa_console.schema.events import event as ev
 

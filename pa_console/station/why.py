@@ -24,7 +24,7 @@ from pa_console.session.mission_trace import Attempt, MissionTrace, chosen_attem
 from pa_console.session.wording import deviations_in_words, order_in_words
 from pa_console.views.event_words import asked_in_words, references_in_words, standing_in_words
 from pa_console.views.status_words import status_of
-from pa_console.views.trace.layout import progress
+from pa_console.views.trace_layout import progress
 
 
 def attempt_of(trace: MissionTrace) -> Attempt | None:

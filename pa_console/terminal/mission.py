@@ -13,8 +13,8 @@ from pa_console.schema.text import visible
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.views.event_words import event_in_words
 from pa_console.views.status_words import Tone
-from pa_console.views.trace.layout import answered, headline, lay_out, lay_out_proposal, progress
-from pa_console.views.trace.parts import (
+from pa_console.views.trace_layout import answered, headline, lay_out, lay_out_proposal, progress
+from pa_console.views.trace_parts import (
     Detail,
     HangingRow,
     Section,

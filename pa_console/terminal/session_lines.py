@@ -10,7 +10,7 @@ from pa_console.session.wording import order_in_words
 from pa_console.terminal.mission import step_line
 from pa_console.views.event_words import standing_in_words
 from pa_console.views.status_words import status_of
-from pa_console.views.trace.layout import progress
+from pa_console.views.trace_layout import progress
 
 
 def status_lines(state: SessionState) -> list[str]:

@@ -8,7 +8,7 @@ from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.screens.plan_editor import plan_json
 from pa_console.tui.trace.rows import plain
 from pa_console.tui.trace.sections import sections
-from pa_console.views.trace.planning import Rules
+from pa_console.views.trace_planning import Rules
 
 
 def trace_text(trace: MissionTrace, rules: Rules) -> str:

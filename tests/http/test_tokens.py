@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from pa_console.fleets.authorization import RefusedError, Role
-from pa_console.http.event_feed import KEPT, EventFeed
 from pa_console.http.guard import Rate
+from pa_console.http.served_session import KEPT, EventFeed
 from pa_console.http.tokens import Bearer, TokenBook
 from pa_console.private_files import NotPrivateError
 from pa_console.schema.events import event as ev

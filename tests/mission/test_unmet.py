@@ -12,8 +12,8 @@ from pa_console.schema.incident import FailAsset, Incident, SetBattery
 from pa_console.schema.plan import Action, Plan
 from pa_console.session.mission_trace import Attempt
 from pa_console.views.event_words import event_in_words
-from pa_console.views.trace.parts import rows_of
-from pa_console.views.trace.planning import plan as section_of
+from pa_console.views.trace_parts import rows_of
+from pa_console.views.trace_planning import plan as section_of
 from pa_training.order_generator.orders import canonical_order
 from pa_training.samples.planner_samples import Recipe, make_group
 from tests.mission.test_fulfilment import CAR, moves

@@ -8,7 +8,7 @@ from pa_console.session.state import SessionState
 from pa_console.tui.trace.rows import layout, plain
 from pa_console.tui.trace.sections import content, headline, progress, sections
 from pa_console.tui.widgets.alarms import summary
-from pa_console.views.trace.layout import standing
+from pa_console.views.trace_layout import standing
 from tests.schema.strategies import PAYLOADS, models
 from tests.tui import living, story
 from tests.tui.story import MISSION, stamped

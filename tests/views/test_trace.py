@@ -20,9 +20,9 @@ from pa_console.terminal.mission import print_trace
 from pa_console.terminal.output import PlainConsole
 from pa_console.tui.trace.rows import plain
 from pa_console.tui.trace.sections import sections
-from pa_console.views.trace.execution import report_table
-from pa_console.views.trace.layout import lay_out, lay_out_proposal
-from pa_console.views.trace.parts import Detail, Section, TraceOptions
+from pa_console.views.trace_execution import report_table
+from pa_console.views.trace_layout import lay_out, lay_out_proposal
+from pa_console.views.trace_parts import Detail, Section, TraceOptions
 from tests.schema.strategies import PAYLOADS, models
 from tests.tui import living, story
 from tests.tui.site import RULES

@@ -11,7 +11,7 @@ from pa_console.tui.status_words import QUIET
 from pa_console.tui.trace.rows import Row, row
 from pa_console.tui.trace.sections import drawn
 from pa_console.tui.widgets.row_views import TextRows
-from pa_console.views.trace.layout import answered
+from pa_console.views.trace_layout import answered
 
 LOOKING = "looking at the record, and checking what has to be checked …"
 

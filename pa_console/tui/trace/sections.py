@@ -8,10 +8,10 @@ from pa_console.schema.text import visible
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.status_words import STYLES
 from pa_console.tui.trace.rows import Row, Section, row
-from pa_console.views.trace import layout, parts
-from pa_console.views.trace.layout import lay_out
-from pa_console.views.trace.parts import Span, TraceOptions, rows_of, title_of
-from pa_console.views.trace.planning import Rules
+from pa_console.views import trace_layout, trace_parts
+from pa_console.views.trace_layout import lay_out
+from pa_console.views.trace_parts import Span, TraceOptions, rows_of, title_of
+from pa_console.views.trace_planning import Rules
 
 _SHOWN = TraceOptions()
 
@@ -21,7 +21,7 @@ def sections(trace: MissionTrace, rules: Rules) -> list[Section]:
     return [shown for part in lay_out(trace, rules, _SHOWN) for shown in drawn(part)]
 
 
-def drawn(section: parts.Section) -> list[Section]:
+def drawn(section: trace_parts.Section) -> list[Section]:
     """Return a section with its rows; its parts are rows of it, or follow it when it is open."""
     title = content(title_of(section))
     if section.collapsed:
@@ -31,11 +31,11 @@ def drawn(section: parts.Section) -> list[Section]:
     return [own, *(shown for part in section.parts for shown in drawn(part))]
 
 
-def _own_rows(section: parts.Section) -> Iterable[Row]:
+def _own_rows(section: trace_parts.Section) -> Iterable[Row]:
     return (Row(content(item.lead), content(item.body)) for item in rows_of(section))
 
 
-def _spread(given: Iterable[parts.Section]) -> list[Row]:
+def _spread(given: Iterable[trace_parts.Section]) -> list[Row]:
     """Return the rows of sections under their titles."""
     result: list[Row] = []
     for section in given:
@@ -55,10 +55,10 @@ def _style(span: Span) -> str:
 
 def progress(trace: MissionTrace) -> Content:
     """Return the line that shows how far the mission is, or how it ended and why."""
-    words = content(layout.progress(trace))
+    words = content(trace_layout.progress(trace))
     if trace.status is not None:
         return words
-    step, last = layout.step_of(trace), len(layout.STEPS) - 1
+    step, last = trace_layout.step_of(trace), len(trace_layout.STEPS) - 1
     bar = Content.assemble(
         ("━━" * step, "$text-success"), ("━╸", "$text-accent"), ("──" * (last - step), "$faint")
     )
@@ -67,4 +67,4 @@ def progress(trace: MissionTrace) -> Content:
 
 def headline(trace: MissionTrace) -> list[Row]:
     """Return the mission's id, origin and text, and where it stands in each workflow."""
-    return [row("", content(line)) for line in layout.headline(trace)]
+    return [row("", content(line)) for line in trace_layout.headline(trace)]

@@ -11,7 +11,7 @@ from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.trace.rows import Section, row
 from pa_console.tui.trace.sections import headline, progress, sections
 from pa_console.tui.widgets.row_views import TextRows
-from pa_console.views.trace.planning import Rules
+from pa_console.views.trace_planning import Rules
 
 NO_MISSION = "No mission yet. Type one below, for example what should be watched or moved where."
 

@@ -8,11 +8,12 @@ from pa_console.schema.events.intake import AnswerLine, QuestionAnswered
 from pa_console.schema.telemetry import Digest
 from pa_console.schema.text import count
 from pa_console.session.mission_trace import Attempt, MissionTrace, Round, chosen_attempt, rounds
+from pa_console.views import trace_execution as execution
+from pa_console.views import trace_planning as planning
 from pa_console.views.event_words import asked_in_words, references_in_words
 from pa_console.views.rule_trail import evidence_of
 from pa_console.views.status_words import Status, status_of
-from pa_console.views.trace import execution, planning, safeguards
-from pa_console.views.trace.parts import (
+from pa_console.views.trace_parts import (
     Block,
     Column,
     Detail,
@@ -25,7 +26,7 @@ from pa_console.views.trace.parts import (
     statement,
     table,
 )
-from pa_console.views.trace.planning import Rules
+from pa_console.views.trace_planning import Rules
 
 
 def lay_out(trace: MissionTrace, rules: Rules, options: TraceOptions) -> list[Section]:
@@ -48,7 +49,7 @@ def lay_out(trace: MissionTrace, rules: Rules, options: TraceOptions) -> list[Se
     if chosen is not None:
         result += _chosen(chosen, trace, rules, options)
     if trace.approval is not None and options.detail >= Detail.RECORD:
-        result.append(safeguards.approval(trace.approval))
+        result.append(planning.approval(trace.approval))
     result += _carried_out(now, options)
     if trace.unasked_verdict is not None or trace.unasked_error:
         result.append(execution.judged_outcome(trace.unasked_verdict, trace.unasked_error))
@@ -182,16 +183,16 @@ def _attempt(
             planning.answer(f"answer-{number}", title, attempt.text, attempt.usage, step=5)
         )
     if attempt.rehearsal is not None:
-        parts.append(safeguards.rehearsal(attempt, attempt.rehearsal, options))
+        parts.append(planning.rehearsal(attempt, attempt.rehearsal, options))
     if attempt.findings:
-        parts += safeguards.checks(attempt, rules, with_rest=full and with_rest)
+        parts += planning.checks(attempt, rules, with_rest=full and with_rest)
     decided_by = evidence_of(attempt) if options.evidence else None
     if decided_by is not None:
-        parts.append(safeguards.evidence(attempt, decided_by))
+        parts.append(planning.evidence(attempt, decided_by))
     if attempt.judged or attempt.judge_text:
-        parts.append(safeguards.verdict(attempt))
+        parts.append(planning.verdict(attempt))
     if attempt.read_again is not None:
-        parts.append(safeguards.second_reading(attempt, attempt.read_again))
+        parts.append(planning.second_reading(attempt, attempt.read_again))
     if record and attempt.judged and attempt.judge_text:
         key, usage = f"judge-answer-{number}", attempt.judge_usage
         parts.append(planning.answer(key, "The judge's answer", attempt.judge_text, usage, step=6))

@@ -9,7 +9,7 @@ from pa_console.schema.finding import Verdict
 from pa_console.schema.text import clock_text, duration_text
 from pa_console.session.mission_trace import CommandTrace, MissionTrace, VerifiedPlan
 from pa_console.views.status_words import Status, status_of
-from pa_console.views.trace.parts import (
+from pa_console.views.trace_parts import (
     Block,
     Column,
     Detail,
@@ -23,7 +23,7 @@ from pa_console.views.trace.parts import (
     statement,
     table,
 )
-from pa_console.views.trace.safeguards import outcome_verdict
+from pa_console.views.trace_planning import outcome_verdict
 
 _BAR = 14
 """Cells of the bar of the stage that took longest."""
