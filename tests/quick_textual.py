@@ -1,7 +1,7 @@
 """Spares the tests what Textual does anew for each of some hundred applications.
 
-A session of tests waits a fifth of the time until an application is idle, and parses each style
-sheet once.
+A test goes on once its application has nothing left to do, without a look at the clock, and each
+style sheet is parsed once a session of tests.
 """
 
 import asyncio
@@ -11,7 +11,12 @@ from typing import Any
 import pytest
 import textual.app
 import textual.pilot
+import textual.screen
+from textual._context import active_app
 from textual.css.stylesheet import Stylesheet
+
+FRAME_S = 0.25
+"""A pause of a test paints; between pauses few frames are painted that no test looks at."""
 
 STEP_S = 0.004
 BUSY = 0.25
@@ -22,23 +27,75 @@ def quicken(patch: pytest.MonkeyPatch) -> None:
     """Put what is quicker in the place of Textual's own."""
     for module in (textual.app, textual.pilot):
         patch.setattr(module, "wait_for_idle", wait_for_idle)
+    patch.setattr(textual.pilot.Pilot, "_wait_for_screen", _waiting_for_busy_ones())
+    patch.setattr(textual.screen, "UPDATE_PERIOD", FRAME_S)
     patch.setattr(Stylesheet, "_parse_rules", _parsing_once())
 
 
 async def wait_for_idle(min_sleep: float = 0.0, max_sleep: float = 1.0) -> None:
-    """Wait until nothing is ready to run in the event loop and no thread computes.
+    """Wait until nothing is ready to run in the event loop, no thread computes and all is laid out.
 
     Textual's own looks at the processor time of 20 ms, and nothing else, twice a key. A loop in
-    which nothing is ready waits for keys, timers and threads. Takes `min_sleep` to `max_sleep`
-    seconds.
+    which nothing is ready waits for keys, timers and threads: only for a thread is time spent, as
+    long as it computes. Takes `min_sleep` to `max_sleep` seconds.
     """
-    begun, ready = monotonic(), getattr(asyncio.get_running_loop(), "_ready", ())
+    loop: Any = asyncio.get_running_loop()
+    begun = monotonic()
     while monotonic() - begun < max_sleep:
-        computed = process_time()
-        await asyncio.sleep(STEP_S)
-        quiet = process_time() - computed < BUSY * STEP_S
-        if quiet and not ready and monotonic() - begun >= min_sleep:
+        await asyncio.sleep(0)
+        if loop._ready or await _a_thread_computes(loop) or loop._ready or _has_gone_on():
+            continue
+        if monotonic() - begun >= min_sleep:
             return
+
+
+async def _a_thread_computes(loop: Any) -> bool:
+    """Look for a step at threads that have work; one that waits for something does not compute."""
+    pool = loop._default_executor
+    if pool is None or (
+        not pool._work_queue.qsize() and pool._idle_semaphore._value == len(pool._threads)
+    ):
+        return False
+    computed = process_time()
+    await asyncio.sleep(STEP_S)
+    return process_time() - computed >= BUSY * STEP_S
+
+
+def _has_gone_on() -> bool:
+    """Take what waits for a frame: a new size, a layout, and whatever is called after it."""
+    app: Any = active_app.get(None)
+    screen = getattr(app, "_screen_stack", None) and app._screen_stack[-1]
+    if not screen or app._batch_count or not screen.is_running:
+        return False
+    if app._resize_event is not None:
+        app._check_resize()
+        return True
+    if not (
+        screen._layout_required
+        or screen._scroll_required
+        or screen._recompose_required
+        or screen._callbacks
+    ):
+        return False
+    screen._on_timer_update()
+    return True
+
+
+def _waiting_for_busy_ones() -> Any:
+    """Return what waits for the widgets of a screen unless all of them wait for messages."""
+    wait: Any = getattr(textual.pilot.Pilot, "_wait_for_screen")  # noqa: B009
+
+    async def wait_for_screen(pilot: Any, *args: Any, **options: Any) -> bool:
+        screen = pilot.app._screen_stack[-1] if pilot.app._screen_stack else None
+        if screen is None:
+            return await wait(pilot, *args, **options)
+        pumps: list[Any] = [pilot.app, *screen.walk_children(with_self=True)]
+        queues = [pump._message_queue for pump in pumps]
+        if all(not queue.values and queue.ready_event._waiters for queue in queues):
+            return True
+        return await wait(pilot, *args, **options)
+
+    return wait_for_screen
 
 
 def _parsing_once() -> Any:

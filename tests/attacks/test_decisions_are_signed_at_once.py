@@ -13,6 +13,7 @@ from pa_console.schema.events import event as ev
 from pa_console.session.log.signed_head import head_path, read_head
 from pa_console.session.log.writer import LogWriter, verify
 from pa_console.station.station import Station
+from tests.depth import depth
 from tests.rig import Rig, rig, site
 from tests.scripted import ScriptedEngine, plan
 from tests.session.logs import kept
@@ -59,7 +60,9 @@ def test_nothing_that_somebody_answers_for_is_unsigned_after_a_crash(tmp_path: P
 
 
 @settings(
-    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=depth(150),
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(data=st.data())
 def test_whoever_has_no_key_changes_nothing_of_it_unseen(

@@ -20,6 +20,7 @@ from pa_console.session.log.signed_head import head_path, sign_head, write_head
 from pa_console.session.log.writer import LogWriter, new_log_path
 from pa_console.signing import KEY_VARIABLE, Signer, load_signer
 from tests.cli.inside import Call, caller
+from tests.depth import depth
 from tests.session.story import story
 from tests.session.tamper import OTHER, long_story
 
@@ -147,7 +148,9 @@ def test_a_log_that_no_index_has_is_no_copy(folder: Path, signer: Signer) -> Non
 
 
 @settings(
-    max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=depth(200),
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(data=st.data())
 def test_no_line_of_the_index_goes_unseen(

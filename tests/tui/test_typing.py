@@ -15,6 +15,7 @@ from pa_console.tui.typed_text import TEXT_S
 from pa_console.tui.widgets.alarms import AlarmPane
 from pa_console.tui.widgets.key_line import KeyLine
 from pa_console.tui.widgets.mission_prompt import MissionInput
+from tests.depth import depth
 from tests.tui import living, story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, notices, settle
 
@@ -267,7 +268,7 @@ PROSE = (
 LETTERS = "armcSkxzudqtjop"
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", range(depth(30)))
 async def test_nothing_that_was_not_meant_is_commanded_at_an_approval(
     tmp_path: Path, seed: int
 ) -> None:

@@ -3,6 +3,7 @@
 The library that trains is an extra; nothing of it is imported before a verb needs it.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -149,34 +150,29 @@ def written(
     make_written(out, "development" if kept_aside else "written")
 
 
-@app.command()
-def planner(
-    out: RunOption,
-    data: DataOption = None,
-    config: ConfigOption = None,
-    changes: SetOption = None,
-    minutes: MinutesOption = None,
-    resume: ResumeOption = False,
-) -> None:
-    """Train the planner's adapter; Ctrl-C ends the run so that it can be gone on with."""
-    from pa_training.verbs.run import run_training  # noqa: PLC0415
+def _trainer(role: Literal["planner", "judge"]) -> Callable[..., None]:
+    """Return the verb that trains the adapter of `role`."""
 
-    run_training("planner", data, out, config, changes or [], minutes, resume)
+    def train(
+        out: RunOption,
+        data: DataOption = None,
+        config: ConfigOption = None,
+        changes: SetOption = None,
+        minutes: MinutesOption = None,
+        resume: ResumeOption = False,
+    ) -> None:
+        from pa_training.verbs.run import run_training  # noqa: PLC0415
+
+        run_training(role, data, out, config, changes or [], minutes, resume)
+
+    train.__doc__ = (
+        f"Train the {role}'s adapter; Ctrl-C ends the run so that it can be gone on with."
+    )
+    return train
 
 
-@app.command()
-def judge(
-    out: RunOption,
-    data: DataOption = None,
-    config: ConfigOption = None,
-    changes: SetOption = None,
-    minutes: MinutesOption = None,
-    resume: ResumeOption = False,
-) -> None:
-    """Train the judge's adapter; Ctrl-C ends the run so that it can be gone on with."""
-    from pa_training.verbs.run import run_training  # noqa: PLC0415
-
-    run_training("judge", data, out, config, changes or [], minutes, resume)
+app.command("planner")(_trainer("planner"))
+app.command("judge")(_trainer("judge"))
 
 
 @app.command()

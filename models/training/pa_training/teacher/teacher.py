@@ -6,7 +6,7 @@ an unknown track get a drone that sees it before them (WF-02).
 Solutions come in the order of preference; the checks and the rehearsal have not seen them.
 
 It never sees words. It proposes plans in the order of preference; who uses it verifies them and
-takes the first that holds. What must be true of a run is written by teacher_success.py.
+takes the first that holds. What must be true of a run is written by success.py.
 """
 
 import re
