@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from pa_console.evaluation.runs.dask_sweep import Workers
+    from pa_console.evaluation.dask_sweep import Workers
 
 
 WorldOption = Annotated[
@@ -129,7 +129,7 @@ def dask_workers(where: int | str) -> "Workers":
     Raises ValueError without Dask.
     """
     try:
-        from pa_console.evaluation.runs.dask_sweep import Workers  # noqa: PLC0415
+        from pa_console.evaluation.dask_sweep import Workers  # noqa: PLC0415
     except ImportError as error:
         raise ValueError("a sweep needs Dask: pip install 'pa-console[sweep]'") from error
     return Workers(count=where) if isinstance(where, int) else Workers(scheduler=where)

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from pa_console.cli.sessions.mission import read_event
-from pa_console.evaluation.runs.jobs import load_with_worlds
+from pa_console.evaluation.jobs import load_with_worlds
 from pa_console.policy.rule_seal import seal_of
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data

@@ -20,7 +20,7 @@ from rich.table import Table
 from rich.text import Text
 
 from pa_console.cli.verbs import models
-from pa_console.evaluation.runs.run_record import RUNS
+from pa_console.evaluation.run_record import RUNS
 from pa_console.llm.models.catalogue import Catalog
 from pa_console.resources import find_data
 from pa_console.schema import document

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.evaluation.runs.memo_engine import MemoEngine
+from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.llm.models.cache import CACHE_VARIABLE
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.schema.incident import Scenario

@@ -7,7 +7,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from pa_console.cli.options import WorldOption
-from pa_console.evaluation.runs.twin import repeated_hashes
+from pa_console.evaluation.twin import repeated_hashes
 from pa_console.sim.worlds.scenario_file import list_scenarios, open_scenario
 from pa_console.sim.worlds.world_file import open_world
 from pa_console.terminal.output import errors, out

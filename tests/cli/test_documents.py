@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from pa_console.cli.verbs import VERBS
-from pa_console.evaluation.runs.jobs import load_with_worlds
+from pa_console.evaluation.jobs import load_with_worlds
 from pa_console.sim.worlds.world_file import load_world
 from tests.cli.conftest import Call
 from tests.cli.parsing import left_over

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.evaluation.runs.run_record import read_runs
+from pa_console.evaluation.run_record import read_runs
 from pa_console.session.log.verification import verify
 from tests.cli.inside import Call
 

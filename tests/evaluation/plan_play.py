@@ -3,7 +3,7 @@
 import asyncio
 from collections.abc import Callable, Sequence
 
-from pa_console.evaluation.scoring.score import RunRecorder, Score, score_run, watch
+from pa_console.evaluation.score import RunRecorder, Score, score_run, watch
 from pa_console.mission.examine import examine
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.evaluation import MissionCase

@@ -5,8 +5,8 @@ from typing import Any, get_args
 
 from hypothesis import strategies as st
 
-from pa_console.evaluation.runs.run_record import Opinion, RunRecord
-from pa_console.evaluation.scoring.run_recording import Breach
+from pa_console.evaluation.run_facts import Breach
+from pa_console.evaluation.run_record import Opinion, RunRecord
 from pa_console.schema.evaluation import Expectation
 from pa_console.schema.finding import Usage
 from pa_console.schema.mission import Metrics, MissionStatus, Outcome

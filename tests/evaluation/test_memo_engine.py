@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.evaluation.runs.memo_engine import MemoEngine
+from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.llm.backend import Completed, EngineDiedError, Request
 from tests.scripted import ScriptedEngine
 

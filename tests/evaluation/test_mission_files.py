@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.evaluation.runs.jobs import load_missions
-from pa_console.evaluation.runs.runner import enforced_rules
-from pa_console.evaluation.scoring.score import begin, idle_run
+from pa_console.evaluation.jobs import load_missions
+from pa_console.evaluation.runner import enforced_rules
+from pa_console.evaluation.score import begin, idle_run
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import data_folder
 from pa_console.schema.evaluation import GeneratedWorld, MissionCase

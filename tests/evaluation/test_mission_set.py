@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.evaluation.runs.jobs import load_missions
+from pa_console.evaluation.jobs import load_missions
 from pa_console.resources import data_folder
 from pa_console.schema.document import DocumentError
 from pa_console.sim.checkpoint import Checkpoint

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.evaluation.runs.jobs import ABOUT, VARIANTS, Job, LoadedSet, find_variant, plan_jobs
-from pa_console.evaluation.runs.memo_engine import MemoEngine
-from pa_console.evaluation.runs.run_record import EvaluationFolder, RunRecord, read_runs
-from pa_console.evaluation.runs.runner import CHUNK, Runner, chunks
-from pa_console.evaluation.scoring.score import SETTLE_S
+from pa_console.evaluation.jobs import ABOUT, VARIANTS, Job, LoadedSet, find_variant, plan_jobs
+from pa_console.evaluation.memo_engine import MemoEngine
+from pa_console.evaluation.run_record import EvaluationFolder, RunRecord, read_runs
+from pa_console.evaluation.runner import CHUNK, Runner, chunks
+from pa_console.evaluation.score import SETTLE_S
 from pa_console.schema.evaluation import MissionCase, MissionSet
 from pa_console.session.recording import Recording
 from pa_console.station.assembly import Site

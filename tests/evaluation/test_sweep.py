@@ -10,12 +10,12 @@ from typing import Any, cast
 import pytest
 from distributed import Scheduler, Worker
 
-from pa_console.evaluation.runs.dask_sweep import SweepError, Workers, cluster
-from pa_console.evaluation.runs.jobs import Job, LoadedSet, find_variant, plan_jobs
-from pa_console.evaluation.runs.memo_engine import MemoEngine
-from pa_console.evaluation.runs.run_record import EvaluationFolder, RunRecord, read_runs
-from pa_console.evaluation.runs.runner import Runner
-from pa_console.evaluation.runs.sweep import RemoteRun, Sweep
+from pa_console.evaluation.dask_sweep import SweepError, Workers, cluster
+from pa_console.evaluation.jobs import Job, LoadedSet, find_variant, plan_jobs
+from pa_console.evaluation.memo_engine import MemoEngine
+from pa_console.evaluation.run_record import EvaluationFolder, RunRecord, read_runs
+from pa_console.evaluation.runner import Runner
+from pa_console.evaluation.sweep import RemoteRun, Sweep
 from pa_console.schema.evaluation import MissionCase, MissionSet
 from pa_console.station.assembly import Site
 from tests.scripted import SUCCESS, ScriptedEngine, plan

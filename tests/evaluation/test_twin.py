@@ -5,7 +5,7 @@ from functools import partial
 
 import pytest
 
-from pa_console.evaluation.runs.twin import repeated_hashes, resimulate
+from pa_console.evaluation.twin import repeated_hashes, resimulate
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import (
     FailAsset,

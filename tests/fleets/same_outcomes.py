@@ -9,8 +9,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from unittest.mock import Mock, patch
 
-from pa_console.evaluation.runs import runner
-from pa_console.evaluation.runs.jobs import (
+from pa_console.evaluation import runner
+from pa_console.evaluation.jobs import (
     Job,
     chosen_missions,
     find_variant,
@@ -19,9 +19,9 @@ from pa_console.evaluation.runs.jobs import (
     mission_file,
     plan_jobs,
 )
-from pa_console.evaluation.runs.memo_engine import MemoEngine
-from pa_console.evaluation.runs.run_record import RunRecord
-from pa_console.evaluation.scoring.score import idle_run
+from pa_console.evaluation.memo_engine import MemoEngine
+from pa_console.evaluation.run_record import RunRecord
+from pa_console.evaluation.score import idle_run
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.station.assembly import load_site

@@ -7,8 +7,8 @@ from datetime import UTC, datetime
 
 from pydantic import ValidationError
 
-from pa_console.evaluation.scoring.oracle import find_breaches
-from pa_console.evaluation.scoring.score import RunRecorder, play, watch
+from pa_console.evaluation.oracle import find_breaches
+from pa_console.evaluation.score import RunRecorder, play, watch
 from pa_console.mission.examine import examine
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.command import DeviceCommand

@@ -16,9 +16,9 @@ from typer.main import get_command
 
 from pa_console.cli.main import app, main
 from pa_console.cli.sessions import mission as mission_session
-from pa_console.evaluation.runs.memo_engine import MemoEngine
-from pa_console.evaluation.runs.run_record import EvaluationFolder
-from pa_console.evaluation.runs.runner import Runner
+from pa_console.evaluation.memo_engine import MemoEngine
+from pa_console.evaluation.run_record import EvaluationFolder
+from pa_console.evaluation.runner import Runner
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.station.assembly import load_site
 from tests.evaluation.test_runner import SEND, jobs

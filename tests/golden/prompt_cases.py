@@ -13,7 +13,7 @@ from functools import cache
 from itertools import islice
 from typing import NamedTuple
 
-from pa_console.evaluation.runs.jobs import load_with_worlds
+from pa_console.evaluation.jobs import load_with_worlds
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.language.clause_grammar import asked_pattern
 from pa_console.language.reading import asked_words, read_asked

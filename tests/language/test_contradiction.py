@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.evaluation.runs.jobs import load_with_worlds
+from pa_console.evaluation.jobs import load_with_worlds
 from pa_console.language.demands import contradiction
 from pa_console.resources import data_folder
 from pa_console.sim.worlds.world_file import load_world

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.evaluation.runs.twin import resimulate
+from pa_console.evaluation.twin import resimulate
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.mission.approval import Approver, standing_approver
 from pa_console.policy.rulebook import Rulebook

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.evaluation.runs.twin import resimulate
+from pa_console.evaluation.twin import resimulate
 from pa_console.mission.approval import standing_approver
 from pa_console.schema.events import event as ev
 from pa_console.session.log.chain import read_log

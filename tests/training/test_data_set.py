@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from pa_console.evaluation.runs.jobs import load_missions
+from pa_console.evaluation.jobs import load_missions
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data
 from pa_training.phrasing.rewording import COMBINED

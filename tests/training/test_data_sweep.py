@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.evaluation.runs.dask_sweep import SweepError, Workers, cluster
+from pa_console.evaluation.dask_sweep import SweepError, Workers, cluster
 from pa_console.resources import find_data
 from pa_training.samples.data_report import fingerprint
 from pa_training.samples.data_set import (

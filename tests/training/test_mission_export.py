@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from pa_console.evaluation.runs.jobs import load_with_worlds
+from pa_console.evaluation.jobs import load_with_worlds
 from pa_console.resources import find_data
 from pa_console.schema.evaluation import MissionCase
 from pa_training.results import mission_export

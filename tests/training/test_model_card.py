@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import pytest
 
-from pa_console.evaluation.runs.run_record import EvaluationFolder
+from pa_console.evaluation.run_record import EvaluationFolder
 from pa_training.adapters.config import TrainConfig
 from pa_training.results.lineage import ADAPTER
 from pa_training.results.model_card import model_card

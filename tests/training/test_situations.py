@@ -6,7 +6,7 @@ import random
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from pa_console.evaluation.scoring.score import begin
+from pa_console.evaluation.score import begin
 from pa_console.schema.incident import FailAsset, SetBattery, SetComms, SetWeather, SpawnTrack
 from pa_console.schema.plan import Action
 from pa_console.sim.checkpoint import Checkpoint

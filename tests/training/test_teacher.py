@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from pa_console.evaluation.scoring.success_conditions import compile_conditions
+from pa_console.evaluation.score import compile_conditions
 from pa_console.language.order import Ask, Who
 from pa_console.llm.roles.grammar import REASON_CHARS
 from pa_console.policy.findings import problems

@@ -10,7 +10,7 @@ from types import ModuleType
 
 import pytest
 
-from pa_console.evaluation.runs.jobs import load_with_worlds
+from pa_console.evaluation.jobs import load_with_worlds
 from pa_training.adapters.config import TrainConfig, shipped_config
 from pa_training.adapters.run_folder import RunFolder
 from pa_training.results.lineage import ADAPTER, read_summary

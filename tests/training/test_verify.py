@@ -4,10 +4,10 @@ import asyncio
 
 import pytest
 
-from pa_console.evaluation.runs.jobs import Job
-from pa_console.evaluation.runs.memo_engine import MemoEngine
-from pa_console.evaluation.runs.runner import make_run
-from pa_console.evaluation.scoring.score import Score
+from pa_console.evaluation.jobs import Job
+from pa_console.evaluation.memo_engine import MemoEngine
+from pa_console.evaluation.runner import make_run
+from pa_console.evaluation.score import Score
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import data_folder
 from pa_console.schema.evaluation import Variant

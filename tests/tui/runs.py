@@ -3,9 +3,9 @@
 import hashlib
 from pathlib import Path
 
-from pa_console.evaluation.reporting.statistics import Table
-from pa_console.evaluation.runs.run_record import RunRecord
-from pa_console.evaluation.scoring.run_recording import Breach
+from pa_console.evaluation.run_facts import Breach
+from pa_console.evaluation.run_record import RunRecord
+from pa_console.evaluation.statistics import Table
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data
 from pa_console.schema.events.event import SessionStarted

@@ -35,9 +35,7 @@ from pa_console.cli.options import (
 )
 from pa_console.cli.progress_bars import LiveBar
 from pa_console.cli.settings_defaults import settings_of
-from pa_console.evaluation.machine import describe_machine
-from pa_console.evaluation.reporting.statistics import Table
-from pa_console.evaluation.runs.jobs import (
+from pa_console.evaluation.jobs import (
     ABOUT,
     Job,
     LoadedSet,
@@ -48,8 +46,9 @@ from pa_console.evaluation.runs.jobs import (
     mission_file,
     plan_jobs,
 )
-from pa_console.evaluation.runs.memo_engine import MemoEngine
-from pa_console.evaluation.runs.run_record import (
+from pa_console.evaluation.machine import describe_machine
+from pa_console.evaluation.memo_engine import MemoEngine
+from pa_console.evaluation.run_record import (
     EvaluationFolder,
     RunRecord,
     evaluations_folder,
@@ -57,7 +56,8 @@ from pa_console.evaluation.runs.run_record import (
     read_about,
     read_runs,
 )
-from pa_console.evaluation.runs.runner import Runner
+from pa_console.evaluation.runner import Runner
+from pa_console.evaluation.statistics import Table
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.local.threads import physical_cores
 from pa_console.llm.models.catalogue import LocalModel, find_model
@@ -340,7 +340,7 @@ def _about(
 
 def _report(folder: Path, *, json: bool) -> None:
     """Write both reports and print the tables, or everything as JSON."""
-    from pa_console.evaluation.reporting.report import (  # noqa: PLC0415 - plotting is slow
+    from pa_console.evaluation.report import (  # noqa: PLC0415 - plotting is slow
         build_tables,
         write_report,
     )
@@ -387,7 +387,7 @@ async def sweep(
     `add` is told of each run as it comes back. Raises ValueError without Dask, or a scheduler.
     """
     workers = dask_workers(where)
-    from pa_console.evaluation.runs.sweep import ModelOnWorker, Sweep  # noqa: PLC0415
+    from pa_console.evaluation.sweep import ModelOnWorker, Sweep  # noqa: PLC0415
 
     prints = {name: model.fingerprint for name, model in models.local.items()}
     engine_for = ModelOnWorker(

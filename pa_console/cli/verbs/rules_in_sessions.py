@@ -177,7 +177,7 @@ def _missions(
     name: str, new: Rulebook, was: str, world: str, tried: tuple[int, int], effects: Effects
 ) -> None:
     from pa_console.evaluation.changed_decisions import effect_on_mission  # noqa: PLC0415
-    from pa_console.evaluation.runs.jobs import load_with_worlds, mission_file  # noqa: PLC0415
+    from pa_console.evaluation.jobs import load_with_worlds, mission_file  # noqa: PLC0415
     from pa_console.sim.worlds.world_file import open_world  # noqa: PLC0415
 
     own, own_path = open_world(world)

@@ -143,7 +143,7 @@ class BrowsingController:
 
     def show_evaluation(self) -> None:
         """Show the newest evaluation, or ask for the folder of one."""
-        from pa_console.evaluation.runs.run_record import evaluations_folder, newest_evaluation  # noqa: PLC0415
+        from pa_console.evaluation.run_record import evaluations_folder, newest_evaluation  # noqa: PLC0415
         from pa_console.tui.screens.evaluation import EvaluationScreen  # noqa: PLC0415
         from pa_console.tui.screens.questions import AskFolder  # noqa: PLC0415
 

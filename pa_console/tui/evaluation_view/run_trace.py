@@ -5,7 +5,7 @@ from pathlib import Path
 
 from textual.screen import Screen
 
-from pa_console.evaluation.runs.run_record import RunRecord
+from pa_console.evaluation.run_record import RunRecord
 from pa_console.schema.document import DocumentError
 from pa_console.tui.protocols import Clock
 from pa_console.tui.replay.recordings import OpenedLog, log_of_run, open_run

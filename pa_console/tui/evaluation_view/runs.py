@@ -6,8 +6,8 @@ from typing import Literal, NamedTuple, get_args
 
 from textual.content import Content
 
-from pa_console.evaluation.reporting.statistics import Rate
-from pa_console.evaluation.runs.run_record import Opinion, RunRecord
+from pa_console.evaluation.run_record import Opinion, RunRecord
+from pa_console.evaluation.statistics import Rate
 from pa_console.schema.evaluation import Expectation
 from pa_console.schema.mission import Metrics
 from pa_console.schema.text import count, duration_text

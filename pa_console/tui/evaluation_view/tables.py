@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from textual.content import Content
 
-from pa_console.evaluation.reporting.statistics import Table
+from pa_console.evaluation.statistics import Table
 from pa_console.tui.status_words import NOTE, QUIET
 from pa_console.tui.trace.rows import layout, row
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from pa_console.evaluation.runs.twin import resimulate
+from pa_console.evaluation.twin import resimulate
 from pa_console.schema.text import count
 from pa_console.session.log.chain import read_log
 from pa_console.sim.worlds.scenario_file import open_scenario

@@ -10,8 +10,8 @@ from textual.containers import ScrollableContainer
 from textual.content import Content
 from textual.widgets import Static
 
-from pa_console.evaluation.reporting.statistics import Table
-from pa_console.evaluation.runs.run_record import Opinion, RunRecord
+from pa_console.evaluation.run_record import Opinion, RunRecord
+from pa_console.evaluation.statistics import Table
 from pa_console.tui.evaluation_view.tables import tables_text
 from pa_console.tui.status_words import QUIET, WARN, term
 from pa_console.tui.widgets.row_views import Cells, Layout, PointedRows

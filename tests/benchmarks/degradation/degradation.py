@@ -18,7 +18,7 @@ from pa_console.cli.options import (
     dask_workers,
     one_of,
 )
-from pa_console.evaluation.runs.memo_engine import MemoEngine
+from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.cache import cache_folder
 from pa_console.llm.models.catalogue import NO_READER, LocalModel, find_model
@@ -141,7 +141,7 @@ async def _on_dask(
 ) -> _Asked:
     """Make what is missing on Dask's workers; raises ValueError without Dask, or a scheduler."""
     workers = dask_workers(remote.where)
-    from pa_console.evaluation.runs.sweep import ModelOnWorker  # noqa: PLC0415
+    from pa_console.evaluation.sweep import ModelOnWorker  # noqa: PLC0415
     from tests.benchmarks.degradation.sweep import DegradationSweep  # noqa: PLC0415 - Dask
 
     local = remote.local

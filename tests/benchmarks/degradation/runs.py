@@ -7,7 +7,7 @@ from statistics import median
 
 from pydantic import ValidationError
 
-from pa_console.evaluation.runs.memo_engine import MemoEngine
+from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.mission.approval import standing_approver
 from pa_console.schema.base import NonNegative, StrictModel

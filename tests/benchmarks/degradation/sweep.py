@@ -9,7 +9,7 @@ from collections.abc import AsyncGenerator, Callable, Sequence
 from dataclasses import dataclass
 
 from pa_console import __version__
-from pa_console.evaluation.runs.dask_sweep import (
+from pa_console.evaluation.dask_sweep import (
     DaskSweep,
     LoopMaker,
     SentSites,
@@ -17,8 +17,8 @@ from pa_console.evaluation.runs.dask_sweep import (
     Workers,
     cluster,
 )
-from pa_console.evaluation.runs.memo_engine import MemoEngine
-from pa_console.evaluation.runs.sweep import EngineFor
+from pa_console.evaluation.memo_engine import MemoEngine
+from pa_console.evaluation.sweep import EngineFor
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.schema.document import read_text
 from pa_console.station.assembly import Site

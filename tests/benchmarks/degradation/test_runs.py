@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.evaluation.runs.dask_sweep import SweepError, Workers, cluster
-from pa_console.evaluation.runs.memo_engine import MemoEngine
+from pa_console.evaluation.dask_sweep import SweepError, Workers, cluster
+from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.sim.worlds.scenario_file import scenario_problems
 from pa_console.station.assembly import Site, load_site
 from tests.benchmarks.degradation.runs import (

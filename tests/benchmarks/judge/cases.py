@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pa_console.evaluation.runs.run_record import RunRecord
+from pa_console.evaluation.run_record import RunRecord
 from pa_console.mission.judge import PlanCase
 from pa_console.mission.verify import OutcomeCase
 from pa_console.policy.rulebook import Rulebook, load_rules

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.evaluation.runs.memo_engine import MemoEngine
-from pa_console.evaluation.runs.run_record import EvaluationFolder
-from pa_console.evaluation.runs.runner import Runner
+from pa_console.evaluation.memo_engine import MemoEngine
+from pa_console.evaluation.run_record import EvaluationFolder
+from pa_console.evaluation.runner import Runner
 from pa_console.llm.local.engine import Engine, OnState
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.station.assembly import load_site

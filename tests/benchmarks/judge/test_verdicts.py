@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.evaluation.runs.memo_engine import MemoEngine
-from pa_console.evaluation.runs.run_record import EvaluationFolder, Opinion, RunRecord, read_runs
-from pa_console.evaluation.runs.runner import Runner
+from pa_console.evaluation.memo_engine import MemoEngine
+from pa_console.evaluation.run_record import EvaluationFolder, Opinion, RunRecord, read_runs
+from pa_console.evaluation.runner import Runner
 from pa_console.llm.backend import ModelUnavailableError, Request
 from pa_console.llm.roles.judge import Judge
 from pa_console.schema.mission import Metrics

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from pa_console.evaluation.reporting.report import (
+from pa_console.evaluation.report import (
     build_tables,
     duration,
     facts,
@@ -17,7 +17,7 @@ from pa_console.evaluation.reporting.report import (
     notes,
     write_report,
 )
-from pa_console.evaluation.runs.run_record import RunRecord
+from pa_console.evaluation.run_record import RunRecord
 from tests.evaluation.records import made_evaluation, made_record, many_records
 
 ABOUT: dict[str, Any] = {"version": "1.2.3", "machine": ["a CPU", "a system"], "seconds": 5400.0}

@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-from pa_console.evaluation.scoring.oracle import find_breaches
-from pa_console.evaluation.scoring.run_recording import Breach, IssuedCommand, RunRecording
-from pa_console.evaluation.scoring.score import RunRecorder, begin, play, watch
+from pa_console.evaluation.oracle import find_breaches
+from pa_console.evaluation.run_facts import Breach, IssuedCommand, RunRecording
+from pa_console.evaluation.score import RunRecorder, begin, play, watch
 from pa_console.resources import data_folder
 from pa_console.schema.base import Point
 from pa_console.schema.command import DeviceCommand, Verb

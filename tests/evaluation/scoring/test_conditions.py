@@ -2,7 +2,7 @@
 
 import pytest
 
-from pa_console.evaluation.scoring.success_conditions import compile_conditions, evaluate
+from pa_console.evaluation.score import compile_conditions, evaluate
 from tests.evaluation.scoring.recordings import UNKNOWN, WORLD, Take
 
 

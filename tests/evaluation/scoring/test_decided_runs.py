@@ -2,9 +2,18 @@
 
 import pytest
 
-from pa_console.evaluation.runs.jobs import load_with_worlds
-from pa_console.evaluation.scoring.score import RunRecorder, Stage, begin, play, score_run, watch
-from pa_console.evaluation.scoring.success_conditions import FROM_ORDERS, asked_fields, is_decided
+from pa_console.evaluation.jobs import load_with_worlds
+from pa_console.evaluation.score import (
+    FROM_ORDERS,
+    RunRecorder,
+    Stage,
+    asked_fields,
+    begin,
+    is_decided,
+    play,
+    score_run,
+    watch,
+)
 from pa_console.mission.rehearse import device_commands
 from pa_console.resources import data_folder
 from pa_console.schema.command import DeviceCommand

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 
 import pytest
 
-from pa_console.evaluation.scoring.score import RunRecorder
+from pa_console.evaluation.score import RunRecorder
 from pa_console.schema.command import CommandReply
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset, SetComms

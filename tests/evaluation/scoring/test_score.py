@@ -8,7 +8,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.evaluation.scoring.score import idle_run, rehearsed_run
+from pa_console.evaluation.score import idle_run, rehearsed_run
 from pa_console.mission.examine import examine
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import data_folder

@@ -8,7 +8,7 @@ import asyncio
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from pa_console.evaluation.scoring.score import RunRecorder
+from pa_console.evaluation.score import RunRecorder
 from pa_console.mission.dispatch import Dispatch
 from pa_console.mission.examine import Examination, examine
 from pa_console.mission.execute import EVIDENCE_S, MARGIN_S, SAFETY_S, gave_up, needs_more_evidence

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from pa_console.evaluation.runs.runner import enforced_rules
-from pa_console.evaluation.scoring.score import RunRecorder, Score, score_run, watch
+from pa_console.evaluation.runner import enforced_rules
+from pa_console.evaluation.score import RunRecorder, Score, score_run, watch
 from pa_console.mission.examine import Examination, examine
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.evaluation import MissionCase

@@ -13,7 +13,7 @@ from contextlib import aclosing
 from dataclasses import dataclass
 from pathlib import Path
 
-from pa_console.evaluation.runs.dask_sweep import DaskSweep, SweepError, TaskMaker, Workers, cluster
+from pa_console.evaluation.dask_sweep import DaskSweep, SweepError, TaskMaker, Workers, cluster
 from pa_console.policy.rulebook import load_rules
 from pa_console.schema.document import read_text
 from pa_training.samples.data_report import fingerprint

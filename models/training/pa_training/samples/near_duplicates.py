@@ -14,7 +14,7 @@ from pydantic import Field
 from rapidfuzz import fuzz
 from rapidfuzz.process import cdist
 
-from pa_console.evaluation.runs.jobs import load_with_worlds
+from pa_console.evaluation.jobs import load_with_worlds
 from pa_console.resources import find_data
 from pa_console.schema.base import StrictModel
 from pa_console.schema.world import World

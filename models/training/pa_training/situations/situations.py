@@ -4,7 +4,7 @@ import random
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pa_console.evaluation.scoring.score import SETTLE_S
+from pa_console.evaluation.score import SETTLE_S
 from pa_console.mission.dispatch import Dispatch
 from pa_console.mission.picture_text import digest_picture
 from pa_console.mission.rehearse import device_commands

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pa_console.evaluation.scoring.success_conditions import compile_condition
+from pa_console.evaluation.score import compile_condition
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.document import Document
 from pa_console.schema.evaluation import MissionCase, MissionSet, Variant, WorldFile

@@ -5,12 +5,17 @@ from collections.abc import Callable, Sequence
 from statistics import fmean, median
 from typing import Literal, NamedTuple
 
-from pa_console.evaluation.reporting.records import (
+from pa_console.evaluation.jobs import REFERENCE
+from pa_console.evaluation.run_record import RunRecord
+from pa_console.evaluation.statistics import (
     HYBRID_BY_CATEGORY,
     MISSION_SET,
     MODELS,
+    NOTHING,
     Quantity,
+    Rate,
     Records,
+    Table,
     ablated_models,
     by_model,
     by_set,
@@ -18,20 +23,13 @@ from pa_console.evaluation.reporting.records import (
     grouped,
     main_runs,
     main_variant,
-    published,
-)
-from pa_console.evaluation.reporting.statistics import (
-    NOTHING,
-    Rate,
-    Table,
     percent,
+    published,
     rate_cell,
     seconds,
     spread,
 )
-from pa_console.evaluation.reporting.tables_judgement import refusal_recall
-from pa_console.evaluation.runs.jobs import REFERENCE
-from pa_console.evaluation.runs.run_record import RunRecord
+from pa_console.evaluation.tables_judgement import refusal_recall
 
 _RULE = re.compile(r"^[A-Z]{2,5}-\d+")
 _ROOT = re.compile(r"\brun\.((?:start|final)\.[a-z]+|[a-z_]+)")
@@ -384,9 +382,6 @@ def _attempts(records: Records) -> Table:
             "attempts: mean a run."
         ),
     )  # fmt: skip
-
-
-# DOC """Latency by model (the paper's Fig. 4) and where the time goes, stage by stage."""
 
 
 DECISION_STAGES = (

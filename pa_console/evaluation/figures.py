@@ -7,10 +7,11 @@ from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from pa_console.evaluation.reporting.records import (
+from pa_console.evaluation.statistics import (
     HYBRID_BY_CATEGORY,
     MODELS,
     Quantity,
+    Rate,
     Records,
     ablated_models,
     by_model,
@@ -18,15 +19,15 @@ from pa_console.evaluation.reporting.records import (
     grouped,
     main_runs,
     published,
+    spread,
 )
-from pa_console.evaluation.reporting.statistics import Rate, spread
-from pa_console.evaluation.reporting.tables_judgement import (
+from pa_console.evaluation.tables_judgement import (
     Judgement,
     confidence_and_success,
     confusion,
     reliability,
 )
-from pa_console.evaluation.reporting.tables_outcomes import (
+from pa_console.evaluation.tables_outcomes import (
     LATENCIES,
     STAGES,
     SuccessKind,

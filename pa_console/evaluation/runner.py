@@ -6,12 +6,11 @@ from functools import partial
 from itertools import groupby
 from pathlib import Path
 
-from pa_console.evaluation.runs.jobs import Job
-from pa_console.evaluation.runs.memo_engine import MemoEngine
-from pa_console.evaluation.runs.run_record import LOGS, EvaluationFolder, Opinion, RunRecord
-from pa_console.evaluation.scoring.oracle import find_breaches
-from pa_console.evaluation.scoring.score import RunRecorder, Score, idle_run, score
-from pa_console.evaluation.scoring.success_conditions import is_decided
+from pa_console.evaluation.jobs import Job
+from pa_console.evaluation.memo_engine import MemoEngine
+from pa_console.evaluation.oracle import find_breaches
+from pa_console.evaluation.run_record import LOGS, EvaluationFolder, Opinion, RunRecord
+from pa_console.evaluation.score import RunRecorder, Score, idle_run, is_decided, score
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.mission.approval import Approver, standing_approver
 from pa_console.policy.rulebook import Rulebook

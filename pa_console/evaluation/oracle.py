@@ -18,7 +18,7 @@ from itertools import groupby
 from shapely import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from pa_console.evaluation.scoring.run_recording import (
+from pa_console.evaluation.run_facts import (
     STAYING,
     AssetTruth,
     Breach,

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pa_console import __version__
-from pa_console.evaluation.runs.dask_sweep import (
+from pa_console.evaluation.dask_sweep import (
     AGAIN_S,
     DaskSweep,
     LoopMaker,
@@ -21,11 +21,11 @@ from pa_console.evaluation.runs.dask_sweep import (
     Workers,
     cluster,
 )
-from pa_console.evaluation.runs.jobs import Job
-from pa_console.evaluation.runs.memo_engine import MemoEngine
-from pa_console.evaluation.runs.run_record import LOGS, EvaluationFolder, RunRecord
-from pa_console.evaluation.runs.runner import enforced_rules, in_order, make_run
-from pa_console.evaluation.scoring.score import idle_run
+from pa_console.evaluation.jobs import Job
+from pa_console.evaluation.memo_engine import MemoEngine
+from pa_console.evaluation.run_record import LOGS, EvaluationFolder, RunRecord
+from pa_console.evaluation.runner import enforced_rules, in_order, make_run
+from pa_console.evaluation.score import idle_run
 from pa_console.llm.backend import ModelError
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.local.threads import physical_cores

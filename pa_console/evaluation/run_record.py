@@ -9,7 +9,7 @@ from typing import Any, Literal
 import platformdirs
 from pydantic import Field, TypeAdapter, ValidationError
 
-from pa_console.evaluation.scoring.run_recording import Breach
+from pa_console.evaluation.run_facts import Breach
 from pa_console.schema.base import Share, StrictModel
 from pa_console.schema.evaluation import Expectation
 from pa_console.schema.finding import Usage

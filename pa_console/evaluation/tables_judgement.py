@@ -8,34 +8,29 @@ ICML 2017).
 """
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
-from pa_console.evaluation.reporting.records import (
+from pa_console.evaluation.jobs import VARIANTS
+from pa_console.evaluation.run_record import Opinion, RunRecord
+from pa_console.evaluation.statistics import (
     MISSION_SET,
     MODELS,
+    NOTHING,
+    Confusion,
     Quantity,
+    Rate,
     Records,
+    Table,
     by_model,
     comparable_runs,
+    fraction_cell,
     grouped,
     main_runs,
     needless_refusal,
     published,
-)
-from pa_console.evaluation.reporting.statistics import (
-    NOTHING,
-    Confusion,
-    Rate,
-    Table,
-    fraction_cell,
     rate_cell,
 )
-from pa_console.evaluation.runs.jobs import VARIANTS
-from pa_console.evaluation.runs.run_record import Opinion, RunRecord
 from pa_console.session.confidence import UNSURE
-
-if TYPE_CHECKING:
-    pass
 
 Judgement = Literal["judge, plan", "judge, outcome", "telemetry"]
 

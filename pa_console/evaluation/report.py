@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, cast
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 
-from pa_console.evaluation.reporting.figures import (
+from pa_console.evaluation.figures import (
     ABLATION,
     FAILURES,
     JUDGE,
@@ -17,22 +17,25 @@ from pa_console.evaluation.reporting.figures import (
     inline,
     render,
 )
-from pa_console.evaluation.reporting.records import (
+from pa_console.evaluation.jobs import ABOUT
+from pa_console.evaluation.run_record import RunRecord
+from pa_console.evaluation.statistics import (
     Records,
+    Table,
     by_model,
     by_set,
     main_runs,
     main_variant,
     needless_refusal,
+    seconds,
 )
-from pa_console.evaluation.reporting.statistics import Table, seconds
-from pa_console.evaluation.reporting.tables_judgement import (
+from pa_console.evaluation.tables_judgement import (
     calibration_tables,
     confidence_tables,
     judge_tables,
     reading_tables,
 )
-from pa_console.evaluation.reporting.tables_outcomes import (
+from pa_console.evaluation.tables_outcomes import (
     FailureKind,
     ablation_tables,
     decision_seconds,
@@ -41,8 +44,6 @@ from pa_console.evaluation.reporting.tables_outcomes import (
     latency_tables,
     success_tables,
 )
-from pa_console.evaluation.runs.jobs import ABOUT
-from pa_console.evaluation.runs.run_record import RunRecord
 from pa_console.schema.text import visible
 
 DEFINITIONS = {
@@ -189,7 +190,7 @@ def build_sections(records: Sequence[RunRecord]) -> dict[str, list[Table]]:
 def build_tables(records: Sequence[RunRecord]) -> list[Table]:
     """Return the tables that `records` give; none for no records.
 
-    Tables by model speak of the main variant (`records.main_variant`), ablations of all.
+    Tables by model speak of the main variant (`main_variant`), ablations of all.
     """
     return [table for tables in build_sections(records).values() for table in tables]
 

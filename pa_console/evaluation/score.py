@@ -1,0 +1,393 @@
+"""Follows the truth of a run from its command on, and scores it strictly (paper, Section V).
+
+Success conditions of missions are CEL over `run`, compiled once, their names checked.
+"""
+
+import re
+from collections.abc import Collection, Iterator, Sequence, Set
+from dataclasses import dataclass
+from types import UnionType
+from typing import Any, Literal, get_args, get_origin
+
+import cel
+from pydantic import BaseModel
+
+from pa_console.evaluation.oracle import find_breaches
+from pa_console.evaluation.run_facts import (
+    STAYING,
+    AssetTruth,
+    Breach,
+    IssuedCommand,
+    RunFacts,
+    RunRecording,
+    Sample,
+    gather,
+)
+from pa_console.schema.base import StrictModel
+from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand
+from pa_console.schema.evaluation import MissionCase
+from pa_console.schema.events import event as ev
+from pa_console.schema.mission import MissionStatus
+from pa_console.schema.world import World
+from pa_console.sim.checkpoint import Checkpoint
+
+_TEXT = re.compile(r"'(?:[^'\\]|\\.)*'|\"(?:[^\"\\]|\\.)*\"")
+_FIELD = re.compile(r"\.\s*([A-Za-z_]\w*)(?!\w)\s*(\()?")
+_KEY = re.compile(r"(?<=[\w)\]])(?<!\bin)\[\s*(?:'([^'\\]*)'|\"([^\"\\]*)\")\s*\]")
+_SAID = re.compile(
+    r"\.\s*(gate|kind|verb|task|status|identity|intent)\s*[!=]=\s*(?:'([^'\\]*)'|\"([^\"\\]*)\")"
+)
+_IN = re.compile(
+    r"(?:'([^'\\]*)'|\"([^\"\\]*)\")\s+in\s+run\s*\.\s*(moved|reports|gates|coverage|visited)\b(?!\s*\[)"
+)
+
+
+def wrong_name(source: str, world: World | None) -> str:
+    """Return what `source` names that no run has, with what there is; '' when all is well.
+
+    Fields of `run` and of what is in it are looked up by name; keys in brackets, and what a gate, a
+    kind, a verb and the like are compared with, by value. Agents and frames of actions may be any:
+    a run can have orders to what does not exist. Without `world`, only fields of `run` itself are.
+    """
+    bare = _TEXT.sub("''", source)
+    for match in re.finditer(r"\brun\s*\.\s*([A-Za-z_]\w*)", bare):
+        if match[1] not in RunFacts.model_fields:
+            return f"run has no field {match[1]!r}; known: {', '.join(RunFacts.model_fields)}"
+    if world is None:
+        return ""
+    names = _FIELDS | set(world.gates) | set(world.assets)
+    for field, call in _FIELD.findall(bare):
+        if not call and field not in names:
+            return f"nothing in a run has a field {field!r}; known: {', '.join(sorted(_FIELDS))}"
+    for said, known in _values(source, world):
+        if said not in known:
+            return f"there is no {said!r} here; known: {', '.join(sorted(known))}"
+    return ""
+
+
+def _values(source: str, world: World) -> Iterator[tuple[str, Set[str]]]:
+    """Yield every text that must be one of a known set, and that set."""
+    gates, assets = set(world.gates), set(world.assets)
+    for one, other in _KEY.findall(source):
+        yield one or other, gates | assets
+    for one, other, where in _IN.findall(source):
+        yield one or other, gates if where in {"gates", "coverage"} else assets
+    for field, one, other in _SAID.findall(source):
+        yield one or other, _WORDS.get(field, gates)
+
+
+def _models(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Yield the models that a field's type is made of."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+        for field in annotation.model_fields.values():
+            yield from _models(field.annotation)
+    for part in get_args(annotation):
+        yield from _models(part)
+
+
+def _words(annotation: Any) -> set[str]:
+    """Return the texts that a field may be, none when it may be any."""
+    if get_origin(annotation) is Literal:
+        return set(get_args(annotation))
+    if isinstance(annotation, UnionType):
+        return {word for part in get_args(annotation) for word in _words(part)}
+    return set()
+
+
+def _vocabulary() -> dict[str, set[str]]:
+    """Return the words that a field of that name may hold anywhere in a run."""
+    words: dict[str, set[str]] = {"kind": {"vehicle", "person"}}
+    for model in _models(RunFacts):
+        for name, field in model.model_fields.items():
+            if found := _words(field.annotation):
+                words.setdefault(name, set()).update(found)
+    return words
+
+
+_WORDS = _vocabulary()
+_FIELDS = frozenset(name for model in _models(RunFacts) for name in model.model_fields)
+
+
+_FUNCTIONS = frozenset(
+    ("contains", "double", "endsWith", "has", "int", "matches", "size", "startsWith", "string")
+)
+_BOUND = re.compile(r"\.\s*(?:all|exists|exists_one|filter|map)\s*\(\s*(\w+)\s*,")
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Compiled success conditions, in the order of their sources."""
+
+    sources: tuple[str, ...]
+    programs: tuple[cel.Program, ...]
+
+
+def compile_conditions(sources: Sequence[str], world: World | None = None) -> Conditions:
+    """Compile `sources`; raises ValueError for what is not CEL or asks for what no run has.
+
+    With `world`, gates and assets named as keys must exist in it.
+    """
+    return Conditions(tuple(sources), tuple(compile_condition(text, world) for text in sources))
+
+
+def compile_condition(source: str, world: World | None = None) -> cel.Program:
+    """Compile one condition; raises ValueError as `compile_conditions` does."""
+    try:
+        program = cel.compile(source)
+    except ValueError as error:
+        raise ValueError(f"not valid CEL: {_syntax_problem(error)}") from error
+    references = program.references()
+    unknown = sorted(set(references["variables"]) - set(_BOUND.findall(source)) - {"run"})
+    if unknown:
+        raise ValueError(f"unknown name {unknown[0]!r}; a condition may only speak of 'run'")
+    functions = {name for name in references["functions"] if name.isidentifier()}
+    if missing := sorted(functions - _FUNCTIONS):
+        raise ValueError(f"unknown function {missing[0]!r}; known: {', '.join(sorted(_FUNCTIONS))}")
+    if problem := wrong_name(source, world):
+        raise ValueError(problem)
+    return program
+
+
+_RUN = re.compile(r"\brun\b(?:\s*\.\s*([A-Za-z_]\w*))?")
+
+
+def asked_fields(source: str) -> frozenset[str]:
+    """Return the fields of `run` that a condition asks for; '' stands for `run` as a whole."""
+    return frozenset(match[1] or "" for match in _RUN.finditer(_TEXT.sub("''", source)))
+
+
+def evaluate(conditions: Conditions, facts: RunFacts) -> tuple[str, ...]:
+    """Return the sources that do not hold; one that cannot be evaluated is told with its error."""
+    context = cel.Context(variables={"run": facts.document()})
+    failed: list[str] = []
+    for source, program in zip(conditions.sources, conditions.programs, strict=True):
+        try:
+            value: Any = program.execute(context)
+        except Exception as error:  # the CEL runtime raises many kinds; all mean "does not hold"
+            failed.append(f"{source} (error: {type(error).__name__}: {error})")
+            continue
+        if not isinstance(value, bool):
+            failed.append(f"{source} (error: it yields {value!r}, not true or false)")
+        elif not value:
+            failed.append(source)
+    return tuple(failed)
+
+
+def _syntax_problem(error: ValueError) -> str:
+    """Return where the parser stumbled, without the expression that it repeats."""
+    found = re.search(r"<input>:(\d+):(\d+): (.*)", str(error))
+    if found is None:
+        return str(error).splitlines()[0]
+    return f"line {found[1]}, column {found[2]}: {found[3].split(' expecting ')[0]}"
+
+
+FROM_ORDERS = frozenset(
+    (
+        "command", "status", "refused", "actions", "reports", "moved", "broken", "start",
+        "grace_s", "standoff_m", "gates", "base",
+    )
+)  # fmt: skip
+"""Success conditions that depend on the command, the orders and their answers alone, if no order
+has sent an asset anywhere."""
+
+
+def is_decided(case: MissionCase, recording: RunRecording) -> bool:
+    """Return whether the score of a finished run of `case` can no longer change.
+
+    It cannot if all orders were to hold or to report and were answered, and the conditions depend
+    on orders alone. No order can then move an asset, and only orders break a rule (see oracle.py).
+    """
+    answered = all(o.verb in STAYING and (o.done or o.rejected) for o in recording.orders)
+    return answered and all(asked_fields(source) <= FROM_ORDERS for source in case.success)
+
+
+class RunRecorder:
+    """Records `recording`, the truth of a run, from the session's events or without a station.
+
+    It is created when the command is given: the truth of that moment is the run's start.
+    """
+
+    def __init__(self, sim: Checkpoint, command: str) -> None:
+        self._sim, self._start_tick, self._start_s = sim, sim.tick, sim.time_s
+        self._orders: dict[str, IssuedCommand] = {}
+        self.recording = RunRecording(sim.world, command)
+        self.sample()
+
+    def see(self, event: ev.Event) -> None:
+        """Take in one event of the session; telemetry is when the truth is looked at again."""
+        match event.data:
+            case ev.TelemetryReceived():
+                self.sample()
+            case ev.CommandSent(command=command) if event.tick >= self._start_tick:
+                self._take(command, event.tick * self._sim.world.dt_s)
+            case ev.CommandReplied(reply=reply):
+                self.replied(reply)
+            case _:
+                pass
+
+    def sample(self) -> None:
+        """Take the truth as it is now; a second look at the same moment adds nothing."""
+        time_s = round(self._sim.time_s - self._start_s, 6)
+        if self.recording.samples and time_s <= self.recording.final.time_s:
+            return
+        self.recording.samples.append(_sample(self._sim, time_s))
+
+    def sent(self, command: DeviceCommand) -> None:
+        """Note that `command` goes out now."""
+        self._take(command, self._sim.time_s)
+
+    def replied(self, reply: CommandReply) -> None:
+        """Note a device's answer; one to an order from before the run is none of its business."""
+        order = self._orders.get(reply.command_id)
+        if order is not None:
+            order.done = order.done or reply.status == "done"
+            order.rejected = order.rejected or reply.status == "refused"
+
+    def finish(self, status: MissionStatus) -> RunFacts:
+        """Return the run's facts with the mission's `status`; breaches are not yet among them."""
+        self.sample()
+        return gather(self.recording, status)
+
+    def _take(self, command: DeviceCommand, time_s: float) -> None:
+        """Keep an order once, however often it is sent again."""
+        self.sample()
+        if command.command_id in self._orders:
+            return
+        order = IssuedCommand(
+            command_id=command.command_id,
+            agent=command.agent,
+            verb=command.verb,
+            frame=command.target or "",
+            sent_s=max(0.0, round(time_s - self._start_s, 6)),
+        )
+        self._orders[command.command_id] = order
+        self.recording.orders.append(order)
+
+
+def _sample(sim: Checkpoint, time_s: float) -> Sample:
+    truth = sim.truth()
+    assets = {
+        name: AssetTruth(
+            id=name,
+            kind=asset.kind,
+            position=asset.position,
+            at=asset.at or "",
+            post=asset.post or "",
+            task=asset.task,
+            status=asset.status,
+            available=asset.available,
+            battery_pct=asset.battery_pct,
+            command_id=asset.command_id or "",
+        )
+        for name, asset in truth.assets.items()
+    }
+    return Sample(
+        time_s=time_s,
+        assets=assets,
+        contacts={contact.id: contact for contact in sim.true_contacts()},
+        cover={gate: cover.by for gate, cover in truth.gates.items()},
+    )
+
+
+class Score(StrictModel):
+    """Strict success (paper, Section V-B) and what stands against it."""
+
+    strict: bool
+    failed: tuple[str, ...] = ()
+    broken: tuple[Breach, ...] = ()
+
+
+def score(case: MissionCase, facts: RunFacts, breaches: Sequence[Breach]) -> Score:
+    """Judge the facts of a run of `case`; its conditions see the broken rules as `run.broken`."""
+    ids = tuple(sorted({breach.rule_id for breach in breaches}))
+    known = facts.model_copy(update={"broken": ids})
+    failed = evaluate(compile_conditions(case.success), known)
+    return Score(strict=not failed and not breaches, failed=failed, broken=tuple(breaches))
+
+
+def score_run(
+    case: MissionCase, recorder: RunRecorder, status: MissionStatus, enforced: Collection[str]
+) -> Score:
+    """Judge a finished run that `recorder` has followed; `enforced` are the rule ids in force."""
+    facts = recorder.finish(status)
+    return score(case, facts, find_breaches(recorder.recording, enforced))
+
+
+SETTLE_S = 2.0
+"""The time for the set-up to show before the command is given, seconds."""
+LIMIT_S = 240.0
+"""A stage of commands that has not ended by then is left behind."""
+
+Stage = Sequence[DeviceCommand]
+
+
+def idle_run(case: MissionCase, world: World, seed: int, enforced: Collection[str]) -> Score:
+    """Return what `case` scores when nothing is ordered; raises ValueError for a bad set-up."""
+    return rehearsed_run(case, world, seed, enforced, ())
+
+
+def rehearsed_run(
+    case: MissionCase,
+    world: World,
+    seed: int,
+    enforced: Collection[str],
+    commands: Stage,
+    *,
+    later: Sequence[Stage] = (),
+) -> Score:
+    """Return what `case` scores when `commands` are sent, and each stage of `later` after the last.
+
+    No check is made: this tells whether a plan would be right. Raises ValueError for a set-up that
+    the world does not take.
+    """
+    sim = begin(case, world, seed)
+    recorder = RunRecorder(sim, case.command)
+    ended = [play(sim, recorder, stage) for stage in (commands, *later) if stage]
+    if not is_decided(case, recorder.recording):
+        watch(sim, recorder, case.watch_s - recorder.recording.final.time_s)
+    status = "refused" if not ended else "verified" if all(ended) else "unverified"
+    return score_run(case, recorder, status, enforced)
+
+
+def begin(case: MissionCase, world: World, seed: int) -> Checkpoint:
+    """Return a fresh checkpoint with the set-up of `case`, as it is when the command is given."""
+    sim = Checkpoint(world, seed)
+    for incident in case.setup:
+        sim.inject(incident)
+    for _ in range(round(SETTLE_S / world.dt_s)):
+        sim.step()
+    return sim
+
+
+def play(sim: Checkpoint, recorder: RunRecorder, commands: Stage) -> bool:
+    """Send `commands`, follow them to their end; return whether every device has said done."""
+    for command in commands:
+        sim.send(command)
+        recorder.sent(command)
+    waiting = {command.command_id for command in commands}
+    done = 0
+    for _ in range(round(LIMIT_S / sim.world.dt_s)):
+        for reply in sim.step():
+            recorder.replied(reply)
+            if reply.status in FINAL_REPLIES and reply.command_id in waiting:
+                waiting.discard(reply.command_id)
+                done += reply.status == "done"
+        _look(sim, recorder)
+        if not waiting:
+            break
+    return done == len(commands)
+
+
+def watch(sim: Checkpoint, recorder: RunRecorder, seconds: float) -> None:
+    """Let `seconds` of simulated time go by under the recorder's eyes."""
+    for _ in range(round(max(0.0, seconds) / sim.world.dt_s)):
+        for reply in sim.step():
+            recorder.replied(reply)
+        _look(sim, recorder)
+
+
+def _look(sim: Checkpoint, recorder: RunRecorder) -> None:
+    """Take the truth once a telemetry period."""
+    if sim.tick % max(1, round(sim.world.telemetry_period_s / sim.world.dt_s)) == 0:
+        recorder.sample()

@@ -1,1 +1,0 @@
-"""The strict scorer: what a run truly came to, judged without any code of the safeguards."""
