@@ -11,12 +11,8 @@ from typing import Any
 import pytest
 import textual.app
 import textual.pilot
-import textual.screen
 from textual._context import active_app
 from textual.css.stylesheet import Stylesheet
-
-FRAME_S = 0.25
-"""A pause of a test paints; between pauses few frames are painted that no test looks at."""
 
 STEP_S = 0.004
 BUSY = 0.25
@@ -28,7 +24,6 @@ def quicken(patch: pytest.MonkeyPatch) -> None:
     for module in (textual.app, textual.pilot):
         patch.setattr(module, "wait_for_idle", wait_for_idle)
     patch.setattr(textual.pilot.Pilot, "_wait_for_screen", _waiting_for_busy_ones())
-    patch.setattr(textual.screen, "UPDATE_PERIOD", FRAME_S)
     patch.setattr(Stylesheet, "_parse_rules", _parsing_once())
 
 
