@@ -47,7 +47,7 @@ from pa_console.tui.controllers.session_feed import SessionFeed
 from pa_console.tui.controllers.settings import SettingsController
 from pa_console.tui.controllers.typing import KeyTime, TypingController
 from pa_console.tui.kept_input import History, history_file
-from pa_console.tui.protocols import Clock, JoinedTo, LiveStation, RuleScorer, ShownRules
+from pa_console.tui.protocols import Clock, JoinedTo, LiveStation, ShownRules
 from pa_console.tui.screens.compare import CompareScreen, Side
 from pa_console.tui.screens.evaluation import EvaluationScreen
 from pa_console.tui.screens.main import MainScreen
@@ -105,9 +105,9 @@ class ConsoleApp(App[None]):
     def __init__(
         self,
         world: World,
-        station: LiveStation | None,
+        station: "LiveStation | None",
         rulebook: ShownRules,
-        retriever: RuleScorer,
+        retriever: Retriever,
         *,
         readonly: bool = False,
         joined: JoinedTo | None = None,

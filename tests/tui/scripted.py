@@ -4,12 +4,13 @@ import asyncio
 from collections.abc import AsyncIterator, Callable, Iterable
 from datetime import timedelta
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from textual import events
 from textual.pilot import Pilot
 
 from pa_console.language.questions import Question
+from pa_console.policy.retriever import Retriever
 from pa_console.schema.events.event import (
     AlarmAcknowledged,
     AllStopped,
@@ -28,10 +29,10 @@ from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
 from pa_console.station.alternatives import Alternative
+from pa_console.station.station import Station
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.controllers.typing import KeyTime
-from pa_console.tui.protocols import RuleScorer
-from tests.tui.site import WORLD, Rulebook, WordRetriever
+from tests.tui.site import RULEBOOK, WORLD, WordRetriever
 from tests.tui.story import MISSION, START, stamped
 
 LAYOUTS = 5  # what is mounted is laid out, fitted, laid out anew, scrolled to, then drawn
@@ -88,7 +89,7 @@ class ScriptedStation:
         self.slow.set()
         self.accepted = 0
         self.typed = self.reloads = 0
-        self.retriever: RuleScorer = WordRetriever()
+        self.retriever: Retriever = WordRetriever()
         self._broken = broken
         self._queue: asyncio.Queue[Event | None] = asyncio.Queue()
         self._count = 0
@@ -261,8 +262,8 @@ def console(
     """A console over a scripted station that touches no folder of the user's."""
     app = ConsoleApp(
         world,
-        station,
-        Rulebook(),
+        cast("Station | None", station),
+        RULEBOOK,
         WordRetriever(),
         clock=clock or FakeClock(),
         key_time=key_time or Deliberate(),

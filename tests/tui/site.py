@@ -1,9 +1,9 @@
 """A fixed world, rulebook and picture for the screens; no simulator and no model."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from pathlib import Path
 
+from pa_console.policy.retriever import Retriever
 from pa_console.schema.document import Document
 from pa_console.schema.rule import Rule, RuleExample, RuleHit, RulesSeal
 from pa_console.schema.telemetry import (
@@ -15,6 +15,7 @@ from pa_console.schema.telemetry import (
     Track,
 )
 from pa_console.schema.world import World
+from pa_console.tui.protocols import InForce
 
 WORLD = Document.read(Path(__file__).with_name("site.yaml")).parse(World)
 
@@ -79,20 +80,17 @@ RULES = (
 SEAL = RulesSeal(version="3", content_sha256="5ea1" * 16)
 
 
-@dataclass(frozen=True)
-class Rulebook:
-    """The rules, as the console sees them."""
-
-    rules: tuple[Rule, ...] = RULES
-    name: str = "site"
-    seal: RulesSeal = SEAL
-    approvals: Mapping[str, int] = field(default_factory=dict[str, int])
+RULEBOOK = InForce("site", SEAL, RULES, {})
+"""The rules, as the console sees them."""
 
 
-class WordRetriever:
+class WordRetriever(Retriever):
     """Scores a rule by the share of the text's words that it contains."""
 
-    def score_all(self, text: str) -> Sequence[RuleHit]:
+    def __init__(self) -> None:
+        super().__init__(RULES)
+
+    def score_all(self, text: str) -> tuple[RuleHit, ...]:
         """Score every rule."""
         words = set(text.lower().split())
         return tuple(

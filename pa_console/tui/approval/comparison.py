@@ -20,7 +20,7 @@ from pa_console.schema.world import World
 from pa_console.session.mission_trace import Attempt, MissionTrace
 from pa_console.station.alternatives import order_for
 from pa_console.tui.actions.keymap import ALT_DIGITS, READING_KEYS
-from pa_console.tui.approval.plan_rows import action_rows
+from pa_console.tui.approval.plan_rows import action_rows, cover_row
 from pa_console.tui.plan_preview import PlanPreview
 from pa_console.tui.status_words import BAD, GOOD, QUIET, WARN
 from pa_console.tui.trace.rows import Row, row
@@ -130,8 +130,7 @@ def candidate_rows(candidate: Candidate) -> Iterator[Row]:
     preview = candidate.preview
     yield row(_lead("read as"), candidate.reading or ("not told", QUIET))
     yield from action_rows(preview)
-    if not preview.cover_changes:
-        yield row(("Guards  ", QUIET), "all gates keep theirs")
+    yield cover_row(preview) or row(("Guards  ", QUIET), "all gates keep theirs")
     yield row(_lead("time"), f"{preview.duration_s:.0f} s")
     yield row(_lead("battery"), _battery(preview))
     if candidate.broken:

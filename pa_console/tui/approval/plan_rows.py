@@ -48,16 +48,12 @@ class _Deed:
 
 
 def action_rows(preview: PlanPreview) -> Iterator[Row]:
-    """Yield a row for each action of a rehearsed plan, one for all that are equal.
-
-    One more names the gates that gain or lose guards, if any does.
-    """
+    """Yield a row for each action of a rehearsed plan, one for all that are equal."""
     groups: dict[_Deed, list[Action]] = {}
     for action in preview.plan.actions:
         groups.setdefault(_deed(action, preview), []).append(action)
     for deed, actions in groups.items():
         yield _row(deed, actions, preview)
-    yield from _cover_rows(preview)
 
 
 def unrehearsed_row(action: Action) -> Row:
@@ -65,8 +61,8 @@ def unrehearsed_row(action: Action) -> Row:
     return row((f"{action.agent}  ", "bold"), action.command)
 
 
-def _cover_rows(preview: PlanPreview) -> Iterator[Row]:
-    """Yield which gates gain or lose guards, nothing where all keep theirs."""
+def cover_row(preview: PlanPreview) -> Row | None:
+    """Return which gates gain or lose guards, None where all keep theirs."""
     phrases: list[Part] = []
     for gate, change in preview.cover_changes.items():
         words = f"{place_words(gate)} {change.before} → {change.after}"
@@ -75,8 +71,7 @@ def _cover_rows(preview: PlanPreview) -> Iterator[Row]:
         elif change.longest_gap_s:
             words += f", none for {change.longest_gap_s:.0f} s"
         phrases.append((words, BAD if change.loses else ""))
-    if phrases:
-        yield phrased(("Guards  ", QUIET), phrases)
+    return phrased(("Guards  ", QUIET), phrases) if phrases else None
 
 
 def _deed(action: Action, preview: PlanPreview) -> _Deed:
@@ -246,6 +241,8 @@ def _actions(request: ApprovalRequested, preview: PlanPreview | None) -> Iterato
         yield from map(unrehearsed_row, request.plan.actions)
     else:
         yield from action_rows(preview)
+        if changed := cover_row(preview):
+            yield changed
     if request.if_halted and not request.blocked_by:
         yield row("  ", ("if halted: ", NOTE), safety_in_words(request.if_halted))
 
@@ -322,6 +319,8 @@ def looked_at_rows(preview: PlanPreview | None, faults: tuple[str, ...]) -> Iter
         yield row("  ", ("What it leads to is known once it is planned.", QUIET))
         return
     yield from action_rows(preview)
+    if changed := cover_row(preview):
+        yield changed
     for fault in faults:
         yield row(("✘ ", BAD), (fault, BAD))
     yield row("  ", ("Who goes may change once you choose it.", QUIET))

@@ -23,7 +23,7 @@ class ConsoleSession:
         self,
         app: App[None],
         world: World,
-        station: LiveStation | None,
+        station: "LiveStation | None",
         player: Player | None,
         *,
         readonly: bool,

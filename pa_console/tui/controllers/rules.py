@@ -1,14 +1,13 @@
 """Knows which rules are in force: the policy browser, what it needs to edit them, changes."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
+from pa_console.policy.retriever import Retriever
 from pa_console.schema.events import event as ev
-from pa_console.schema.rule import Rule, RulesSeal
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.kept_input import Drafts
-from pa_console.tui.protocols import RuleScorer, ShownRules
+from pa_console.tui.protocols import InForce, ShownRules
 from pa_console.tui.rules_view.workbench import Workbench
 
 if TYPE_CHECKING:
@@ -18,15 +17,6 @@ _USES = frozenset(("rules_retrieved", "plan_checked", "workflow_moved"))
 _WATCHED = _USES | {"telemetry", "rules_replaced", "noticed"}
 
 
-class InForce(NamedTuple):
-    """A rule set as the console sees it."""
-
-    name: str
-    seal: RulesSeal
-    rules: tuple[Rule, ...]
-    approvals: Mapping[str, int]
-
-
 class RulesController:
     """Follows every change of the rule set, and lends the browser the parts to edit it."""
 
@@ -34,7 +24,7 @@ class RulesController:
         self,
         session: ConsoleSession,
         rulebook: ShownRules,
-        retriever: RuleScorer,
+        retriever: Retriever,
         rules_file: Path | None,
         drafts: Path | None,
     ) -> None:
@@ -43,7 +33,8 @@ class RulesController:
         `drafts` is the folder of what was typed and not saved, None for the user's own.
         """
         self._session = session
-        self.rulebook, self.retriever = rulebook, retriever
+        self.rulebook: ShownRules = rulebook
+        self.retriever = retriever
         self.texts = {rule.id: rule for rule in rulebook.rules}
         """Every rule that was in force in this session, as it is in force now, by id."""
         self._browser: PolicyScreen | None = None

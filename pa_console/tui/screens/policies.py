@@ -15,9 +15,10 @@ from textual.widgets.option_list import Option
 
 from pa_console.policy.authoring import rule_save
 from pa_console.policy.authoring.rule_save import OpenRule, RulesChangedError
+from pa_console.policy.retriever import Retriever
 from pa_console.schema.document import DocumentError
 from pa_console.schema.rule import PRIORITIES, Rule, RuleHit, approvals_in_words
-from pa_console.tui.protocols import RuleScorer, ShownRules
+from pa_console.tui.protocols import ShownRules
 from pa_console.tui.rules_view.rows import rule_line, rule_rows, standing_style, use_rows
 from pa_console.tui.rules_view.workbench import Workbench
 from pa_console.tui.screens.questions import Confirm
@@ -51,7 +52,7 @@ class PolicyScreen(Screen[str]):
 
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (100, "-wide")]
 
-    def __init__(self, rulebook: ShownRules, retriever: RuleScorer, bench: Workbench) -> None:
+    def __init__(self, rulebook: ShownRules, retriever: Retriever, bench: Workbench) -> None:
         super().__init__()
         self._rules, self._set, self._seal = rulebook.rules, rulebook.name, rulebook.seal
         self._asked = approvals_in_words(rulebook.approvals)
@@ -89,7 +90,7 @@ class PolicyScreen(Screen[str]):
         self._list()
         self.query_one("#policy-search").focus()
 
-    def use(self, rulebook: ShownRules, retriever: RuleScorer) -> None:
+    def use(self, rulebook: ShownRules, retriever: Retriever) -> None:
         """Show another set, which is in force now; the pointer stays on its rule."""
         self._rules, self._set, self._seal = rulebook.rules, rulebook.name, rulebook.seal
         self._asked = approvals_in_words(rulebook.approvals)
