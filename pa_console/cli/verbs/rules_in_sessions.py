@@ -176,8 +176,8 @@ def _sessions(logs: list[Path], new: Rulebook, sites: SessionSites, effects: Eff
 def _missions(
     name: str, new: Rulebook, was: str, world: str, tried: tuple[int, int], effects: Effects
 ) -> None:
-    from pa_console.evaluation.mission_probe import effect_on_mission  # noqa: PLC0415
     from pa_console.evaluation.jobs import load_with_worlds, mission_file  # noqa: PLC0415
+    from pa_console.evaluation.mission_probe import effect_on_mission  # noqa: PLC0415
     from pa_console.sim.worlds.world_file import open_world  # noqa: PLC0415
 
     own, own_path = open_world(world)
