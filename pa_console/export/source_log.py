@@ -13,7 +13,6 @@ from pa_console.resources import find_data
 from pa_console.schema.events.event import SessionStarted
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
-from pa_console.session.log.chain import LogError
 from pa_console.session.log.writer import refuse_audit_file
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.session.recording import Player, Recording
@@ -88,12 +87,7 @@ def open_session(log: Path) -> OpenedSession:
     if not log.is_file():
         raise ValueError(f"{log}: there is no such log")
     recording = Recording.read(log)
-    if not len(recording):
-        raise LogError(str(log), 1, "the log is empty")
-    started = recording[0].data
-    if not isinstance(started, SessionStarted):
-        raise LogError(str(log), 1, "the log does not begin with the start of a session")
-    return OpenedSession(log, recording, started)
+    return OpenedSession(log, recording, recording.started)
 
 
 def rules_of(started: SessionStarted, given: str | None) -> tuple[dict[str, Rule], str]:

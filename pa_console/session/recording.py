@@ -12,8 +12,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Self
 
-from pa_console.schema.events.event import Event
-from pa_console.session.log.chain import LogError, os_error, parse
+from pa_console.schema.events.event import Event, SessionStarted
+from pa_console.session.log.chain import LogError, os_error, parse, session_start
 from pa_console.session.log_index import (
     LogIndex,
     Progress,
@@ -99,6 +99,11 @@ class Recording:
     def problem(self) -> LogError | None:
         """The error at which reading the log ended early."""
         return self.index.problem
+
+    @property
+    def started(self) -> SessionStarted:
+        """The start of the session; raises LogError if the log does not begin with one."""
+        return session_start(self[0] if len(self) else None, self._path)
 
     def __len__(self) -> int:
         return len(self.timeline)

@@ -12,7 +12,6 @@ from typing import Protocol
 from pa_console.cli.progress_bars import read_recording
 from pa_console.cli.sessions.joined import shared_session, world_of
 from pa_console.cli.sessions.on_map import placed
-from pa_console.cli.sessions.recorded import started_of
 from pa_console.cli.sessions.recorded import world_of as recorded_world
 from pa_console.end_signals import end_signals, exit_code_of
 from pa_console.schema.events.event import Event
@@ -58,7 +57,7 @@ def recorded(session: str, world: str | None, speed: float, settings: Loaded) ->
     """Play a recorded session; raises ValueError for none, LogError for one that is damaged."""
     log = find_session(settings.values.logs or default_folder(), session)
     recording = read_recording(log)
-    found, _ = open_world(recorded_world(started_of(recording, log), world, log))
+    found, _ = open_world(recorded_world(recording.started, world, log))
     return _Recorded(recording, log, found, speed)
 
 

@@ -9,7 +9,6 @@ from pa_console.cli.progress_bars import read_recording
 from pa_console.end_signals import end_signals, exit_code_of
 from pa_console.resources import find_data
 from pa_console.schema.events.event import SessionStarted
-from pa_console.session.log.chain import LogError
 from pa_console.session.recording import Recording
 from pa_console.settings.sources import Loaded
 from pa_console.station.assembly import SessionSites, Site, load_site
@@ -55,21 +54,11 @@ def site_of(recording: Recording, log: Path, world: str | None) -> Site:
 
     Raises LogError for a file that is no session, ValueError when its world is not installed here.
     """
-    started = started_of(recording, log)
+    started = recording.started
     site = load_site(world_of(started, world, log), started.rules, unsigned=True)
     if (site.world_sha256, site.rulebook.sha256) != (started.world_sha256, started.rules_sha256):
         errors.print("note: the world or the rules have changed since this session", style="yellow")
     return site
-
-
-def started_of(recording: Recording, log: Path) -> SessionStarted:
-    """Return how the session was started; raises LogError when the log does not begin with that."""
-    if not len(recording):
-        raise LogError(str(log), 1, "the log is empty")
-    started = recording[0].data
-    if not isinstance(started, SessionStarted):
-        raise LogError(str(log), 1, "the log does not begin with the start of a session")
-    return started
 
 
 def world_of(started: SessionStarted, given: str | None, log: Path) -> str:

@@ -9,7 +9,7 @@ import typer
 from rich.text import Text
 
 from pa_console.cli.progress_bars import read_recording
-from pa_console.cli.sessions.recorded import run_console, site_of, started_of
+from pa_console.cli.sessions.recorded import run_console, site_of
 from pa_console.evaluation.changed_decisions import SessionEffect, decided_again
 from pa_console.evaluation.twin import Resimulation, resimulate
 from pa_console.schema.document import DocumentError
@@ -71,7 +71,7 @@ def run_again(log: Path, place: Place) -> Again:
     that is no session.
     """
     recording = read_recording(log)
-    started = started_of(recording, log)
+    started = recording.started
     sites = SessionSites(
         worlds=[place.world] if place.world else (), rules=[place.rules] if place.rules else ()
     )

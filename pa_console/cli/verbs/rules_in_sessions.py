@@ -20,8 +20,8 @@ from pa_console.evaluation.changed_decisions import (
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import existing_data
 from pa_console.schema.document import DocumentError
-from pa_console.schema.events.event import Event, SessionStarted
-from pa_console.session.log.chain import LogError, read_log
+from pa_console.schema.events.event import Event
+from pa_console.session.log.chain import LogError, read_log, session_start
 from pa_console.station.assembly import SessionSites
 from pa_console.terminal.output import BAD_INPUT, FAILED, errors, out, print_json
 from pa_console.views.rule_trail import BREAKING, RuleDeed, Trail, trail_of
@@ -55,19 +55,13 @@ class SessionEvents:
 
     def __init__(self, log: Path) -> None:
         """Read how the session began; raises LogError for what is no session log."""
-        self._events = read_log(log)
-        first = next(self._events, None)
-        if first is None:
-            raise LogError(str(log), 1, "the log is empty")
-        if not isinstance(first.data, SessionStarted):
-            raise LogError(str(log), 1, "the log does not begin with the start of a session")
-        self._first, self.started = first, first.data
+        self.started = session_start(next(read_log(log), None), log)
+        self._log = log
         self.problem = ""
 
     def __iter__(self) -> Iterator[Event]:
-        yield self._first
         try:
-            yield from self._events
+            yield from read_log(self._log)
         except LogError as error:
             self.problem = str(error)
 

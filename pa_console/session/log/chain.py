@@ -20,7 +20,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from pa_console.private_files import NotPrivateError
 from pa_console.schema.document import DocumentError
-from pa_console.schema.events.event import Event, EventPayload
+from pa_console.schema.events.event import Event, EventPayload, SessionStarted
 from pa_console.signing import Signer, canonical_json
 
 FIELDS = ("seq", "t", "tick", "session", "mission", "kind", "data", "prev", "hash")
@@ -205,6 +205,18 @@ def _read_events(path: Path) -> Iterator[tuple[int, Event]]:
 def read_log(path: Path) -> Iterator[Event]:
     """Yield the events of a log, the chain unchecked; raise LogError at the first bad line."""
     return (event for _, event in _read_events(path))
+
+
+def session_start(first: Event | None, log: Path) -> SessionStarted:
+    """Return how the session of `log` was started, by its first event, None for an empty log.
+
+    Raises LogError if that is not the start of a session.
+    """
+    if first is None:
+        raise LogError(str(log), 1, "the log is empty")
+    if not isinstance(first.data, SessionStarted):
+        raise LogError(str(log), 1, "the log does not begin with the start of a session")
+    return first.data
 
 
 def line_of(path: Path, event: int) -> int:

@@ -13,7 +13,6 @@ from pa_console.schema.document import DocumentError, read_bytes
 from pa_console.schema.events.event import SessionStarted
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
-from pa_console.session.log.chain import LogError, read_log
 from pa_console.session.log_index import Progress
 from pa_console.session.recording import Player, Recording
 from pa_console.sim.worlds.world_file import open_world
@@ -118,21 +117,7 @@ def open_compared(log: Path, known: KnownWorld, progress: Progress | None = None
 
 def _open(log: Path, progress: Progress | None) -> tuple[Player, SessionStarted]:
     player = Player.open(log, index_folder(), progress)
-    if not len(player.recording):
-        raise LogError(str(log), 1, "the log is empty")
-    started = player.recording[0].data
-    if not isinstance(started, SessionStarted):
-        raise LogError(str(log), 1, "the log does not begin with the start of a session")
-    return player, started
-
-
-def started_of(log: Path) -> SessionStarted:
-    """Return how the session of `log` was started; raises LogError when it does not say so."""
-    for event in read_log(log):
-        if isinstance(event.data, SessionStarted):
-            return event.data
-        break
-    raise LogError(str(log), 1, "the log does not begin with the start of a session")
+    return player, player.recording.started
 
 
 def _rules(player: Player, started: SessionStarted) -> tuple[dict[str, Rule], list[str]]:

@@ -4,10 +4,9 @@ from pathlib import Path
 
 from pa_console.evaluation.twin import resimulate
 from pa_console.schema.text import count
-from pa_console.session.log.chain import read_log
+from pa_console.session.log.chain import read_log, session_start
 from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.station.assembly import SessionSites
-from pa_console.tui.replay.recordings import started_of
 
 
 def run_again(log: Path) -> tuple[bool, str]:
@@ -16,7 +15,7 @@ def run_again(log: Path) -> tuple[bool, str]:
     The rules are not tried again: `pa-console replay LOG --resimulate` does that too. Raises
     ValueError (DocumentError) when the log cannot be read, or its world or scenario is not here.
     """
-    started, sites = started_of(log), SessionSites()
+    started, sites = session_start(next(read_log(log), None), log), SessionSites()
     world, file = sites.world_of(started, log), sites.world_file(started, log)
     scenario = None
     if started.scenario and file is not None:
