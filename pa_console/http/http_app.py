@@ -155,14 +155,13 @@ def make_app(
     app.state.doors = _Doors(tokens)
     _add_reads(app, session)
     _add_events(app, session)
-    _add_questions(app, session)
     _add_commands(app, session)
     _add_problems(app, failed)
     return app
 
 
 def _add_reads(app: FastAPI, session: ServedSession) -> None:
-    """Add what an observer may read."""
+    """Add what an observer may read and ask."""
 
     @app.get("/v1/whoami", tags=["session"])
     async def whoami(who: Watching) -> views.WhoView:
@@ -211,6 +210,16 @@ def _add_reads(app: FastAPI, session: ServedSession) -> None:
         """
         return session.to_sign(request_id, person or who.person)
 
+    @app.post("/v1/questions", tags=["session"])
+    async def ask(_: Asking, body: views.QuestionBody) -> ev.QuestionAnswered:
+        """Answer a question such as *Why?* or *Why not Robot_T02?* from the record.
+
+        It is about the plan that waits, else about the mission that is worked on or was last. No
+        model is asked, no decision follows, and any other text is refused:
+        no mission is made of it. The answer is logged.
+        """
+        return await session.answer(body.text)
+
 
 def _add_events(app: FastAPI, session: ServedSession) -> None:
     """Add the stream of events."""
@@ -246,20 +255,6 @@ def _add_events(app: FastAPI, session: ServedSession) -> None:
         return StreamingResponse(
             _stream(session, after, reader, readers), media_type="text/event-stream"
         )
-
-
-def _add_questions(app: FastAPI, session: ServedSession) -> None:
-    """Add what an observer may ask."""
-
-    @app.post("/v1/questions", tags=["session"])
-    async def ask(_: Asking, body: views.QuestionBody) -> ev.QuestionAnswered:
-        """Answer a question such as *Why?* or *Why not Robot_T02?* from the record.
-
-        It is about the plan that waits, else about the mission that is worked on or was last. No
-        model is asked, no decision follows, and any other text is refused:
-        no mission is made of it. The answer is logged.
-        """
-        return await session.answer(body.text)
 
 
 def _add_commands(app: FastAPI, session: ServedSession) -> None:

@@ -305,16 +305,13 @@ def attend(terrain: Terrain, scene: Scene, asset: AssetState, verb: Verb, gate: 
     name = called(scene, contact)
     if verb == "warn":
         return "done", f"warned {name}"
-    return "done", f"{name} is {contact.identity}, looks {_looks(contact)}"
+    looks = "undecided" if contact.intent == "unknown" else contact.intent
+    return "done", f"{name} is {contact.identity}, looks {looks}"
 
 
 def called(scene: Scene, contact: ContactState) -> str:
     """Return the track id of a contact, or its kind if the station does not track it."""
     return name_of(scene, contact.id) or f"a {contact.kind}"
-
-
-def _looks(contact: ContactState) -> str:
-    return "undecided" if contact.intent == "unknown" else contact.intent
 
 
 def _note(scene: Scene, asset: AssetState, contact: ContactState, verb: str) -> None:

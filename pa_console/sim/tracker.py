@@ -287,7 +287,9 @@ def known_track(terrain: Terrain, scene: Scene, file: TrackFile) -> Track:
         identity=identity_of(file),
         intent=intent_of(file),
         status=file.status,
-        observed_by=tuple(s for s in seen_by if s in world.assets and _flies(terrain, s)),
+        observed_by=tuple(
+            s for s in seen_by if s in world.assets and world.assets[s].kind == "uav"
+        ),
         observed=file.observed,
         warned=file.warned_tick is not None,
         stamp_s=terrain.seconds(file.tick),
@@ -300,7 +302,3 @@ def known_track(terrain: Terrain, scene: Scene, file: TrackFile) -> Track:
         defiant=file.defiant,
         identity_claims=disputed_claims(file),
     )
-
-
-def _flies(terrain: Terrain, asset: str) -> bool:
-    return terrain.world.assets[asset].kind == "uav"

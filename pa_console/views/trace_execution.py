@@ -35,7 +35,9 @@ def decisions(made: Sequence[DecisionMade], voided: str) -> Section:
     for item in made:
         given = item.decision
         mark = sign(status_of("decision", given.kind))
-        blocks.append(Line((Span(f"by {given.by}, {_subject(item.attempt)}"),), mark=mark))
+        # Attempt 0 stands for a decision on a question or a standing order.
+        subject = f"plan {item.attempt}" if item.attempt else "no plan"
+        blocks.append(Line((Span(f"by {given.by}, {subject}"),), mark=mark))
         if given.override_judge:
             blocks.append(_below("the judge's Failure was overridden"))
         if given.acknowledged:
@@ -53,11 +55,6 @@ def decisions(made: Sequence[DecisionMade], voided: str) -> Section:
     if voided:
         blocks.append(statement(f"plan void: {voided}", "bad"))
     return Section("decision", "Decision", tuple(blocks), step=6)
-
-
-def _subject(attempt: int) -> str:
-    """Return the subject of a decision; 0 is that of a question or a standing order."""
-    return f"plan {attempt}" if attempt else "no plan"
 
 
 def _below(text: str) -> Line:
