@@ -116,7 +116,7 @@ def _usage(error: typer.TyperException) -> str:
 
 
 def _fail(text: str, code: int) -> int:
-    errors.line(f"error: {text}", style="bold red")
+    errors.print_line(f"error: {text}", style="bold red")
     return code
 
 

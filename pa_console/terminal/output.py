@@ -24,7 +24,7 @@ class PlainConsole(Console):
         """`options` are Rich's own; markup, highlighting and emoji codes are off."""
         super().__init__(markup=False, highlight=False, emoji=False, **options)
 
-    def line(self, text: RenderableType, style: str | None = None) -> None:
+    def print_line(self, text: RenderableType, style: str | None = None) -> None:
         """Print a line as long as it is, so that paths and commands in it can be copied."""
         self.print(text, style=style, soft_wrap=True)
 
@@ -100,7 +100,7 @@ def warn_of_altered(rules: str, seal: "RulesSeal") -> None:
     """Report on stderr the warnings about the rules in force."""
     altered = (f"{seal.words}: {seal.problem}",) if seal.altered else ()
     for warning in (*altered, *seal.warnings):
-        errors.line(f"warning: the rules {rules!r}: {warning}", style="bold red")
+        errors.print_line(f"warning: the rules {rules!r}: {warning}", style="bold red")
 
 
 def print_json(value: Any) -> None:

@@ -32,7 +32,7 @@ def keep(name: str, figures: Any, file: Path | None) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     plain = TypeAdapter(Any).dump_python(figures, mode="json")
     path.write_text(json.dumps(plain, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-    errors.line(f"figures: {path}")
+    errors.print_line(f"figures: {path}")
 
 
 def introduce(machine: Machine, model: LocalModel | None, measured: str) -> None:

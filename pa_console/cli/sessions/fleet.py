@@ -88,7 +88,7 @@ def find_fleet(
         sha256 = hashlib.sha256(read_bytes(path)).hexdigest()
         larger, told = with_newcomers(loaded, joined)
         for line in told:
-            errors.line(line)
+            errors.print_line(line)
         if larger is not loaded:
             world = str(_keep(world_yaml(larger), loaded.name, settings.logs or default_folder()))
     except BaseException:

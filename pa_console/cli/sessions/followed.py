@@ -184,4 +184,4 @@ def _run(found: Followed, shown: SessionOnMap, connection: TakConnection) -> int
 
 def tell(line: str) -> None:
     """Print one line on stderr."""
-    errors.line(line)
+    errors.print_line(line)

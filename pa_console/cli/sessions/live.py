@@ -166,7 +166,7 @@ def _open_site(asked: Asked, pins: RulesPins, deadline_s: float) -> Site:
 
 def _accepted(error: ValueError) -> bool:
     """Ask on the terminal whether refused rules go in force all the same; Enter means no."""
-    errors.line(str(error), style="bold red")
+    errors.print_line(str(error), style="bold red")
     return sys.stdin.isatty() and typer.confirm("Put these rules in force?", default=False)
 
 
@@ -202,7 +202,7 @@ def choose_session(
             problem = str(error)
     if wanted:
         raise ValueError(f"this session cannot go on: {problem}")
-    errors.line(f"It cannot go on: {problem}. A new session begins.", style="yellow")
+    errors.print_line(f"It cannot go on: {problem}. A new session begins.", style="yellow")
     return None
 
 
@@ -260,7 +260,7 @@ def _tell(found: UnclosedSession) -> None:
         lines.append("  stop       everything is stopped, and stays so until it is released")
     if not found.unfinished:
         lines.append("  no mission was under way, none waited, and no alarm was open")
-    errors.line(Text(visible("\n".join(lines))))
+    errors.print_line(Text(visible("\n".join(lines))))
 
 
 def _named(word: str, texts: list[str]) -> list[str]:

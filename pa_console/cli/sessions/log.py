@@ -57,7 +57,7 @@ def witness_target(given: str) -> str:
 
 def warn_of_witness(text: str) -> None:
     """Report on stderr the problem of a witness."""
-    errors.line(f"warning: {text}", style="yellow")
+    errors.print_line(f"warning: {text}", style="yellow")
 
 
 def usual_file() -> Path:

@@ -139,7 +139,7 @@ def run_session(
         leave_terminal()
     path, traces = writer.path, progress.traces
     if endable.ended_by:
-        errors.line(f"the session was ended; log: {path}")
+        errors.print_line(f"the session was ended; log: {path}")
         raise typer.Exit(exit_code_of(endable.ended_by))
     tell_of_witness(writer)
     _tell_end(traces, progress.answers, path, unlogged, single=played is None, json=json)
@@ -171,7 +171,7 @@ def _tell_end(
             print_trace(out, trace)
         if not traces and not answers:
             out.print("no alarm needed a response")
-        out.line(f"log: {path}")
+        out.print_line(f"log: {path}")
     raise typer.Exit(code)
 
 
@@ -187,7 +187,7 @@ def read_event(number: int, text: str) -> Incident:
 
 def _cannot_write(error: LogError) -> None:
     """Report at once that the log, or its index, cannot be written."""
-    errors.line(f"warning: {error}", style="bold red")
+    errors.print_line(f"warning: {error}", style="bold red")
 
 
 class _Progress:
@@ -239,7 +239,7 @@ class _Progress:
             self._recorded.add(finished)
         self._waiting.take(event, state, monotonic())
         if line := step_line(event):
-            errors.line(line, style="dim")
+            errors.print_line(line, style="dim")
         self._status.update(self._standing(state))
 
     def _standing(self, state: SessionState) -> str:

@@ -46,11 +46,11 @@ def observing(settings: Settings, world: str = "", *, live: bool = False) -> Gen
             yield Beside(stack.enter_context(observed(asked, problems.append, also)), outside)
     finally:
         for problem in dict.fromkeys(problems):
-            errors.line(f"warning: {problem}", style="yellow")
+            errors.print_line(f"warning: {problem}", style="yellow")
 
 
 def _say(line: str) -> None:
-    errors.line(line, style="dim")
+    errors.print_line(line, style="dim")
 
 
 def _nothing(_: str) -> None:

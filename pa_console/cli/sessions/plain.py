@@ -36,7 +36,7 @@ def run_plain(
     station, model, values = opened.station, engine.model.sha256, settings.values
 
     def cannot_write(error: LogError) -> None:
-        errors.line(f"warning: {error}", style="bold red")
+        errors.print_line(f"warning: {error}", style="bold red")
 
     signer = load_signer()
     writer = open_log(
@@ -132,7 +132,7 @@ def bell(values: Settings) -> Callable[[], None]:
 
 def say(text: str) -> None:
     """Print a line at once."""
-    out.line(text)
+    out.print_line(text)
     sys.stdout.flush()
 
 

@@ -60,7 +60,7 @@ def run_screen(
             loop.run(app.run_async(mouse=settings.values.mouse))
             save_usual(usual_file(), model, app.feed.waiting.usual)
         tell_of_witness(writer)
-        out.line(f"session log: {writer.path}")
+        out.print_line(f"session log: {writer.path}")
         return leaving.ended_by
 
     return run

@@ -56,9 +56,9 @@ def serve_session(
             opened.station.listen_to(beside.outside)
             loop.run(_serve(opened, writer, tokens, listening, beside.observer, ending))
         tell_of_witness(writer)
-        out.line(f"session log: {writer.path}")
+        out.print_line(f"session log: {writer.path}")
     if opened.station.failure:
-        errors.line(opened.station.failure, style="bold red")
+        errors.print_line(opened.station.failure, style="bold red")
         return FAILED
     return exit_code_of(ending.ended_by) if ending.ended_by else 0
 
@@ -117,11 +117,11 @@ async def _serve(
 
 def _greet(address: str, tokens: TokenBook) -> None:
     """Show the address of the interface, and the access token."""
-    out.line(f"{address}/docs")
+    out.print_line(f"{address}/docs")
     if not tokens.listed():
         person = this_user()
         token = tokens.make(person, "operator", keep=False)
-        errors.line(
+        errors.print_line(
             f"no token was made yet; this one of {person}, operator, is for this session alone and "
             f"is not shown again:\n{token}"
         )
@@ -129,9 +129,9 @@ def _greet(address: str, tokens: TokenBook) -> None:
 
 
 def _cannot_write(error: LogError) -> None:
-    errors.line(f"warning: {error}", style="bold red")
+    errors.print_line(f"warning: {error}", style="bold red")
 
 
 def _failed(error: Exception) -> None:
     told = f"a request failed: {type(error).__name__}: {error}"
-    errors.line(told, style="bold red")
+    errors.print_line(told, style="bold red")

@@ -31,7 +31,7 @@ def make(role: Role, person: str | None, *, json: bool = False) -> None:
         print_json({"person": name, "role": role, "token": token})
         return
     errors.print(f"a token of {name}, {role}; it is not shown again:")
-    out.line(token)
+    out.print_line(token)
 
 
 def show(*, json: bool = False) -> None:

@@ -118,11 +118,11 @@ class ServedConsole(Server):
         return exit_code_of(ended_by[0]) if ended_by else 0
 
     def _greet(self) -> None:
-        out.line(self.public_url)
+        out.print_line(self.public_url)
         if not self._tokens.listed():
             person = this_user()
             token = self._tokens.make(person, "operator", keep=False)
-            errors.line(
+            errors.print_line(
                 f"no token was made yet; this one of {person}, operator, is for this run alone and "
                 f"is not shown again:\n{token}"
             )
@@ -271,7 +271,7 @@ def _in_shell(command: Sequence[str]) -> str:
 
 
 def _report(error: Exception) -> None:
-    errors.line(str(error), style="bold red")
+    errors.print_line(str(error), style="bold red")
 
 
 def _page(problem: str, status: int = 200) -> web.Response:

@@ -192,7 +192,7 @@ def _open(
     if ended_by:
         raise typer.Exit(exit_code_of(ended_by))
     if opened.station.failure:
-        errors.line(opened.station.failure, style="bold red")
+        errors.print_line(opened.station.failure, style="bold red")
         raise typer.Exit(FAILED)
 
 

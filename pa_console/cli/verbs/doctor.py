@@ -112,7 +112,7 @@ def _print(checks: list[Check], missing: list[str]) -> None:
     out.print(table)
     warnings = sum(check.state == "warning" for check in checks)
     end = f"missing: {', '.join(missing)}" if missing else "nothing is missing"
-    out.line(f"\n{end}; {count(warnings, 'warning')}")
+    out.print_line(f"\n{end}; {count(warnings, 'warning')}")
 
 
 SPEED = "model's speed"

@@ -101,7 +101,7 @@ class EvalProgress(LiveBar):
         if not errors.is_terminal:
             word = "ok" if record.strict else "failed"
             line = f"{self._made}/{self._total} {record.run}: {record.status}, strict {word}"
-            errors.line(line)
+            errors.print_line(line)
 
 
 _GAP = 2
@@ -214,7 +214,7 @@ def evaluate(
     site = load_site(world, rules, unsigned=unsigned)
     warn_of_altered(rules, site.rulebook.seal)
     if why := RulesPins().refusal(site.rulebook.name, site.rulebook.seal):
-        errors.line(
+        errors.print_line(
             f"this evaluation has rules of its own, which no mission would take: {why}",
             style="bold red",
         )
@@ -252,7 +252,7 @@ def evaluate(
             asyncio.run(_run(results, planned, models, jobs, reuse=reuse, logs=logs))
     except KeyboardInterrupt:
         made = len(results.done & {job.run for job in planned})
-        errors.line(
+        errors.print_line(
             f"stopped: {made} of {count(len(planned), 'run')} kept; the same command with "
             f"--out {folder} goes on"
         )
@@ -360,7 +360,7 @@ def _report(folder: Path, *, json: bool) -> None:
             out.print(table.note)
         out.print()
     for name in ("report.html", "report.md", "runs.jsonl"):
-        out.line(str(folder / name))
+        out.print_line(str(folder / name))
 
 
 @dataclass(frozen=True)

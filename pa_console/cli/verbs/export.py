@@ -46,7 +46,7 @@ def opened(log: Path) -> OpenedSession:
     with errors.status(f"reading {log.name}"):
         session = open_session(log)
     if session.recording.problem is not None:
-        errors.line(
+        errors.print_line(
             f"note: only what comes before this is exported: {session.recording.problem}",
             style="yellow",
         )
@@ -55,7 +55,7 @@ def opened(log: Path) -> OpenedSession:
 
 def written(target: Path, what: str) -> None:
     """Report the place of the export."""
-    out.line(f"{target}: {what}")
+    out.print_line(f"{target}: {what}")
 
 
 DEFAULT_KINDS = ("approval_requested", "decision_made", "plan_halted", "mission_finished")
@@ -268,7 +268,7 @@ def mcap(
     site = world_of(session.started, world)
     if site is None:
         name = session.started.world
-        errors.line(
+        errors.print_line(
             f"note: the world {name!r} is not installed here, so the scene has no ground; "
             "give its file with --world",
             style="yellow",

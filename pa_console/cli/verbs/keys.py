@@ -106,8 +106,8 @@ def make(
         own, other = folder.join(person, its, _public(join), _new_passphrase(wanted=passphrase))
         out.print("The owner of the site has to enrol both:")
         enrol = f"pa-console keys enrol person {person} {own} --role {role.value}"
-        out.line(enrol)
-        out.line(f"pa-console keys enrol station {its} {other}")
+        out.print_line(enrol)
+        out.print_line(f"pa-console keys enrol station {its} {other}")
         return
     if folder.made:
         if name is None:
@@ -117,7 +117,7 @@ def make(
         return
     rules = _enrolled(open_rules("checkpoint")[0])
     folder.make_site(person, its, dict((rules,)), _new_passphrase(wanted=passphrase))
-    out.line(f"keys: {folder.path}")
+    out.print_line(f"keys: {folder.path}")
     _show(folder)
 
 
@@ -229,8 +229,8 @@ def _show(folder: KeyFolder, *, json: bool = False) -> None:
     for sha, its in roster.rules.items():
         asked = approvals_in_words(its.approvals)
         more = f"; people who must approve: {asked}" if asked else ""
-        out.line(f"rules {its.name} {sha[:12]}{more}")
-    out.line(f"roster {roster.serial}; {trust.in_command}")
+        out.print_line(f"rules {its.name} {sha[:12]}{more}")
+    out.print_line(f"roster {roster.serial}; {trust.in_command}")
     if trust.takeover.station in trust.revoked:
         told = "no vehicle moves until another station is in command: pa-console keys takeover NAME"
         errors.print(told, style="bold red")
@@ -284,7 +284,7 @@ def on_bus(folder: KeyFolder, url: str, certificates: Path | None) -> Generator[
         link.publish(*signed_messages(address.site, newest, Numbers(), datetime.now(UTC)))
     finally:
         link.close()
-    errors.line(f"retained at {address}: {', '.join(newest)}")
+    errors.print_line(f"retained at {address}: {', '.join(newest)}")
 
 
 MOST_BYTES = 131_072
@@ -357,7 +357,7 @@ def _show_approval(unsigned: UnsignedApproval, folder: KeyFolder) -> None:
         f"good until {until:%Y-%m-%d %H:%M:%S} UTC; SHA-256 of what is signed {unsigned.sha256}",
     ]
     for line in lines:
-        errors.line(visible_line(line))
+        errors.print_line(visible_line(line))
 
 
 def _agreed(file: Path) -> bool:

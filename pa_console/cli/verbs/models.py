@@ -85,7 +85,7 @@ def pull(
         print_json(fetched[0].told if len(fetched) == 1 else [one.told for one in fetched])
         return
     for one in fetched:
-        out.line(str(one.path))
+        out.print_line(str(one.path))
         if one.note:
             errors.print(one.note)
 

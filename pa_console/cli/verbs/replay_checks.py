@@ -179,11 +179,11 @@ def _events(recording: Recording) -> Iterator[Event]:
 
 
 def _line(text: str) -> None:
-    out.line(text)
+    out.print_line(text)
 
 
 def _object(text: str) -> None:
-    errors.line(text)
+    errors.print_line(text)
 
 
 CHANGES = 12
@@ -210,7 +210,7 @@ def compare_logs(first: Path, second: Path, json: bool) -> None:
     else:
         _print(found, (a, b), (first, second))
     if problem is not None:
-        errors.line(f"note: {problem}", style="yellow")
+        errors.print_line(f"note: {problem}", style="yellow")
     if not found.same:
         raise typer.Exit(FAILED)
     if problem is not None:
@@ -236,11 +236,11 @@ def _print(
     found: SessionComparison, both: tuple[Recording, Recording], names: tuple[Path, Path]
 ) -> None:
     for letter, name, recording in zip("AB", names, both, strict=True):
-        out.line(f"{letter}  {name}: {count(len(recording), 'event')}")
+        out.print_line(f"{letter}  {name}: {count(len(recording), 'event')}")
     if found.started:
         out.print("\nstarted differently", style="bold")
         for change in found.started:
-            out.line(f"  {change.path}: {change.a} | {change.b}")
+            out.print_line(f"  {change.path}: {change.a} | {change.b}")
     if found.first is None:
         out.print("\nevery event means the same in both")
     else:
@@ -263,9 +263,9 @@ def _print_difference(
         when = f"{recording.timeline.seconds[at]:.1f} s, tick {event.tick}"
         line = Text(f"  {letter}  event {at + 1}, {when}: ")
         line.append(words, "bold").append(f" {said[:160]}")
-        out.line(line)
+        out.print_line(line)
     for change in found.changes[:CHANGES]:
-        out.line(f"     {change.path}: {_short(change.a)} | {_short(change.b)}")
+        out.print_line(f"     {change.path}: {_short(change.a)} | {_short(change.b)}")
     if len(found.changes) > CHANGES:
         out.print(f"     and {count(len(found.changes) - CHANGES, 'more value')}; --json has all")
 
@@ -352,7 +352,7 @@ def _print_result(log: Path, result: VerifyResult, own: frozenset[str]) -> None:
     }[result.standing]
     told = f"{log}: {count(result.lines, 'line')}, chain intact, {standing}"
     told += f" {result.note[:1].upper()}{result.note[1:]}." if result.note else ""
-    out.line(told)
+    out.print_line(told)
 
 
 def _print_statement(log: Path, witness: Path | None, seen: WitnessResult) -> None:
@@ -362,4 +362,4 @@ def _print_statement(log: Path, witness: Path | None, seen: WitnessResult) -> No
         _object(f"{place}: {seen.problem}")
         return
     told = f"{log}: has all {count(seen.heads, 'head')} that {witness} has seen, the last after "
-    out.line(f"{told}record {seen.records}")
+    out.print_line(f"{told}record {seen.records}")

@@ -51,9 +51,9 @@ def _tell_approvals(book: Rulebook) -> None:
     """Show the acts that need several people, and those that standing orders may do unasked."""
     if book.unasked:
         told = f"standing orders may have carried out unasked: {', '.join(book.unasked)}"
-        out.line(told)
+        out.print_line(told)
     if asked := approvals_in_words(book.approvals):
-        out.line(f"people who must approve: {asked}")
+        out.print_line(f"people who must approve: {asked}")
 
 
 def list_rules(rules: RulesOption = "checkpoint", json: JsonOption = False) -> None:
@@ -135,11 +135,11 @@ def check(
             f"{count(len(book.rules), 'rule')}, {checked} checked, "
             f"{count(examples, 'example')}, {len(wrong)} wrong"
         )
-        out.line(f"{book.name}, {seal_in_words(book.seal)}")
+        out.print_line(f"{book.name}, {seal_in_words(book.seal)}")
         _tell_approvals(book)
         warn_of_altered(book.name, book.seal)
         if lacking := differing_core(book):
-            out.line(f"the core's own stay in force besides: {', '.join(lacking)}")
+            out.print_line(f"the core's own stay in force besides: {', '.join(lacking)}")
     if wrong or book.seal.altered:
         raise typer.Exit(BROKEN)
 
@@ -166,8 +166,8 @@ def pin(
     if json:
         print_json({"file": str(path), "content_sha256": found, "pinned": agrees})
     else:
-        out.line(f"{path}: {found}")
-        out.line(
+        out.print_line(f"{path}: {found}")
+        out.print_line(
             f"{target}: {'the same' if agrees else 'ANOTHER; rules pin --write makes it agree'}"
         )
     if not agrees:
@@ -197,8 +197,8 @@ def sign(
     if json:
         print_json({"signature": str(signature_path(path)), "name": rule_set.name, "seal": seal})
         return
-    out.line(f"{signature_path(path)}: {rule_set.name}, {seal_in_words(seal)}")
-    out.line(f"key: {seal.key}")
+    out.print_line(f"{signature_path(path)}: {rule_set.name}, {seal_in_words(seal)}")
+    out.print_line(f"key: {seal.key}")
 
 
 def diff(a: SetArgument, b: SetArgument, json: JsonOption = False) -> None:
@@ -218,9 +218,9 @@ def diff(a: SetArgument, b: SetArgument, json: JsonOption = False) -> None:
         print_json({"equal": not changes, "sets": described, "changes": changes})
     else:
         for path, rule_set, seal in zip(paths, sets, seals, strict=True):
-            out.line(f"{path}: {rule_set.name}, {seal_in_words(seal)}")
+            out.print_line(f"{path}: {rule_set.name}, {seal_in_words(seal)}")
         for change in changes:
-            out.line(_change_text(change))
+            out.print_line(_change_text(change))
         counts = [
             f"{number} {kind}"
             for kind in ("added", "removed", "changed", "moved")
@@ -288,7 +288,7 @@ def lint(
                     "counts": counts, "searched": searched.words if states else ""})  # fmt: skip
     else:
         for entry in findings:
-            out.line(
+            out.print_line(
                 f"{path}:{entry.line}: {entry.severity}: {entry.rule}: {entry.kind}: "
                 f"{entry.problem}; {entry.remedy}",
                 style=STYLES[entry.severity],
@@ -296,7 +296,7 @@ def lint(
         told = ", ".join(f"{name}s {count}" for name, count in counts.items())
         out.print(f"rules: {len(rule_set.rules)}, {told}")
         if states:
-            out.line(f"searched: {searched.words}")
+            out.print_line(f"searched: {searched.words}")
     if counts["error"] or counts["warning"]:
         raise typer.Exit(FAILED)
 

@@ -201,7 +201,7 @@ def _print_effects(effects: Effects) -> None:
             rule = f" {gap.rule}:" if gap.rule else ""
             _line(f"  {at}: cannot be checked again:{rule} {gap.reason}")
     for place, problem in effects.unread.items():
-        errors.line(f"{place}: not read to its end: {problem}")
+        errors.print_line(f"{place}: not read to its end: {problem}")
     for rule, count in rules_turned(effects.flips):
         _line(f"{rule} turns {count}")
     every = effects.found.values()
@@ -223,7 +223,7 @@ def _flip(flip: ChangedDecision) -> str:
 
 
 def _line(text: str) -> None:
-    out.line(text)
+    out.print_line(text)
 
 
 _COUNTED: tuple[tuple[str, tuple[RuleDeed, ...]], ...] = (
@@ -263,7 +263,7 @@ def trace(
     else:
         _print_trails(rule, found, every)
     for log, problem in unread.items():
-        errors.line(f"{log}: not read to its end: {problem}")
+        errors.print_line(f"{log}: not read to its end: {problem}")
     if unread:
         raise typer.Exit(BAD_INPUT)
     if not any(found.values()):

@@ -52,7 +52,7 @@ def sessions(
         print_json([_document(*each) for each in zip(found, sound, strict=True)])
         return
     if not found:
-        out.line(f"no session was recorded in {folder} yet")
+        out.print_line(f"no session was recorded in {folder} yet")
         return
     out.print(_table(found, sound))
     more = len(newest_logs(folder)) - len(found)
@@ -122,7 +122,7 @@ def _show(log: Path, json: bool) -> None:
         missions.add_row(mission.id, Text(told.text, COLOURS[told.tone]), text)
     if summary.missions:
         out.print(missions)
-    out.line(f"\nPlay it back: pa-console replay {log.stem}")
+    out.print_line(f"\nPlay it back: pa-console replay {log.stem}")
 
 
 def _document(summary: SessionSummary, standing: Soundness) -> dict[str, Any]:

@@ -44,9 +44,9 @@ def show(context: typer.Context, json: JsonOption = False) -> None:
         table.add_row(*(Text(text, overflow="fold") for text in texts))
     out.print(table)
     there = "" if loaded.document is not None else " (not there yet)"
-    out.line(f"\nfile: {loaded.path}{there}")
+    out.print_line(f"\nfile: {loaded.path}{there}")
     for problem in wrong:
-        out.line(f"problem: {problem}", style="bold red")
+        out.print_line(f"problem: {problem}", style="bold red")
     raise typer.Exit(2 if wrong else 0)
 
 
@@ -77,7 +77,7 @@ def _problems(loaded: Loaded) -> list[str]:
 @app.command()
 def path() -> None:
     """Print where the settings file is; PA_CONSOLE_SETTINGS names another one."""
-    out.line(str(settings_file()))
+    out.print_line(str(settings_file()))
 
 
 @app.command("set")
@@ -110,7 +110,7 @@ def _write(name: str, text: str) -> None:
         raise ValueError(f"{name}: {error}") from error
     save_setting(loaded.path, field, value)
     done = f"{name} is {text}" if text.strip() else f"{name} is back to its default"
-    out.line(f"{loaded.path}: {done}")
+    out.print_line(f"{loaded.path}: {done}")
     origin = load_settings().origin(field)
     if origin.source == "environment":
         out.print(f"note: {origin.place} is set and wins over the file")
@@ -122,4 +122,4 @@ def reset() -> None:
     file = settings_file()
     backup = reset_settings(file)
     said = f"moved to {backup}" if backup is not None else "there is none: defaults are in force"
-    out.line(f"{file}: {said}")
+    out.print_line(f"{file}: {said}")

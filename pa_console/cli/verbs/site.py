@@ -96,7 +96,7 @@ def site(
         end_signals(endable.end),
         EmbeddedBroker(address.port) if embedded_broker else nullcontext(),
     ):
-        errors.line(
+        errors.print_line(
             f"{loaded.title}: {count(len(loaded.assets), 'asset')} at {address}; Ctrl-C ends it"
         )
         try:
@@ -152,7 +152,7 @@ def init(
         folder, address.site, robots, tuple(dict.fromkeys(hosts)), port, machines=machines
     )
     made, kept = count(len(written.made), "certificate"), len(written.kept)
-    out.line(
+    out.print_line(
         f"{written.folder}: {made} made{f', {kept} kept' if kept else ''}\n"
         f"broker:  mosquitto -c {written.folder}/mosquitto.conf\n"
         f"site:    pa-console site --broker {address} --certificates {folder}\n"
@@ -181,7 +181,7 @@ def _telling(vehicles: Vehicles) -> Callable[[str], None]:
         line = f"a signed message changes nothing: {why}" if why else vehicles.in_command
         if line != told:
             told = line
-            errors.line(visible(line))
+            errors.print_line(visible(line))
 
     return take
 

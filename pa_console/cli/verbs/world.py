@@ -41,7 +41,7 @@ def generate(
     refuse_audit_file(output)
     output.parent.mkdir(parents=True, exist_ok=True)
     output.write_text(text, encoding="utf-8")
-    out.line(
+    out.print_line(
         f"{output}: {count(gates, 'gate')}, {count(assets, 'asset')}; "
         f"open it with: pa-console console --world {output}"
     )
@@ -56,7 +56,7 @@ def check(
     with errors.status("placing the assets"):
         picture = Checkpoint(loaded).picture()
     bare = [gate for gate, cover in picture.gates.items() if not cover.covered]
-    out.line(
+    out.print_line(
         f"{path}: ok, {count(len(loaded.gates), 'gate')}, {count(len(loaded.assets), 'asset')}, "
         f"{count(len(loaded.cameras), 'camera')}"
     )
@@ -128,7 +128,7 @@ def check_scenario(
     """Check a scenario file against a world; errors name line and field."""
     found, path = open_world(world)
     scenario = open_scenario(found, path, str(file)).scenario
-    out.line(
+    out.print_line(
         f"{file}: ok, {count(len(scenario.events), 'event')}, "
         f"{count(len(scenario.random), 'random kind')}"
     )

@@ -71,7 +71,7 @@ def show(report: JudgeReport) -> None:
         f"no verdict, {count(times, 'time')}: {error}" for error, times in report.errors.items()
     ]
     for note in notes:
-        out.line(note)
+        out.print_line(note)
 
 
 def _confusion_table(report: JudgeReport) -> Table:
@@ -250,7 +250,7 @@ async def _ask(
                     said = run.plan.verdict or run.plan.error
                     truth = "Success" if run.strict else "Failure"
                     line = f"{len(found)}/{len(cases)} {run.run}: {said}, in truth {truth}"
-                    errors.line(line)
+                    errors.print_line(line)
     finally:
         await engine.close()
     return found, engine.asked, engine.reused

@@ -65,7 +65,9 @@ def make_data(
             else:
                 build(jobs, rules_file, processes, keep_and_tell)
     except KeyboardInterrupt:
-        errors.line(f"stopped: what is whole is kept; the same command with --out {folder} goes on")
+        errors.print_line(
+            f"stopped: what is whole is kept; the same command with --out {folder} goes on"
+        )
         raise
     finally:
         data.mend()
@@ -104,7 +106,7 @@ def _print(folder: Path, report: DataReport) -> None:
     for why, number in list(report.dropped.items())[:MOST_REASONS]:
         dropped.add_row(why, str(number))
     out.print(dropped)
-    out.line(str(folder / REPORT))
+    out.print_line(str(folder / REPORT))
 
 
 def make_taught_orders(file: Path, groups: int) -> None:
@@ -115,7 +117,7 @@ def make_taught_orders(file: Path, groups: int) -> None:
         for orders in write_taught_orders(file, groups):
             made += orders
             progress.add(orders)
-    out.line(str(file))
+    out.print_line(str(file))
     errors.print(count(made, "order"))
 
 
@@ -133,7 +135,7 @@ def make_readings(file: Path, recipes: Sequence[Recipe], rules: str, processes: 
         for samples in groups:
             made += samples
             progress.add(samples)
-    out.line(str(file))
+    out.print_line(str(file))
     errors.print(count(made, "sample"))
 
 
@@ -151,5 +153,5 @@ def make_written(file: Path, folder: Literal["written", "development"]) -> None:
             for sample in written_samples(name, writer):
                 stream.write(f"{sample.model_dump_json()}\n")
                 made += 1
-    out.line(str(file))
+    out.print_line(str(file))
     errors.print(f"{count(len(writers), 'writer')}, {count(made, 'sample')}")

@@ -50,4 +50,4 @@ def make_missions(
     errors.print(
         f"{counted(len(missions.worlds), 'world')}; not taken: {counted(dropped, 'mission')}"
     )
-    out.line(str(file))
+    out.print_line(str(file))

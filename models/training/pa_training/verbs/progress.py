@@ -47,7 +47,7 @@ class DataProgress(LiveBar):
         self._progress.update(self._task, advance=1, description=text)
         if not errors.is_terminal and (now - self._told > LINE_S or self._done == self._total):
             self._told = now
-            errors.line(f"{self._done}/{self._total} groups: {text}")
+            errors.print_line(f"{self._done}/{self._total} groups: {text}")
 
 
 class ReadingProgress(LiveBar):
@@ -107,7 +107,7 @@ class TrainProgress(LiveBar):
         ended = share >= 1.0
         if not errors.is_terminal and (ended or monotonic() - self._told > LINE_S):
             self._told = monotonic()
-            errors.line(f"{text}  {left}")
+            errors.print_line(f"{text}  {left}")
 
 
 def _bar(what: str) -> Progress:

@@ -73,9 +73,9 @@ def run_training(
         ),
     )
     adapter = f"{folder / ADAPTER}: SHA-256 {result.adapter_sha256}"
-    out.line(adapter)
+    out.print_line(adapter)
     if not result.finished:
-        errors.line(
+        errors.print_line(
             f"stopped after step {last.step} of {last.steps}; "
             f"python -m pa_training {task} --out {folder} --resume goes on"
         )
