@@ -127,7 +127,7 @@ def find_mentions(world: World, text: str, tracks: Iterable[str] = ()) -> tuple[
     return tuple(dict.fromkeys(finder.find(link_names(world, text))))
 
 
-def speaks_of_site(world: World, text: str, tracks: Iterable[str] = ()) -> bool:
+def speaks_of_site(world: World, text: str) -> bool:
     """Return whether `text` mentions a part of a site: place, asset, kind, post, visitor.
 
     A passing mention counts: this only separates texts about other matters.
@@ -135,7 +135,7 @@ def speaks_of_site(world: World, text: str, tracks: Iterable[str] = ()) -> bool:
     low, names = text.lower(), WorldNames.of(world)
     if _OF_SITES.search(low) or any(names.team(word) for word in re.findall("[a-z]+", low)):
         return True
-    return any(one.sort in _NAMES for one in find_mentions(world, text, tracks))
+    return any(one.sort in _NAMES for one in find_mentions(world, text))
 
 
 class _Finder:

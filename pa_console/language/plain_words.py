@@ -64,12 +64,12 @@ def plain_reading(asked: str) -> str:
         told = f"if {condition}, {_clauses(case['then'])}, otherwise {_clauses(case['otherwise'])}"
     told = told.replace(NOWHERE, f"an {NOWHERE}")
     if excluded:
-        told = f"{told}, without {_listed(excluded.split(', '))}"
+        told = f"{told}, without {listed(excluded.split(', '))}"
     return f"{told}; all others stay" if others else told
 
 
 def _clauses(words: str) -> str:
-    return _listed([_clause(clause) for clause in words.split("; ")])
+    return listed([_clause(clause) for clause in words.split("; ")])
 
 
 def _clause(words: str) -> str:
@@ -106,11 +106,12 @@ def _plainly(said: Mapping[str, str]) -> dict[str, str]:
     if "who" in said:
         named = not {"every", "kind"} & said.keys()
         plain["who"] = (
-            _listed(said["who"].split(", ")) if named else TEAM.write({"plural": "", **plain})
+            listed(said["who"].split(", ")) if named else TEAM.write({"plural": "", **plain})
         )
     return plain
 
 
-def _listed(parts: Sequence[str]) -> str:
+def listed(parts: Sequence[str]) -> str:
+    """Return parts as a sentence has them: *A, B and C*."""
     *firsts, last = parts
     return f"{', '.join(firsts)} and {last}" if firsts else last

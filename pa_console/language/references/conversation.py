@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pa_console.language.lexicon import find_verbs, word_lists
+from pa_console.language.plain_words import listed
 from pa_console.language.references.reader import Reader, asset_at, place_at, read_tokens
 from pa_console.language.references.scene import STILL, Move, PastMission, Scene
 from pa_console.schema.command import ENCOUNTERS
@@ -51,12 +52,6 @@ def substituted(text: str, meant: Sequence[Meant]) -> str:
     return "".join((*parts, text[done:]))
 
 
-def listed(names: Sequence[str], last: str = " and ") -> str:
-    """Return names as a sentence has them: *A, B and C*."""
-    *firsts, end = names
-    return f"{', '.join(firsts)}{last}{end}" if firsts else end
-
-
 _WORDS = word_lists("conversation")
 _CORRECTING = frozenset(_WORDS["correcting"])
 _CORRECTING_PHRASES = _WORDS["correcting_phrases"]
@@ -89,19 +84,19 @@ class _Said:
 
 
 @dataclass(frozen=True)
-class Retold:
-    """An order put in full: its new `text`, and what was understood.
+class Resolved:
+    """An order as it is read: its `text`, and what was `meant` by its words.
 
     It may take back what was ordered last, or take its place.
     """
 
     text: str
-    meant: tuple[Meant, ...] = ()
+    meant: tuple[tuple[str, str], ...] = ()
     undoes: bool = False
     corrects: bool = False
 
 
-def retell(scene: Scene, text: str) -> Retold | Unclear | None:
+def retell(scene: Scene, text: str) -> Resolved | Unclear | None:
     """Return an order that leans on the one before in full; None where it stands by itself."""
     if (scene.last is None and not scene.pointer) or not text.strip():
         return None
@@ -120,7 +115,7 @@ class _Turn:
         self._low = f" {' '.join(word for word in self._words if word[0].isalnum())} "
         self._assets, self._places = self._names()
 
-    def retold(self) -> Retold | Unclear | None:
+    def retold(self) -> Resolved | Unclear | None:
         for way in (
             self._undone,
             self._place_corrected,
@@ -203,9 +198,8 @@ class _Turn:
 
     # ---------------------------------------------------------------- whole orders
 
-    def _whole(self, order: str, *, undoes: bool = False, corrects: bool = False) -> Retold:
-        whole = Meant(0, len(self._text), self._text.strip(), order)
-        return Retold(order, (whole,), undoes, corrects)
+    def _whole(self, order: str, *, undoes: bool = False, corrects: bool = False) -> Resolved:
+        return Resolved(order, ((self._text.strip(), order),), undoes, corrects)
 
     def _order(self, agent: str, move: Move, place: str = "") -> str:
         """Return in words that `agent` does the order of `move`, at `place` if given."""
@@ -227,13 +221,13 @@ class _Turn:
                 )
         return orders
 
-    def _undone(self) -> Retold | None:
+    def _undone(self) -> Resolved | None:
         if not self._has(*_UNDOING) or self._asked or self._wanted:
             return None
         orders = self._returns(self._movers)
         return self._whole(_sentence(orders), undoes=True) if orders else None
 
-    def _place_corrected(self) -> Retold | None:
+    def _place_corrected(self) -> Resolved | None:
         """Resolve *No, the south gate.*: the same for another place."""
         wanted = self._wanted
         if len(wanted) != 1 or self._asked or not self._corrects or not self._short or self._does:
@@ -243,7 +237,7 @@ class _Turn:
         orders = [self._order(move.agent, move, wanted[0]) for move in self._moves]
         return self._whole(_sentence(orders), corrects=True)
 
-    def _agent_corrected(self) -> Retold | None:
+    def _agent_corrected(self) -> Resolved | None:
         """Resolve *Not Drone_T04, Robot_T02.*: the same by another one, and the first one back."""
         others = [name for name in self._asked if name not in self._movers]
         there = self._has(*_THERE)
@@ -257,7 +251,7 @@ class _Turn:
         orders = [self._order(other, move) for other in others]
         return self._whole(_sentence([*orders, *self._returns(replaced)]), corrects=True)
 
-    def _same(self) -> Retold | None:
+    def _same(self) -> Resolved | None:
         """Resolve *same for Robot_T02* and *same for north*."""
         same = bool(_SAME & set(self._words)) or bool(self._has("as well"))
         if not same or not self._short or self._does or self._has(*_THERE):
@@ -273,7 +267,7 @@ class _Turn:
         verbs = find_verbs(self._text)
         return any(v.plain and v.word not in ("go", "goes", "do") for v in verbs)
 
-    def _same_elsewhere(self, place: str) -> Retold | None:
+    def _same_elsewhere(self, place: str) -> Resolved | None:
         """Return the last order for another `place`; who was named stays, another one goes."""
         move = self._moves[0]
         named = any(name in self._last.text for name in self._movers)
@@ -299,7 +293,7 @@ class _Turn:
         ]
         return min(free, key=lambda name: scene.distance_m(name, place), default="")
 
-    def _joined(self) -> Retold | Unclear | None:
+    def _joined(self) -> Resolved | Unclear | None:
         """Resolve *another one there*, *Robot_T01 there too*, *give it company, Robot_T01*."""
         if self._does or self._has("home", "report", "instead of"):
             return None
@@ -333,7 +327,7 @@ class _Turn:
         after = self._low.partition(f" {more} ")[2].split()
         return not after or after[0] == "one" or bool(self._scene.members(after[0]))
 
-    def _brought_back(self) -> Retold | Unclear | None:
+    def _brought_back(self) -> Resolved | Unclear | None:
         """Resolve *Bring it back.*: to where it was before."""
         back = "back" in self._words or self._has("where it came from", "where they came from")
         if not back or self._wanted or self._does or _HOME & set(self._words) or not self._short:
@@ -371,7 +365,7 @@ class _Turn:
         every = list(dict.fromkeys(move.agent for move in reversed(self._scene.moved)))
         return list(reversed(every[:2]))
 
-    def _pronouns(self) -> Retold | Unclear | None:
+    def _pronouns(self) -> Resolved | Unclear | None:
         """Put names for *it*, *them* and *there*, where nothing before in the order is meant."""
         meant: list[Meant] = []
         at = 0
@@ -386,11 +380,8 @@ class _Turn:
             meant.append(one)
         if not meant or not self._asks:
             return None
-        text, done = "", 0
-        for one in meant:
-            text += self._text[done : one.start] + one.written
-            done = one.end
-        return Retold(text + self._text[done:], tuple(meant))
+        pairs = tuple((one.said, one.means) for one in meant)
+        return Resolved(substituted(self._text, meant), pairs)
 
     def _pronoun(self, at: int, *, within: bool) -> tuple[Meant, int] | Unclear | None:
         """Read a pronoun; one that follows another `within` the order is about the same asset."""

@@ -11,13 +11,20 @@ with a low battery comes home. What telemetry does not bear out is asked back ab
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 from pa_console.language.lexicon import find_verbs
 from pa_console.language.name_linking import LinkedText, link_names
+from pa_console.language.plain_words import listed
 from pa_console.language.references.asked_condition import conditional_order
-from pa_console.language.references.conversation import Meant, Unclear, listed, retell, substituted
+from pa_console.language.references.conversation import (
+    Meant,
+    Resolved,
+    Unclear,
+    retell,
+    substituted,
+)
 from pa_console.language.references.description import Description, Trait, fitting
 from pa_console.language.references.description_grammar import find_descriptions
 from pa_console.language.references.reader import Reader, Token, asset_at, place_at, read_tokens
@@ -144,19 +151,6 @@ _NO_MOVE = frozenset(
 )
 
 
-@dataclass(frozen=True)
-class Resolved:
-    """An order as it is read: its `text`, and what was `meant` by its words.
-
-    It may take back what was ordered last, or take its place.
-    """
-
-    text: str
-    meant: tuple[tuple[str, str], ...] = ()
-    undoes: bool = False
-    corrects: bool = False
-
-
 Answers = Mapping[str, str]
 """The operator's answers about unclear words."""
 
@@ -183,8 +177,7 @@ def resolve(scene: Scene, text: str, answers: Answers | None = None) -> Resolved
     if isinstance(retold, Unclear):
         return retold
     if retold is not None:
-        new = [(one.said, one.means) for one in retold.meant]
-        return Resolved(retold.text, (*meant, *new), retold.undoes, retold.corrects)
+        return replace(retold, meant=(*meant, *retold.meant))
     return Resolved(now.strip(), tuple(meant)) if meant else Resolved(text)
 
 

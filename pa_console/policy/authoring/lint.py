@@ -23,7 +23,7 @@ from pa_console.policy.authoring.lint_search import (
     shadowed,
 )
 from pa_console.policy.authoring.lint_states import drawn_states, example_states, small_world
-from pa_console.policy.related_words import Groups, Vocabulary, default_vocabulary, words_of
+from pa_console.policy.related_words import Groups, default_vocabulary, words_of
 from pa_console.policy.retriever import Retriever
 from pa_console.schema.document import Document
 from pa_console.schema.rule import Rule, RuleSet
@@ -106,9 +106,9 @@ FEWEST = 0.5
 class Paraphraser:
     """Makes paraphrases of rules; equal rules give equal paraphrases."""
 
-    def __init__(self, vocabulary: Vocabulary | None = None) -> None:
-        """`vocabulary` gives the synonyms; default: the installed one."""
-        known = default_vocabulary() if vocabulary is None else vocabulary
+    def __init__(self) -> None:
+        """Take synonyms from the installed vocabulary."""
+        known = default_vocabulary()
         self._groups = Groups(known)
         self._members = tuple(known.groups.values())
 
@@ -143,15 +143,13 @@ class Paraphraser:
         return members[number % len(members)] if members else word
 
 
-def hard_to_retrieve(
-    rules: Sequence[Rule], paraphraser: Paraphraser | None = None
-) -> Iterator[Doubt]:
+def hard_to_retrieve(rules: Sequence[Rule]) -> Iterator[Doubt]:
     """Yield the rules that less than FEWEST of their paraphrases find among FOUND_AMONG.
 
     Critical rules are always shown to the models, and so are never hard to retrieve. A rule that
     not even its own text finds needs no paraphrase to tell.
     """
-    made = paraphraser or Paraphraser()
+    made = Paraphraser()
     retriever = Retriever(rules)
     for rule in rules:
         if rule.priority == "critical" or not _finds(retriever, rule.text, rule):

@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 
 from pa_console.language.references.conversation import Unclear
-from pa_console.language.references.resolution import Resolved, resolve
+from pa_console.language.references.conversation import Resolved
+from pa_console.language.references.resolution import resolve
 from pa_console.language.references.scene import Move, PastMission, Scene
 from pa_console.resources import data_folder
 from pa_console.schema.incident import Incident, PlaceAsset

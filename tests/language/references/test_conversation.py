@@ -2,7 +2,8 @@
 
 import pytest
 
-from pa_console.language.references.resolution import Resolved, resolve
+from pa_console.language.references.conversation import Resolved
+from pa_console.language.references.resolution import resolve
 from pa_console.language.references.scene import after
 from tests.language.references.scenes import asked, read, scene, sent, standing
 
