@@ -2,8 +2,7 @@
 
 from collections.abc import Sequence
 
-from pa_console.language.references.conversation import Unclear
-from pa_console.language.references.conversation import Resolved
+from pa_console.language.references.conversation import Resolved, Unclear
 from pa_console.language.references.resolution import resolve
 from pa_console.language.references.scene import Move, PastMission, Scene
 from pa_console.resources import data_folder

@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.language.references.conversation import Unclear
-from pa_console.language.references.conversation import Resolved
+from pa_console.language.references.conversation import Resolved, Unclear
 from pa_console.language.references.resolution import chosen, resolve
 from pa_console.schema.incident import FailAsset, Incident, PlaceAsset, SetBattery, SpawnTrack
 from tests.depth import depth
