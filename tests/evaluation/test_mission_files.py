@@ -1,32 +1,24 @@
 """The shipped missions can succeed, not by doing nothing, and by more than one plan."""
 
-from functools import cache
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.evaluation.jobs import load_missions
 from pa_console.evaluation.runner import enforced_rules
 from pa_console.evaluation.score import begin, idle_run
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import data_folder
-from pa_console.schema.evaluation import GeneratedWorld, MissionCase
-from pa_console.schema.world import World
-from pa_console.sim.worlds.world_file import load_world
-from pa_console.sim.worlds.world_generator import generate_world
+from pa_console.schema.evaluation import MissionCase
 from pa_training.proof.playing import words_findings
 from tests.evaluation.plan_play import play, safeguards
 from tests.evaluation.witness_play import plans, written
+from tests.shipped import missions
 
 pytestmark = pytest.mark.long
 
-FOLDER = data_folder() / "worlds" / "checkpoint"
-HOME = load_world(FOLDER / "world.yaml")
 RULES = load_rules(data_folder() / "rules" / "checkpoint.yaml")
 ENFORCED = enforced_rules(RULES)
-SETS = [load_missions(path, HOME) for path in sorted(FOLDER.glob("missions/*.yaml"))]
-CASES = {case.id: (found, case) for found in SETS for case in found.missions}
+CASES = missions()
 Other = tuple[str, list[str]]
 WITNESSES = written("*.yaml")
 OTHERS: list[Other] = [
@@ -41,36 +33,25 @@ SHORT_S = 20.0
 """Runs are watched so long at least, not their own time: what a plan does lasts as long as it."""
 
 
-@cache
-def mission(name: str) -> tuple[MissionCase, World]:
-    """Return a mission and its world."""
-    found, case = CASES[name]
-    if not case.world:
-        return case, HOME
-    made = found.worlds[case.world]
-    assert isinstance(made, GeneratedWorld)
-    return case, generate_world(made.gates, made.assets, made.seed)
-
-
 def short(case: MissionCase) -> MissionCase:
     """Return the mission, watched for SHORT_S at least instead of its own time."""
     return case.model_copy(update={"watch_s": SHORT_S})
 
 
 def test_every_mission_that_is_to_be_carried_out_has_a_witness() -> None:
-    to_do = {name for name, (_, case) in CASES.items() if case.expect in TO_DO}
+    to_do = {name for name, (case, _) in CASES.items() if case.expect in TO_DO}
     assert to_do <= set(WITNESSES) <= set(CASES)
     assert {name for name, _ in [*OTHERS, *WRONG]} <= set(CASES)
 
 
 def test_nothing_that_is_to_be_carried_out_is_refused_for_its_words() -> None:
-    to_do = [name for name, (_, case) in CASES.items() if case.expect in TO_DO]
-    assert not [name for name in to_do if words_findings(mission(name)[1], CASES[name][1], RULES)]
+    to_do = [found for found in CASES.values() if found[0].expect in TO_DO]
+    assert not [case.id for case, world in to_do if words_findings(world, case, RULES)]
 
 
 @pytest.mark.parametrize("name", sorted(WITNESSES))
 def test_a_plan_carries_it_out_that_the_safeguards_admit(name: str) -> None:
-    case, world = mission(name)
+    case, world = CASES[name]
     objects = safeguards(case, RULES)
     todo = plans(WITNESSES[name])
     scored, against = play(short(case), begin(case, world, 0), ENFORCED, todo, objects)
@@ -80,7 +61,7 @@ def test_a_plan_carries_it_out_that_the_safeguards_admit(name: str) -> None:
 
 @pytest.mark.parametrize("name", sorted(CASES))
 def test_doing_nothing_is_success_only_where_that_is_right(name: str) -> None:
-    case, world = mission(name)
+    case, world = CASES[name]
     assert case.success
     scored = idle_run(short(case), world, 0, ENFORCED)
     assert scored.strict == (case.expect not in TO_DO)
@@ -90,7 +71,7 @@ def test_doing_nothing_is_success_only_where_that_is_right(name: str) -> None:
 @given(st.sampled_from(OTHERS))
 def test_another_plan_that_an_operator_would_take_succeeds_too(other: Other) -> None:
     name, lines = other
-    case, world = mission(name)
+    case, world = CASES[name]
     objects = safeguards(case, RULES)
     scored, against = play(short(case), begin(case, world, 0), ENFORCED, plans(lines), objects)
     assert (against, scored.failed, scored.broken) == ([], (), ())
@@ -100,6 +81,6 @@ def test_another_plan_that_an_operator_would_take_succeeds_too(other: Other) -> 
 @given(st.sampled_from(WRONG))
 def test_a_plan_that_no_operator_would_take_fails(other: Other) -> None:
     name, lines = other
-    case, world = mission(name)
+    case, world = CASES[name]
     scored, _ = play(short(case), begin(case, world, 0), ENFORCED, plans(lines))
     assert not scored.strict

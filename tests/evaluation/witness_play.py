@@ -1,21 +1,22 @@
 """Reads plans written by hand, for the simulation to play and the scorer to judge."""
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from pa_console.schema.plan import Action, Plan
+from tests.shipped import quick_yaml
 
 FOLDER = Path(__file__).parent / "witnesses"
 
 
+@cache
 def written(pattern: str) -> Mapping[str, Any]:
     """Return what the witness files that match `pattern` say, by mission id."""
     found: dict[str, Any] = {}
     for path in sorted(FOLDER.glob(pattern)):
-        found |= yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+        found |= quick_yaml(path) or {}
     return found
 
 

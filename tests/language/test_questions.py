@@ -1,16 +1,15 @@
 """Which texts are questions to the console; an order is never taken for one."""
 
 import pytest
-import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.language.questions import read_question
-from pa_console.resources import data_folder
 from pa_console.schema.events.intake import QuestionTopic
 from pa_console.schema.incident import FailAsset
 from tests.depth import depth
 from tests.language.references.scenes import HOME, scene
+from tests.shipped import missions
 
 SCENE = scene()
 DRONES = ("Drone_T01", "Drone_T02", "Drone_T03", "Drone_T04")
@@ -115,11 +114,7 @@ def test_case_stops_and_small_words_change_nothing(
     assert found(case(said)) == QUESTIONS[text]
 
 
-MISSIONS = tuple(
-    case["command"]
-    for path in sorted((data_folder() / "worlds" / "checkpoint").rglob("missions/*.yaml"))
-    for case in yaml.safe_load(path.read_text(encoding="utf-8")).get("missions", ())
-)
+MISSIONS = tuple(case.command for case, _ in missions().values())
 
 
 def test_no_mission_that_is_shipped_is_a_question() -> None:

@@ -2,7 +2,6 @@
 
 import pytest
 
-from pa_console.evaluation.jobs import load_with_worlds
 from pa_console.evaluation.score import (
     FROM_ORDERS,
     RunRecorder,
@@ -15,25 +14,16 @@ from pa_console.evaluation.score import (
     watch,
 )
 from pa_console.mission.rehearse import device_commands
-from pa_console.resources import data_folder
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.evaluation import MissionCase
 from pa_console.schema.world import World
-from pa_console.sim.worlds.world_file import load_world
 from tests.evaluation.scoring.recordings import ALL_RULES, UNKNOWN, WORLD, case, order
 from tests.evaluation.witness_play import plans, written
+from tests.shipped import missions
 
 pytestmark = pytest.mark.long
 
-FOLDER = data_folder() / "worlds" / "checkpoint"
-HOME = load_world(FOLDER / "world.yaml")
-CASES = {
-    each.id: (each, worlds[each.world])
-    for found, worlds in (
-        load_with_worlds(path, HOME) for path in sorted(FOLDER.glob("missions/*.yaml"))
-    )
-    for each in found.missions
-}
+CASES = missions()
 WITNESSES = written("*.yaml")
 BY_ORDERS = sorted(
     name
