@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from pa_console.language.mention_check import NOTHING_SAID, MentionCheck, check_mentions
 from pa_console.language.order import Reading
@@ -22,12 +21,11 @@ from pa_console.mission.propose import (
 from pa_console.mission.retrieve import Retrieved
 from pa_console.mission.tasking.fulfilment import gaps
 from pa_console.mission.tasking.moves import PlanMoves
-from pa_console.mission.tasking.obstacles import unmet_asks
+from pa_console.mission.tasking.obstacles import Unmet, unmet_asks
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Verdict
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan
-from pa_console.schema.world import World
 from pa_console.session.confidence import Evidence, SecondAnswer, calibrated_confidence
 
 LIKELIER_OTHERWISE = 0.5
@@ -176,29 +174,6 @@ def _refuses(reading: Reading | None) -> bool:
     return reading is not None and any(ask.task == "refused" for ask in reading.asks)
 
 
-class Fulfilment(NamedTuple):
-    """The agreement between a plan and a reading."""
-
-    gaps: tuple[str, ...] = ()
-    unmet: tuple[str, ...] = ()
-    """The parts of the reading that no plan can do now, with the reasons."""
-    narrowed: bool = False
-    """True if some of those parts are not true already."""
-
-
-def fulfilment_of(
-    found: Examination, reading: Reading | None, world: World, text: str
-) -> Fulfilment:
-    """Compare a plan with a `reading` of the order `text`."""
-    if reading is None or not reading.readable or found.rehearsal is None:
-        return Fulfilment()
-    moves = PlanMoves(world, found.rehearsal.before, found.plan)
-    unmet = unmet_asks(moves, reading, text)
-    return Fulfilment(
-        gaps(moves, reading), tuple(one.told for one in unmet), any(not one.so for one in unmet)
-    )
-
-
 def better(first: Candidate | None, other: Candidate) -> Candidate:
     """Return the candidate with less evidence against it; the `first` if they are alike."""
     return other if first is None or other.badness < first.badness else first
@@ -246,7 +221,9 @@ async def plan(
             error, reasons = proposal.error, (proposal.error,)
         else:
             if context.services.variant.fitting:
-                reading = reading or _read(answered, proposal.plan)
+                asked = answered.question.asked
+                read = read_asked(asked) if asked else read_reason(proposal.plan.reason)
+                reading = reading or read
             attempt = Attempt(
                 answered.attempt,
                 proposal.plan,
@@ -337,13 +314,6 @@ async def with_commands_given(
     return best
 
 
-def _read(answered: Answered, proposed: Plan) -> Reading | None:
-    """Return the reading, as far as the console can parse it."""
-    if answered.question.asked:
-        return read_asked(answered.question.asked)
-    return read_reason(proposed.reason)
-
-
 async def _examined(
     context: MissionContext,
     retrieved: Retrieved,
@@ -353,12 +323,19 @@ async def _examined(
     own: bool = False,
 ) -> Candidate:
     """Examine a plan; what an operator's `own` is for is not read from the order."""
-    found = await _safeguards(context, retrieved.task, attempt.plan)
-    world, text = context.services.fleet.world, retrieved.task.text
-    fits = fulfilment_of(found, reading, world, text)
+    plan_, task, fleet = attempt.plan, retrieved.task, context.services.fleet
+    found = await _safeguards(context, task, plan_)
+    before = found.rehearsal.before if found.rehearsal is not None else fleet.picture()
+    amiss: tuple[str, ...] = ()
+    left: tuple[Unmet, ...] = ()
+    if reading is not None and reading.readable and found.rehearsal is not None:
+        moves = PlanMoves(fleet.world, before, plan_)
+        amiss, left = gaps(moves, reading), unmet_asks(moves, reading, task.text)
+    unmet = tuple(one.told for one in left)
     mentions = NOTHING_SAID
     if not own and not retrieved.chosen:
-        mentions = _mentions(context, retrieved.task, found, fits.unmet)
+        asked = asked_words(plan_.reason).rstrip("; ")
+        mentions = check_mentions(fleet.world, before, task.text, asked, plan_, unmet)
     if found.rehearsal is not None and context.services.variant.rehearsal:
         context.emit(
             ev.PlanRehearsed(
@@ -370,31 +347,21 @@ async def _examined(
             attempt=attempt.number,
             findings=found.findings,
             seconds=found.checks_s,
-            unmet=fits.unmet,
+            unmet=unmet,
             gaps=mentions.gaps,
         )
     )
     return Candidate(
         attempt.number,
         found,
-        fits.gaps,
-        fits.unmet,
-        fits.narrowed,
+        amiss,
+        unmet,
+        any(not one.so for one in left),
         mentions,
         attempt.confidence,
         own=own,
         by_server=attempt.by_server,
     )
-
-
-def _mentions(
-    context: MissionContext, task: Mission, found: Examination, unmet: Sequence[str]
-) -> MentionCheck:
-    """Compare the words of the task with the plan's reading."""
-    fleet, plan_ = context.services.fleet, found.plan
-    before = found.rehearsal.before if found.rehearsal is not None else fleet.picture()
-    asked = asked_words(plan_.reason).rstrip("; ")
-    return check_mentions(fleet.world, before, task.text, asked, plan_, unmet)
 
 
 async def _safeguards(context: MissionContext, task: Mission, checked: Plan) -> Examination:

@@ -250,7 +250,7 @@ def ask_about_outcome(
     return JudgeQuestion("outcome", prompt, prompt_format.outcome_opening, goes_on=goes_on)
 
 
-Start = Callable[[Coroutine[None, None, None]], object]
+Start = Callable[[Coroutine[None, None, object]], object]
 """Runs work beside the session."""
 
 
@@ -290,7 +290,7 @@ class OutcomeVerdicts:
     def go_on(self) -> None:
         """Ask for outstanding verdicts from now on: the mission does not need the model now."""
         if self._waiting and not self._between_missions and not self._turn.locked():
-            self._start(self._go_on())
+            self._start(self.work())
 
     async def work(self) -> bool:
         """Ask for every outstanding verdict; False when a mission needed the model before the end.
@@ -316,9 +316,6 @@ class OutcomeVerdicts:
         self._waiting.popleft().context.emit(told)
         if not self._waiting:
             self.all_told.set()
-
-    async def _go_on(self) -> None:
-        await self.work()
 
 
 async def _verdict_on(asked: _Asked) -> ev.OutcomeJudged:

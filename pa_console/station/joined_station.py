@@ -11,7 +11,7 @@ import time
 from collections import deque
 from collections.abc import AsyncGenerator, Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from time import monotonic
 from typing import NoReturn
@@ -261,7 +261,8 @@ class JoinedStation:
         Raises ValueError when nothing can be sent.
         """
         self._ask_to_stop()
-        self._stop_asked = _StopAsked(monotonic())
+        now_s = monotonic()
+        self._stop_asked = _StopAsked(now_s, now_s)
 
     def _ask_to_stop(self) -> None:
         log = self._log
@@ -376,11 +377,8 @@ class _StopAsked:
     """A stop asked for here, in this machine's seconds, until the station has logged it."""
 
     pressed_s: float
+    sent_s: float
     late: bool = False
-    sent_s: float = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.sent_s = self.pressed_s
 
 
 class _ConnectionNews:

@@ -30,7 +30,7 @@ class ReadAhead:
         """`unasked`: read too what nobody has asked for yet, when a session or a mission begins."""
         self._services, self._unasked = services, unasked
         self._read: dict[tuple[Engine, Role], tuple[Digest | None, str]] = {}
-        self._words = ""
+        self._typed = ""
         self._wanted = asyncio.Event()
         self._turn = asyncio.Lock()
 
@@ -48,16 +48,9 @@ class ReadAhead:
                 for role in ROLES if self._unasked else ():
                     await self._warm(self._services.engine, role)
 
-    async def read_now(self, text: str = "") -> None:
-        """Read the picture as it is, and all of `text` but its last word, which may not be whole.
-
-        When this returns, a mission that begins so finds it read.
-        """
-        await self._read_words(_whole_words(text))
-
     def typing(self, text: str) -> None:
         """Note that a mission is being typed and is `text` so far."""
-        self._words = _whole_words(text)
+        self._typed = text
         self._wanted.set()
 
     async def serve(self) -> None:
@@ -65,13 +58,17 @@ class ReadAhead:
         while True:
             await self._wanted.wait()
             self._wanted.clear()
-            await self._read_words(self._words)
+            await self.read_now(self._typed)
 
-    async def _read_words(self, words: str) -> None:
+    async def read_now(self, text: str = "") -> None:
+        """Read the picture as it is, and all of `text` but its last word, which may not be whole.
+
+        When this returns, a mission that begins so finds it read.
+        """
         async with self._turn:
             services = self._services
             scene = services.scene
-            read = read_words(words, scene.world, services.rulebook)
+            read = read_words(text.rpartition(" ")[0], scene.world, services.rulebook)
             found = resolve(scene, read, {})
             read = read if isinstance(found, Unclear) else found.text
             for role in TYPING_ROLES:
@@ -102,8 +99,3 @@ class ReadAhead:
             rules = [services.rulebook.get(hit.rule_id) for hit in hits]
             prompt = services.prompt_format.typed(role, fleet.world, digest, rules, words)
         await engine.warm(role, prompt.system, prompt.user)
-
-
-def _whole_words(text: str) -> str:
-    """Return `text` without its last word, which may still be written."""
-    return text.rpartition(" ")[0]

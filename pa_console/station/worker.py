@@ -2,7 +2,7 @@
 
 import asyncio
 from collections import deque
-from collections.abc import Awaitable, Callable, Coroutine
+from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 
 from pa_console.fleets.fleet import Countersigned
@@ -24,9 +24,9 @@ class Background:
     def __init__(self, on_failure: Callable[[BaseException], None]) -> None:
         """Call `on_failure` with the error of a task that broke."""
         self._on_failure = on_failure
-        self._tasks: set[asyncio.Task[None]] = set()
+        self._tasks: set[asyncio.Task[object]] = set()
 
-    def start(self, work: Coroutine[None, None, None]) -> asyncio.Task[None]:
+    def start(self, work: Coroutine[None, None, object]) -> asyncio.Task[object]:
         """Run `work` from now on."""
         task = asyncio.create_task(work)
         self._tasks.add(task)
@@ -40,7 +40,7 @@ class Background:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
-    def _ended(self, task: asyncio.Task[None]) -> None:
+    def _ended(self, task: asyncio.Task[object]) -> None:
         self._tasks.discard(task)
         if not task.cancelled() and (error := task.exception()) is not None:
             self._on_failure(error)
@@ -79,7 +79,7 @@ class MissionWorker:
         self._arrived = asyncio.Event()
         self._runs: dict[str, MissionRun] = {}
         self._run: MissionRun | None = None
-        self._work: asyncio.Task[None] | None = None
+        self._work: asyncio.Task[object] | None = None
         self._gives_way = False
         self._answer: asyncio.Future[Decision] | None = None
         self._countersigned: deque[Decision] = deque(maxlen=MOST_COUNTERSIGNED)
@@ -109,7 +109,9 @@ class MissionWorker:
         """The tracks, assets and gates that the active mission deals with."""
         return self._run.subjects if self._run is not None else frozenset()
 
-    async def serve(self, background: Background, between: Callable[[], Awaitable[None]]) -> None:
+    async def serve(
+        self, background: Background, between: Callable[[], Coroutine[None, None, None]]
+    ) -> None:
         """Work on the missions for ever; `between` is begun whenever one is over."""
         while True:
             mission = self._intake.queue.pop_next()
@@ -124,7 +126,7 @@ class MissionWorker:
             await asyncio.wait([self._work])
             self._leave(self._run, interrupted=self._work.cancelled())
             self._run, self._work, self._gives_way = None, None, False
-            background.start(_run(between))
+            background.start(between())
 
     def use(self, services: Services) -> None:
         """Work on missions with these from now on; those that were begun keep what they have."""
@@ -224,7 +226,3 @@ class MissionWorker:
             return await self._answer
         finally:
             self._answer = None
-
-
-async def _run(work: Callable[[], Awaitable[None]]) -> None:
-    await work()
