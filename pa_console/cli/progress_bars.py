@@ -17,7 +17,7 @@ from rich.progress import (
 
 from pa_console.session.recording import Recording
 from pa_console.terminal.output import PlainConsole
-from pa_console.tui.replay.recordings import index_folder
+from pa_console.tui.recordings import index_folder
 
 
 class LiveBar:

@@ -19,36 +19,33 @@ from pa_console.session.recording import Player
 from pa_console.settings.sources import Loaded, load_settings
 from pa_console.station.assembly import Site, load_site
 from pa_console.terminal.output import PlainConsole
-from pa_console.tui.actions.palette import ConsoleCommands
-from pa_console.tui.actions.registry import (
+from pa_console.tui.actions import (
     ActionContext,
     bindings,
     find_action,
     first_key,
     key_text,
 )
-from pa_console.tui.answers.controller import QuestionController
 from pa_console.tui.approval.panel import ApprovalPanel
-from pa_console.tui.composing.favourites import Favourites, favourites_file
+from pa_console.tui.controllers.answers import QuestionController
 from pa_console.tui.controllers.approval import ApprovalController
-from pa_console.tui.controllers.attention import AttentionController
+from pa_console.tui.controllers.attention import AttentionController, LogAlarmController
 from pa_console.tui.controllers.browsing import BrowsingController
 from pa_console.tui.controllers.commands import CommandController
-from pa_console.tui.controllers.composing import ComposingController
+from pa_console.tui.controllers.composing import ComposingController, Favourites, favourites_file
 from pa_console.tui.controllers.console_session import ConsoleSession
-from pa_console.tui.controllers.controllers import Controllers
-from pa_console.tui.controllers.copying import CopyController
-from pa_console.tui.controllers.handlers import HANDLERS
+from pa_console.tui.controllers.controllers import HANDLERS, Controllers
 from pa_console.tui.controllers.leaving import LeavingController
-from pa_console.tui.controllers.log_alarm import LogAlarmController
 from pa_console.tui.controllers.replay import ReplayController
 from pa_console.tui.controllers.rules import RulesController
 from pa_console.tui.controllers.session_feed import SessionFeed
 from pa_console.tui.controllers.settings import SettingsController
 from pa_console.tui.controllers.typing import KeyTime, TypingController
 from pa_console.tui.kept_input import History, history_file
+from pa_console.tui.palette import ConsoleCommands
 from pa_console.tui.protocols import Clock, JoinedTo, LiveStation, ShownRules
-from pa_console.tui.screens.compare import CompareScreen, Side
+from pa_console.tui.recordings import OpenedLog
+from pa_console.tui.screens.compare import CompareScreen
 from pa_console.tui.screens.evaluation import EvaluationScreen
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.screens.recording import RecordingScreen
@@ -156,7 +153,6 @@ class ConsoleApp(App[None]):
         self.controllers = Controllers(
             browsing=browsing,
             composing=ComposingController(session, browsing, user, kept),
-            copying=CopyController(session, rules, copies),
             replay=ReplayController(session),
             commands=commands,
             approval=approval,
@@ -321,7 +317,7 @@ class ConsoleApp(App[None]):
         self.controllers.approval.modify()
 
 
-def comparison(a: Side, b: Side) -> Opening:
+def comparison(a: OpenedLog, b: OpenedLog) -> Opening:
     """Return what shows a comparison over the recording of `a`, to which Escape leads."""
 
     def show(app: ConsoleApp) -> None:

@@ -5,9 +5,9 @@ from pathlib import Path
 from pa_console.private_files import make_private_folder, replace_private
 from pa_console.schema.text import visible
 from pa_console.session.mission_trace import MissionTrace
+from pa_console.tui.rows import plain
 from pa_console.tui.screens.plan_editor import plan_json
-from pa_console.tui.trace.rows import plain
-from pa_console.tui.trace.sections import sections
+from pa_console.tui.widgets.trace_pane import sections
 from pa_console.views.trace_planning import Rules
 
 

@@ -14,7 +14,7 @@ from pa_console.resources import data_folder, find_data
 from pa_console.schema.document import FieldPath
 from pa_console.settings.schema import Settings, describe_settings, value_text
 from pa_console.settings.sources import PATHS, Loaded, problem_text
-from pa_console.tui.actions.keymap import KeymapError, check_keys, key_names, own_keys
+from pa_console.tui.actions import KeymapError, check_keys, key_names, own_keys
 from pa_console.tui.theme import THEMES
 
 _FILES = {"world": ("worlds", "world.yaml"), "rules": ("rules", "rules.yaml")}

@@ -1,10 +1,11 @@
 """A station that does nothing but say what the test tells it to, and record what it was told."""
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Iterable
+from collections.abc import AsyncGenerator, AsyncIterator, Callable, Iterable
+from contextlib import asynccontextmanager
 from datetime import timedelta
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 from textual import events
 from textual.pilot import Pilot
@@ -35,6 +36,7 @@ from pa_console.tui.controllers.typing import KeyTime
 from tests.tui.site import RULEBOOK, WORLD, WordRetriever
 from tests.tui.story import MISSION, START, stamped
 
+SIZE = (120, 36)
 LAYOUTS = 5  # what is mounted is laid out, fitted, laid out anew, scrolled to, then drawn
 
 
@@ -301,3 +303,45 @@ async def until(pilot: Pilot[Any], done: Callable[[], object]) -> None:
 
 def notices(app: ConsoleApp) -> list[str]:
     return [notice.message for notice in app._notifications]  # pyright: ignore[reportPrivateUsage]
+
+
+class Opened(NamedTuple):
+    """A console at its first settled picture, and what the test moves it with."""
+
+    app: ConsoleApp
+    pilot: Pilot[None]
+    station: ScriptedStation
+    clock: FakeClock
+
+
+class Show:
+    """Shows consoles that keep their files in a folder of the test's own."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    @asynccontextmanager
+    async def __call__(
+        self,
+        emitted: ScriptedStation | Iterable[EventPayload] | None,
+        *,
+        size: tuple[int, int] = SIZE,
+        clock: FakeClock | None = None,
+        keys_by_clock: bool = False,
+        **options: Any,
+    ) -> AsyncGenerator[Opened, None]:
+        """Show a console over a station that has `emitted` events, or over none.
+
+        Keys are pressed deliberately, one long after the other, or else when the clock says.
+        """
+        if emitted is None or isinstance(emitted, ScriptedStation):
+            station = emitted
+        else:
+            station = ScriptedStation(emitted)
+        moving = clock or FakeClock()
+        if keys_by_clock:
+            options["key_time"] = lambda _key: moving.now  # pyright: ignore
+        app = console(station, self._folder, moving, **options)
+        async with app.run_test(size=size) as pilot:
+            await settle(pilot, station)
+            yield Opened(app, pilot, station or ScriptedStation(), moving)

@@ -5,10 +5,9 @@ from unittest.mock import create_autospec
 
 import pytest
 
-from pa_console.tui.actions.registry import ACTIONS, ActionContext, action_of, find_action
+from pa_console.tui.actions import ACTIONS, ActionContext, action_of, find_action
 from pa_console.tui.app import ConsoleApp
-from pa_console.tui.controllers.controllers import Controllers
-from pa_console.tui.controllers.handlers import HANDLERS
+from pa_console.tui.controllers.controllers import HANDLERS, Controllers
 
 
 def test_an_action_is_carried_out_by_one_controller_or_by_textual() -> None:

@@ -6,12 +6,12 @@ import pytest
 
 from pa_console.schema.events import event as ev
 from pa_console.session.state import SessionState
-from pa_console.tui.actions.registry import ACTIONS, ActionContext
+from pa_console.tui.actions import ACTIONS, ActionContext
 from pa_console.tui.widgets.alarms import AlarmBar, AlarmPane, summary
 from pa_console.tui.widgets.event_list import EventList
 from pa_console.tui.widgets.mission_prompt import MissionInput
 from tests.tui import living, story
-from tests.tui.scripted import ScriptedStation, console, settle
+from tests.tui.scripted import ScriptedStation, Show, console, settle
 from tests.tui.story import stamped
 from tests.tui.test_mission import shown, told
 
@@ -42,11 +42,8 @@ def test_without_alarms_the_bar_says_so() -> None:
     assert "clear" in text
 
 
-async def test_acknowledge_takes_the_worst_new_alarm_then_the_next(tmp_path: Path) -> None:
-    station = ScriptedStation(living.alarmed())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_acknowledge_takes_the_worst_new_alarm_then_the_next(show: Show) -> None:
+    async with show(living.alarmed()) as (app, pilot, station, _):
         await pilot.press("escape", "k", "enter")
         await settle(pilot, station)
         await pilot.press("k", "enter")
@@ -57,11 +54,13 @@ async def test_acknowledge_takes_the_worst_new_alarm_then_the_next(tmp_path: Pat
         assert "NEW" not in str(app.screen.query_one(AlarmBar).render())
 
 
-async def test_a_new_emergency_does_not_take_the_pointer_from_the_operator(tmp_path: Path) -> None:
-    station = ScriptedStation([*living.troubled()[:-2], ev.AlarmAcknowledged(alarm_id="x")])
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_new_emergency_does_not_take_the_pointer_from_the_operator(show: Show) -> None:
+    async with show([*living.troubled()[:-2], ev.AlarmAcknowledged(alarm_id="x")]) as (
+        app,
+        pilot,
+        station,
+        _,
+    ):
         await pilot.press("escape", "j")
         before = app.screen.query_one(AlarmPane).cursor
         station.emit(ev.AlarmRaised(alarm=living.HOSTILE), mission=None)
@@ -71,20 +70,14 @@ async def test_a_new_emergency_does_not_take_the_pointer_from_the_operator(tmp_p
         assert station.acknowledged == [before.removeprefix("alarm:")]
 
 
-async def test_an_unseen_pointer_never_decides_what_is_acknowledged(tmp_path: Path) -> None:
-    station = ScriptedStation(living.alarmed())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SMALL) as pilot:
-        await settle(pilot, station)
+async def test_an_unseen_pointer_never_decides_what_is_acknowledged(show: Show) -> None:
+    async with show(living.alarmed(), size=SMALL) as (_, pilot, station, _):
         await pilot.press("escape", "j", "j", "f2", "k", "enter")
         assert station.acknowledged == [living.HOSTILE.id]
 
 
-async def test_queue_keys_reach_the_mission_at_the_pointer(tmp_path: Path) -> None:
-    station = ScriptedStation(living.alarmed())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_queue_keys_reach_the_mission_at_the_pointer(show: Show) -> None:
+    async with show(living.alarmed()) as (_, pilot, station, _):
         await pilot.press(
             "escape", "o", "o", "u", "enter", "z", "enter", "o", "d", "enter", "x", "enter"
         )
@@ -120,11 +113,8 @@ async def test_a_refusal_is_told(tmp_path: Path) -> None:
         assert told(app, "does not wait") == 1
 
 
-async def test_every_waiting_mission_has_place_priority_and_reason(tmp_path: Path) -> None:
-    station = ScriptedStation(living.alarmed())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SMALL) as pilot:
-        await settle(pilot, station)
+async def test_every_waiting_mission_has_place_priority_and_reason(show: Show) -> None:
+    async with show(living.alarmed(), size=SMALL) as (app, pilot, _, _):
         await pilot.press("escape", "5")
         await settle(pilot)
         text = shown(app, "#alarms")
@@ -147,11 +137,8 @@ def test_the_key_that_approves_is_no_key_of_the_console() -> None:
     assert not keys & {"a", "r", "m"}
 
 
-async def test_stop_is_one_key_wherever_one_is(tmp_path: Path) -> None:
-    station = ScriptedStation(living.alarmed())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_stop_is_one_key_wherever_one_is(show: Show) -> None:
+    async with show(living.alarmed()) as (_, pilot, station, _):
         for count, key in enumerate(("i", "f10", "q", "f6", "f1", "f", "5"), start=1):
             await pilot.press("escape", key)
             await pilot.pause()
@@ -162,11 +149,8 @@ async def test_stop_is_one_key_wherever_one_is(tmp_path: Path) -> None:
             await pilot.pause()
 
 
-async def test_a_stop_shows_who_has_confirmed_until_a_mission_starts(tmp_path: Path) -> None:
-    station = ScriptedStation(living.stopped())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SMALL) as pilot:
-        await settle(pilot, station)
+async def test_a_stop_shows_who_has_confirmed_until_a_mission_starts(show: Show) -> None:
+    async with show(living.stopped(), size=SMALL) as (app, pilot, station, _):
         bar = app.screen.query_one(AlarmBar)
         text = str(bar.render())
         assert "ALL STOPPED" in text
@@ -177,11 +161,8 @@ async def test_a_stop_shows_who_has_confirmed_until_a_mission_starts(tmp_path: P
         assert "ALL STOPPED" not in str(bar.render())
 
 
-async def test_what_a_scenario_does_is_not_given_away(tmp_path: Path) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_what_a_scenario_does_is_not_given_away(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, station, _):
         spoof = {"incident": {"kind": "spoof", "asset": "Ugv_T01", "frame": "Base"}}
         for source in ("scenario", "operator"):
             given = ev.IncidentHappened.model_validate({**spoof, "source": source})
@@ -191,11 +172,8 @@ async def test_what_a_scenario_does_is_not_given_away(tmp_path: Path) -> None:
             assert ("forged" in told_now) == (source == "operator")
 
 
-async def test_the_alarm_under_the_pointer_can_be_followed_on_the_map(tmp_path: Path) -> None:
-    station = ScriptedStation(living.alarmed())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_the_alarm_under_the_pointer_can_be_followed_on_the_map(show: Show) -> None:
+    async with show(living.alarmed()) as (app, pilot, _, _):
         await pilot.press("escape", "t")
         await settle(pilot)
         assert "▸■‼4" in shown(app, "#map") or "following Track_04" in str(
@@ -205,11 +183,8 @@ async def test_the_alarm_under_the_pointer_can_be_followed_on_the_map(tmp_path: 
         assert "following" not in str(app.screen.query_one("#map").border_title)
 
 
-async def test_typing_a_mission_types_and_does_not_acknowledge(tmp_path: Path) -> None:
-    station = ScriptedStation(living.alarmed())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_typing_a_mission_types_and_does_not_acknowledge(show: Show) -> None:
+    async with show(living.alarmed()) as (app, pilot, station, _):
         await pilot.press(*"kxz")
         assert app.screen.query_one(MissionInput).text == "kxz"
         assert station.acknowledged == []

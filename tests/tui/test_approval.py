@@ -1,6 +1,5 @@
 """Deciding on a plan: nothing is approved by a stray key, and nothing inadmissible at all."""
 
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -14,12 +13,12 @@ from pa_console.schema.mission import Decision, Metrics
 from pa_console.schema.plan import Action, Plan
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel
-from pa_console.tui.trace.sections import sections
 from pa_console.tui.widgets.fields import CheckBox
 from pa_console.tui.widgets.mission_prompt import MissionInput
 from pa_console.tui.widgets.row_views import TextRows
+from pa_console.tui.widgets.trace_pane import sections
 from tests.tui import story
-from tests.tui.scripted import FakeClock, ScriptedStation, console, notices, settle, until
+from tests.tui.scripted import FakeClock, ScriptedStation, Show, notices, settle, until
 
 pytestmark = pytest.mark.long
 
@@ -34,11 +33,8 @@ async def open_editor(app: ConsoleApp, pilot: Pilot[Any]) -> None:
     await until(pilot, lambda: app.screen.query("#editor"))
 
 
-async def test_keys_typed_ahead_are_dropped_and_then_approve_works(tmp_path: Path) -> None:
-    station, clock = ScriptedStation(story.told("approval")), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_keys_typed_ahead_are_dropped_and_then_approve_works(show: Show) -> None:
+    async with show(story.told("approval")) as (app, pilot, station, clock):
         await pilot.press("a", "enter", "r", "space")
         await settle(pilot, station)
         assert station.decisions == []
@@ -51,12 +47,9 @@ async def test_keys_typed_ahead_are_dropped_and_then_approve_works(tmp_path: Pat
 
 @pytest.mark.parametrize(("key", "field"), [("i", "#mission-input"), ("f", "#asset-filter")])
 async def test_a_burst_of_typing_goes_into_the_field_that_its_first_key_opens(
-    tmp_path: Path, key: str, field: str
+    key: str, field: str, show: Show
 ) -> None:
-    station, clock = ScriptedStation(story.told("approval")), FakeClock()
-    app = console(station, tmp_path, clock, key_time=lambda _key: clock.now)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(story.told("approval"), keys_by_clock=True) as (app, pilot, station, clock):
         await pilot.press("escape")
         clock.now += ARM_DELAY_S
         for letter in f"{key}a Scream":
@@ -75,11 +68,8 @@ def written(field: Widget) -> str:
     return field.value if isinstance(field, Input) else field.text
 
 
-async def test_every_early_key_starts_the_delay_anew(tmp_path: Path) -> None:
-    station, clock = ScriptedStation(story.told("approval")), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_every_early_key_starts_the_delay_anew(show: Show) -> None:
+    async with show(story.told("approval")) as (_, pilot, station, clock):
         clock.now += ARM_DELAY_S - 0.1
         await pilot.press("a")
         clock.now += ARM_DELAY_S - 0.1
@@ -87,20 +77,14 @@ async def test_every_early_key_starts_the_delay_anew(tmp_path: Path) -> None:
         assert station.decisions == []
 
 
-async def test_a_click_before_the_delay_does_nothing(tmp_path: Path) -> None:
-    station, clock = ScriptedStation(story.told("approval")), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_click_before_the_delay_does_nothing(show: Show) -> None:
+    async with show(story.told("approval")) as (_, pilot, station, _):
         await pilot.click("#approve")
         assert station.decisions == []
 
 
-async def test_a_stray_enter_rejects_and_never_approves(tmp_path: Path) -> None:
-    station, clock = ScriptedStation(story.told("approval")), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_stray_enter_rejects_and_never_approves(show: Show) -> None:
+    async with show(story.told("approval")) as (app, pilot, station, clock):
         assert app.screen.query_one("#reject", Button).has_focus
         clock.now += ARM_DELAY_S
         await pilot.press("enter")
@@ -108,14 +92,9 @@ async def test_a_stray_enter_rejects_and_never_approves(tmp_path: Path) -> None:
         assert [decision.kind for decision in station.decisions] == ["reject"]
 
 
-async def test_what_of_the_order_is_left_out_is_told_where_the_operator_decides(
-    tmp_path: Path,
-) -> None:
+async def test_what_of_the_order_is_left_out_is_told_where_the_operator_decides(show: Show) -> None:
     unmet = ("1 drone to WestGate: nobody can be spared",)
-    station = ScriptedStation(story.told("approval", unmet=unmet))
-    app = console(station, tmp_path, FakeClock())
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(story.told("approval", unmet=unmet)) as (app, _, _, _):
         said = app.screen.query_one("#approval-text", TextRows).render().plain
         told = "Not done: 1 drone to WestGate, because nobody can be spared"
         assert told in " ".join(said.split())
@@ -123,12 +102,9 @@ async def test_what_of_the_order_is_left_out_is_told_where_the_operator_decides(
 
 @pytest.mark.parametrize(("confidence", "told"), [(0.41, True), (0.93, False), (None, False)])
 async def test_an_order_that_may_be_misread_is_told_where_the_operator_decides(
-    confidence: float | None, told: bool, tmp_path: Path
+    confidence: float | None, told: bool, show: Show
 ) -> None:
-    station = ScriptedStation(story.told("approval", confidence=confidence))
-    app = console(station, tmp_path, FakeClock())
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(story.told("approval", confidence=confidence)) as (app, _, _, _):
         said = app.screen.query_one("#approval-text", TextRows).render().plain
         assert ("Confidence 41%: the order may mean" in " ".join(said.split())) == told
 
@@ -140,13 +116,10 @@ READINGS = (
 
 
 async def test_another_reading_is_gone_to_with_alt_and_its_number_and_chosen_with_enter(
-    tmp_path: Path,
+    show: Show,
 ) -> None:
     told = story.told("approval", confidence=0.41, readings=READINGS)
-    station, clock = ScriptedStation(told), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(told) as (app, pilot, station, clock):
         buttons = app.screen.query("#approval-readings Button").results(Button)
         labels = [str(button.label) for button in buttons]
         assert labels == [
@@ -165,31 +138,25 @@ async def test_another_reading_is_gone_to_with_alt_and_its_number_and_chosen_wit
         assert [(d.kind, d.asked) for d in station.decisions] == [("choose", READINGS[1])]
 
 
-async def test_a_reading_can_be_chosen_where_the_plan_is_blocked(tmp_path: Path) -> None:
+async def test_a_reading_can_be_chosen_where_the_plan_is_blocked(show: Show) -> None:
     told = story.told("approval", confidence=0.2, readings=READINGS[:1], blocked=(BLOCKED,))
-    station, clock = ScriptedStation(told), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(told) as (_, pilot, station, clock):
         clock.now += ARM_DELAY_S
         await pilot.click("#approval-readings Button")
         await settle(pilot, station)
         assert [d.asked for d in station.decisions] == [READINGS[0]]
 
 
-async def test_a_reading_that_the_operator_chose_is_told_as_such(tmp_path: Path) -> None:
+async def test_a_reading_that_the_operator_chose_is_told_as_such(show: Show) -> None:
     told = story.told("approval", confidence=0.41, as_chosen=True, readings=READINGS)
-    station = ScriptedStation(told)
-    app = console(station, tmp_path, FakeClock())
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(told) as (app, _, _, _):
         said = " ".join(app.screen.query_one("#approval-reading", TextRows).render().plain.split())
         assert said == "✎ read as you meant it: see to the unknown vehicle at NorthGate"
 
 
 @pytest.mark.parametrize("size", [(80, 24), (100, 30), SIZE, (160, 50)])
 async def test_whatever_there_is_to_read_the_buttons_are_in_sight(
-    tmp_path: Path, size: tuple[int, int]
+    size: tuple[int, int], show: Show
 ) -> None:
     long = READINGS[1].replace("hold", "Robot_T01, Robot_T02 identify vehicle at NorthGate")
     told = story.told(
@@ -200,20 +167,14 @@ async def test_whatever_there_is_to_read_the_buttons_are_in_sight(
         verdict="Failure",
         unmet=("1 drone to WestGate: nobody can be spared",),
     )
-    station = ScriptedStation(told)
-    app = console(station, tmp_path, FakeClock())
-    async with app.run_test(size=size) as pilot:
-        await settle(pilot, station)
+    async with show(told, size=size) as (app, _, _, _):
         panel = app.screen.query_one(ApprovalPanel).content_region
         for widget in app.screen.query("#approval-buttons Button, #approval-reason"):
             assert panel.contains_region(widget.region)
 
 
-async def test_without_other_readings_a_number_is_the_key_of_a_view(tmp_path: Path) -> None:
-    station, clock = ScriptedStation(story.told("approval")), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_without_other_readings_a_number_is_the_key_of_a_view(show: Show) -> None:
+    async with show(story.told("approval")) as (app, pilot, station, clock):
         clock.now += ARM_DELAY_S
         await pilot.press("2")
         await settle(pilot, station)
@@ -221,22 +182,16 @@ async def test_without_other_readings_a_number_is_the_key_of_a_view(tmp_path: Pa
         assert not app.screen.query_one("#reject", Button).has_focus
 
 
-async def test_a_second_key_does_not_decide_twice(tmp_path: Path) -> None:
-    station, clock = ScriptedStation(story.told("approval")), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_second_key_does_not_decide_twice(show: Show) -> None:
+    async with show(story.told("approval")) as (_, pilot, station, clock):
         clock.now += ARM_DELAY_S
         await pilot.press("a", "enter", "enter", "r", "enter")
         await settle(pilot, station)
         assert len(station.decisions) == 1
 
 
-async def test_who_is_typing_keeps_the_keys(tmp_path: Path) -> None:
-    station, clock = ScriptedStation(story.told("planning")), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_who_is_typing_keeps_the_keys(show: Show) -> None:
+    async with show(story.told("planning")) as (app, pilot, station, clock):
         await pilot.press(*"arm")
         station.emit(*story.judged())
         await settle(pilot, station)
@@ -249,12 +204,13 @@ async def test_who_is_typing_keeps_the_keys(tmp_path: Path) -> None:
         assert [decision.kind for decision in station.decisions] == ["reject"]
 
 
-async def test_a_blocked_plan_cannot_be_approved(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("approval", broken=("WF-03",), blocked=(BLOCKED,)))
-    clock = FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_blocked_plan_cannot_be_approved(show: Show) -> None:
+    async with show(story.told("approval", broken=("WF-03",), blocked=(BLOCKED,))) as (
+        app,
+        pilot,
+        station,
+        clock,
+    ):
         clock.now += ARM_DELAY_S
         panel = app.screen.query_one(ApprovalPanel)
         assert app.screen.query_one("#approve", Button).disabled
@@ -264,13 +220,8 @@ async def test_a_blocked_plan_cannot_be_approved(tmp_path: Path) -> None:
         assert station.decisions == []
 
 
-async def test_a_plan_that_waits_is_blocked_while_its_station_is_not_in_command(
-    tmp_path: Path,
-) -> None:
-    station, clock = ScriptedStation(story.told("approval", confidence=0.9)), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_plan_that_waits_is_blocked_while_its_station_is_not_in_command(show: Show) -> None:
+    async with show(story.told("approval", confidence=0.9)) as (app, pilot, station, clock):
         panel = app.screen.query_one(ApprovalPanel)
         assert str(panel.border_title) == "✔ Approve"
         station.emit(ev.AuthorityChanged(refusal="south is in command since epoch 2"))
@@ -289,11 +240,8 @@ async def test_a_plan_that_waits_is_blocked_while_its_station_is_not_in_command(
         assert [decision.kind for decision in station.decisions] == ["approve"]
 
 
-async def test_a_judges_failure_needs_a_reason(tmp_path: Path) -> None:
-    station, clock = ScriptedStation(story.told("approval", verdict="Failure")), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_judges_failure_needs_a_reason(show: Show) -> None:
+    async with show(story.told("approval", verdict="Failure")) as (app, pilot, station, clock):
         clock.now += ARM_DELAY_S
         await pilot.press("a", "enter")
         assert station.decisions == []
@@ -307,11 +255,8 @@ async def test_a_judges_failure_needs_a_reason(tmp_path: Path) -> None:
         assert decision.reason == "seen"
 
 
-async def test_warnings_must_be_ticked(tmp_path: Path) -> None:
-    station, clock = ScriptedStation(story.told("approval", broken=("CAP-04",))), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_warnings_must_be_ticked(show: Show) -> None:
+    async with show(story.told("approval", broken=("CAP-04",))) as (app, pilot, station, clock):
         clock.now += ARM_DELAY_S
         await pilot.press("a")
         assert app.screen.query_one(CheckBox).has_focus
@@ -321,24 +266,16 @@ async def test_warnings_must_be_ticked(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("keys", [("tab", "tab"), ("shift+tab",)])
-async def test_tab_goes_round_in_the_panel_to_the_reason(
-    tmp_path: Path, keys: tuple[str, ...]
-) -> None:
-    station, clock = ScriptedStation(story.told("approval", verdict="Failure")), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_tab_goes_round_in_the_panel_to_the_reason(keys: tuple[str, ...], show: Show) -> None:
+    async with show(story.told("approval", verdict="Failure")) as (_, pilot, station, clock):
         clock.now += ARM_DELAY_S
         await pilot.press("f7", *keys, *"seen", "enter", "a", "enter")
         await settle(pilot, station)
         assert [(each.kind, each.reason) for each in station.decisions] == [("approve", "seen")]
 
 
-async def test_reject_carries_the_reason(tmp_path: Path) -> None:
-    station, clock = ScriptedStation(story.told("approval")), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_reject_carries_the_reason(show: Show) -> None:
+    async with show(story.told("approval")) as (app, pilot, station, clock):
         clock.now += ARM_DELAY_S
         app.screen.query_one("#approval-reason", Input).focus()
         await pilot.press(*"no", "enter", "r", "enter")
@@ -354,13 +291,8 @@ async def test_reject_carries_the_reason(tmp_path: Path) -> None:
         ('{"reason": "r", "actions": [], "extra": 1}', "extra"),
     ],
 )
-async def test_modify_says_what_is_wrong_with_the_text(
-    tmp_path: Path, text: str, words: str
-) -> None:
-    station, clock = ScriptedStation(story.told("approval")), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_modify_says_what_is_wrong_with_the_text(text: str, words: str, show: Show) -> None:
+    async with show(story.told("approval")) as (app, pilot, station, clock):
         clock.now += ARM_DELAY_S
         await open_editor(app, pilot)
         app.screen.query_one(TextArea).text = text
@@ -372,11 +304,8 @@ async def test_modify_says_what_is_wrong_with_the_text(
         assert app.screen.query("#editor")
 
 
-async def test_modify_sends_the_changed_plan_and_keeps_a_left_draft(tmp_path: Path) -> None:
-    station, clock = ScriptedStation(story.told("approval")), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_modify_sends_the_changed_plan_and_keeps_a_left_draft(show: Show) -> None:
+    async with show(story.told("approval")) as (app, pilot, station, clock):
         clock.now += ARM_DELAY_S
         await open_editor(app, pilot)
         changed = app.screen.query_one(TextArea).text.replace("observe", "move_to")
@@ -395,12 +324,9 @@ async def test_modify_sends_the_changed_plan_and_keeps_a_left_draft(tmp_path: Pa
 
 
 async def test_a_whole_plan_is_replaced_from_the_keyboard_and_the_proposed_one_comes_back(
-    tmp_path: Path,
+    show: Show,
 ) -> None:
-    station, clock = ScriptedStation(story.told("approval")), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(story.told("approval")) as (app, pilot, station, clock):
         clock.now += ARM_DELAY_S
         await open_editor(app, pilot)
         area = app.screen.query_one(TextArea)
@@ -416,11 +342,8 @@ async def test_a_whole_plan_is_replaced_from_the_keyboard_and_the_proposed_one_c
         assert (decision.plan.reason, decision.plan.actions) == ("none", ())
 
 
-async def test_a_plan_that_was_not_changed_is_not_sent(tmp_path: Path) -> None:
-    station, clock = ScriptedStation(story.told("approval")), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_plan_that_was_not_changed_is_not_sent(show: Show) -> None:
+    async with show(story.told("approval")) as (app, pilot, station, clock):
         clock.now += ARM_DELAY_S
         await open_editor(app, pilot)
         await pilot.press("space", "ctrl+s")
@@ -433,7 +356,7 @@ async def test_a_plan_that_was_not_changed_is_not_sent(tmp_path: Path) -> None:
 
 
 async def test_the_proposed_plan_comes_back_after_the_operators_own_was_examined(
-    tmp_path: Path,
+    show: Show,
 ) -> None:
     station, clock = ScriptedStation(story.told("approval")), FakeClock()
     station.emit(
@@ -441,9 +364,7 @@ async def test_the_proposed_plan_comes_back_after_the_operators_own_was_examined
         ev.PlanProposed(attempt=2, text=OWN.model_dump_json(), plan=OWN, author="operator"),
         ev.ApprovalRequested(attempt=2, plan=OWN),
     )
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(station, clock=clock) as (app, pilot, station, _):
         clock.now += ARM_DELAY_S
         await open_editor(app, pilot)
         area = app.screen.query_one(TextArea)
@@ -457,11 +378,8 @@ async def test_the_proposed_plan_comes_back_after_the_operators_own_was_examined
         assert decision.reason == "back to the plan as it was proposed"
 
 
-async def test_an_interrupt_says_how_to_leave_and_the_plan_still_waits(tmp_path: Path) -> None:
-    station, clock = ScriptedStation(story.told("approval")), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_an_interrupt_says_how_to_leave_and_the_plan_still_waits(show: Show) -> None:
+    async with show(story.told("approval")) as (app, pilot, station, clock):
         await pilot.press("ctrl+c")
         await settle(pilot)
         assert notices(app)[-1].startswith("q ^q leaves the console, after a question")
@@ -480,11 +398,8 @@ async def test_an_interrupt_says_how_to_leave_and_the_plan_still_waits(tmp_path:
         assert [decision.kind for decision in station.decisions] == ["approve"]
 
 
-async def test_a_request_is_withdrawn_with_its_mission(tmp_path: Path) -> None:
-    station, clock = ScriptedStation(story.told("approval")), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_request_is_withdrawn_with_its_mission(show: Show) -> None:
+    async with show(story.told("approval")) as (app, pilot, station, clock):
         clock.now += ARM_DELAY_S
         await open_editor(app, pilot)
         station.emit(ev.MissionFinished(status="cancelled", reason="stop", metrics=Metrics()))
@@ -494,11 +409,8 @@ async def test_a_request_is_withdrawn_with_its_mission(tmp_path: Path) -> None:
         assert not app.screen.query_one(ApprovalPanel).display
 
 
-async def test_a_decision_that_was_not_accepted_can_be_made_again(tmp_path: Path) -> None:
-    station, clock = ScriptedStation(story.told("approval")), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_decision_that_was_not_accepted_can_be_made_again(show: Show) -> None:
+    async with show(story.told("approval")) as (app, pilot, station, clock):
         clock.now += ARM_DELAY_S
         await open_editor(app, pilot)
         app.screen.query_one(TextArea).text = OWN.model_dump_json()
@@ -513,12 +425,14 @@ async def test_a_decision_that_was_not_accepted_can_be_made_again(tmp_path: Path
         assert [made.kind for made in station.decisions] == ["modify", "reject"]
 
 
-async def test_the_attempt_up_for_approval_is_the_one_spread_out(tmp_path: Path) -> None:
+async def test_the_attempt_up_for_approval_is_the_one_spread_out(show: Show) -> None:
     worse = ev.PlanProposed(attempt=2, text="{}", plan=None, error="no JSON")
-    station = ScriptedStation([*story.told("planning"), *story.judged()[:-1], worse])
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show([*story.told("planning"), *story.judged()[:-1], worse]) as (
+        app,
+        pilot,
+        station,
+        _,
+    ):
         state = app.session.state.missions[story.MISSION.id]
         assert [part.key for part in sections(state, {})][-2:] == ["heading-2", "plan-2"]
         station.emit(story.judged()[-1])

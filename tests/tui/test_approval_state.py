@@ -13,7 +13,7 @@ from pa_console.tui.approval.inputs import REASON
 from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
-from tests.tui.scripted import FakeClock, ScriptedStation, console, settle
+from tests.tui.scripted import FakeClock, ScriptedStation, Show, console, settle
 
 SMALL = (80, 24)
 EVERYBODY = Plan(
@@ -65,22 +65,16 @@ def said(panel: ApprovalPanel) -> str:
     ],
 )
 async def test_the_title_says_what_to_know_first(
-    tmp_path: Path, told: list[ev.EventPayload], title: str
+    told: list[ev.EventPayload], title: str, show: Show
 ) -> None:
-    station = ScriptedStation(told)
-    app = console(station, tmp_path, FakeClock())
-    async with app.run_test(size=SMALL) as pilot:
-        await settle(pilot, station)
+    async with show(told, size=SMALL) as (app, _, _, _):
         panel = app.screen.query_one(ApprovalPanel)
         assert panel.border_title == title
         assert ("✔ Judge" in said(panel)) == (title == "✔ Approve")
 
 
-async def test_a_narrowed_plan_is_armed_when_its_last_line_was_on_screen(tmp_path: Path) -> None:
-    station, clock = ScriptedStation(narrowed()), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SMALL) as pilot:
-        await settle(pilot, station)
+async def test_a_narrowed_plan_is_armed_when_its_last_line_was_on_screen(show: Show) -> None:
+    async with show(narrowed(), size=SMALL) as (app, pilot, station, clock):
         clock.now += ARM_DELAY_S
         panel = app.screen.query_one(ApprovalPanel)
         for _ in range(20):
@@ -99,22 +93,16 @@ async def test_a_narrowed_plan_is_armed_when_its_last_line_was_on_screen(tmp_pat
         assert [decision.kind for decision in station.decisions] == ["approve"]
 
 
-async def test_a_jump_to_the_end_has_not_shown_what_lies_between(tmp_path: Path) -> None:
-    station = ScriptedStation(narrowed())
-    app = console(station, tmp_path, FakeClock())
-    async with app.run_test(size=SMALL) as pilot:
-        await settle(pilot, station)
+async def test_a_jump_to_the_end_has_not_shown_what_lies_between(show: Show) -> None:
+    async with show(narrowed(), size=SMALL) as (app, pilot, station, _):
         panel = app.screen.query_one(ApprovalPanel)
         panel.query_one("#approval-body").scroll_end(animate=False)
         await settle(pilot, station)
         assert panel.query_one("#approve", Button).disabled
 
 
-async def test_the_typed_words_stand_beside_their_reading(tmp_path: Path) -> None:
-    station = ScriptedStation(narrowed())
-    app = console(station, tmp_path, FakeClock())
-    async with app.run_test(size=SMALL) as pilot:
-        await settle(pilot, station)
+async def test_the_typed_words_stand_beside_their_reading(show: Show) -> None:
+    async with show(narrowed(), size=SMALL) as (app, _, _, _):
         text = said(app.screen.query_one(ApprovalPanel))
         assert "typed Send all asets (read: assets) east." in text
         assert "read send every free asset to EastGate" in text
@@ -138,11 +126,8 @@ async def test_a_reading_says_why_it_may_be_wrong(sure: float, doubt: str, tmp_p
         assert f"△ {doubt}  read with {sure:.0%} confidence as: " in read
 
 
-async def test_what_was_not_understood_can_only_be_rejected(tmp_path: Path) -> None:
-    station, clock = ScriptedStation(story.not_understood("asdf qwer")), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SMALL) as pilot:
-        await settle(pilot, station)
+async def test_what_was_not_understood_can_only_be_rejected(show: Show) -> None:
+    async with show(story.not_understood("asdf qwer"), size=SMALL) as (app, pilot, station, clock):
         clock.now += ARM_DELAY_S
         assert "What is to be done, in English?" in said(app.screen.query_one(ApprovalPanel))
         await pilot.press("a", "enter", "m", "enter")
@@ -162,12 +147,9 @@ async def test_what_was_not_understood_can_only_be_rejected(tmp_path: Path) -> N
     ],
 )
 async def test_a_question_is_answered_by_a_key_or_in_words(
-    tmp_path: Path, keys: list[str], answer: str
+    keys: list[str], answer: str, show: Show
 ) -> None:
-    station, clock = ScriptedStation(story.asked_back()), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SMALL) as pilot:
-        await settle(pilot, station)
+    async with show(story.asked_back(), size=SMALL) as (app, pilot, station, clock):
         panel = app.screen.query_one(ApprovalPanel)
         assert "Which one is meant?" in said(panel)
         clock.now += ARM_DELAY_S

@@ -9,7 +9,7 @@ from textual.widgets import TextArea
 from pa_console.settings.sources import load_settings
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
 from tests.tui import living, story
-from tests.tui.scripted import FakeClock, ScriptedStation, console, settle
+from tests.tui.scripted import ScriptedStation, Show, console, settle
 
 pytestmark = pytest.mark.long
 
@@ -56,12 +56,14 @@ async def test_each_means_can_be_switched_off(tmp_path: Path, name: str, code: s
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 36)])
 async def test_what_is_waited_for_is_said_at_the_prompt_until_it_is_over(
-    tmp_path: Path, size: tuple[int, int]
+    size: tuple[int, int], show: Show
 ) -> None:
-    station, clock = ScriptedStation(story.told("planning")), FakeClock()
-    app = console(station, tmp_path, clock, usual={"plan": 4.0})
-    async with app.run_test(size=size) as pilot:
-        await settle(pilot, station)
+    async with show(story.told("planning"), size=size, usual={"plan": 4.0}) as (
+        app,
+        pilot,
+        station,
+        clock,
+    ):
         clock.now += 6.0
         station.emit(*story.told("planning")[-1:])
         await settle(pilot, station)

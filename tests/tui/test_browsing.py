@@ -7,24 +7,19 @@ from textual.widgets import Input, OptionList, Select
 
 from pa_console.schema.incident import SpawnTrack
 from pa_console.schema.rule import RuleExample
-from pa_console.tui.actions.registry import ACTIONS, ActionContext
-from pa_console.tui.rules_view.rows import rule_rows
+from pa_console.tui.actions import ACTIONS, ActionContext
+from pa_console.tui.screens.dialogs import Confirm
 from pa_console.tui.screens.help import help_rows
 from pa_console.tui.screens.policies import PolicyScreen
-from pa_console.tui.screens.questions import Confirm
+from pa_console.tui.screens.rule_rows import rule_rows
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
-from tests.tui.scripted import ScriptedStation, console, notices, settle, until
+from tests.tui.scripted import Show, notices, settle, until
 from tests.tui.site import RULES, WORLD
 
-SIZE = (120, 36)
 
-
-async def test_policies_are_searched_with_live_scores_and_filtered(tmp_path: Path) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_policies_are_searched_with_live_scores_and_filtered(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, _, _):
         await pilot.press("f6")
         await settle(pilot)
         screen = app.screen
@@ -47,11 +42,8 @@ async def test_policies_are_searched_with_live_scores_and_filtered(tmp_path: Pat
         assert app.screen is app.session.main
 
 
-async def test_a_rule_shows_its_check_and_examples(tmp_path: Path) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_rule_shows_its_check_and_examples(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, _, _):
         await pilot.press("f6", "tab", "tab", "tab", "tab", "down")
         await settle(pilot)
         text = str(app.screen.query_one(TextRows).render())
@@ -66,11 +58,8 @@ def test_help_lists_every_action_and_says_why_not() -> None:
     assert "(now: only in a replay)" in text
 
 
-async def test_a_what_if_from_the_palette_reaches_the_simulation(tmp_path: Path) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_what_if_from_the_palette_reaches_the_simulation(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, station, _):
         await pilot.press("f10")
         await pilot.pause()
         app.screen.query_one(Input).value = "unknown vehicle at EastGate"
@@ -84,11 +73,8 @@ async def test_a_what_if_from_the_palette_reaches_the_simulation(tmp_path: Path)
         assert WORLD.gates.count("EastGate") == 1
 
 
-async def test_the_palette_offers_only_what_is_legal(tmp_path: Path) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_the_palette_offers_only_what_is_legal(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, _, _):
         await pilot.press("f10")
         results = app.screen.query_one(OptionList)
         while results.option_count < 10:
@@ -103,22 +89,16 @@ async def test_the_palette_offers_only_what_is_legal(tmp_path: Path) -> None:
     ("words", "found"), [("export", "Copy the trace"), ("session", "Leave the console")]
 )
 async def test_the_palette_finds_an_action_by_what_it_is_also_called(
-    tmp_path: Path, words: str, found: str
+    words: str, found: str, show: Show
 ) -> None:
-    station = ScriptedStation(story.told("finished"))
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(story.told("finished")) as (app, pilot, _, _):
         await pilot.press("f10", *words)
         results = app.screen.query_one(OptionList)
         await until(pilot, lambda: found in " ".join(str(o.prompt) for o in results.options))
 
 
-async def test_the_help_of_a_screen_begins_with_its_own_keys(tmp_path: Path) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_the_help_of_a_screen_begins_with_its_own_keys(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, _, _):
         await pilot.press("f6")
         await until(pilot, lambda: isinstance(app.screen, PolicyScreen))
         await pilot.press("f1")
@@ -136,22 +116,16 @@ def test_an_example_of_a_rule_is_shown_as_its_file_has_it() -> None:
     assert "given {tracks: {V1: {gate: WestGate, warned: true}}}" in text
 
 
-async def test_speed_goes_up_and_down_within_bounds(tmp_path: Path) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_speed_goes_up_and_down_within_bounds(show: Show) -> None:
+    async with show(story.opening()) as (_, pilot, station, _):
         await pilot.press("f2", *["plus"] * 5)
         assert station.rate == 8.0
         await pilot.press(*["minus"] * 5)
         assert station.rate == 1.0
 
 
-async def test_copies_go_to_the_clipboard_and_to_a_file(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("finished"))
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_copies_go_to_the_clipboard_and_to_a_file(tmp_path: Path, show: Show) -> None:
+    async with show(story.told("finished")) as (app, pilot, _, _):
         await pilot.press("f4", "y")
         trace = (tmp_path / "copies" / "M-003-trace.txt").read_text()
         assert app.clipboard == trace
@@ -162,13 +136,10 @@ async def test_copies_go_to_the_clipboard_and_to_a_file(tmp_path: Path) -> None:
         assert '"Drone_T04"' in app.clipboard
 
 
-async def test_a_folder_that_cannot_be_written_is_no_crash(tmp_path: Path) -> None:
+async def test_a_folder_that_cannot_be_written_is_no_crash(tmp_path: Path, show: Show) -> None:
     (tmp_path / "copies").write_text("a file in the way")
     (tmp_path / "history.txt").mkdir()
-    station = ScriptedStation(story.told("finished"))
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(story.told("finished")) as (app, pilot, station, _):
         await pilot.press(*"go", "enter", "escape", "y")
         await settle(pilot, station)
         assert station.submitted == ["go"]
@@ -181,11 +152,8 @@ def test_no_key_is_given_twice_and_none_is_tmuxs() -> None:
     assert "ctrl+b" not in keys
 
 
-async def test_an_interrupt_does_not_leave_and_says_how_to(tmp_path: Path) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_an_interrupt_does_not_leave_and_says_how_to(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, _, _):
         for focused in ("escape", "i"):
             app.clear_notifications()
             await pilot.press(focused, "ctrl+c")
@@ -194,32 +162,23 @@ async def test_an_interrupt_does_not_leave_and_says_how_to(tmp_path: Path) -> No
             assert notices(app)[-1].startswith("q ^q leaves the console")
 
 
-async def test_an_interrupt_with_a_selection_copies_it(tmp_path: Path) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_an_interrupt_with_a_selection_copies_it(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, _, _):
         await pilot.press(*"scout", "shift+home", "ctrl+c")
         await settle(pilot)
         assert app.clipboard == "scout"
         assert notices(app) == []
 
 
-async def test_an_interrupt_over_another_screen_says_how_to_go_back(tmp_path: Path) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_an_interrupt_over_another_screen_says_how_to_go_back(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, _, _):
         await pilot.press("f1", "ctrl+c")
         await settle(pilot)
         assert notices(app)[-1].startswith("Esc goes back; there q ^q leaves the console")
 
 
-async def test_an_interrupt_while_a_mission_is_planned_leaves_it_be(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("planning"))
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_an_interrupt_while_a_mission_is_planned_leaves_it_be(show: Show) -> None:
+    async with show(story.told("planning")) as (app, pilot, station, _):
         await pilot.press("ctrl+c")
         await settle(pilot, station)
         assert notices(app)[-1].endswith("after a question while a mission is active")

@@ -2,7 +2,6 @@
 
 import random
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -13,20 +12,18 @@ from pa_console.schema.document import DocumentError
 from pa_console.session.recording import Player
 from pa_console.settings.sources import load_settings
 from pa_console.tui.app import ConsoleApp
-from pa_console.tui.composing.card import Card
-from pa_console.tui.composing.choose_line import ChooseLine, LineRows
-from pa_console.tui.composing.examples import example_orders
-from pa_console.tui.composing.favourites import Favourites
-from pa_console.tui.composing.names import OrderNames
-from pa_console.tui.composing.templates import next_slot, slots, templates
+from pa_console.tui.controllers.composing import Favourites
+from pa_console.tui.order_templates import OrderNames, next_slot, slots, templates
+from pa_console.tui.screens.card import Card
+from pa_console.tui.screens.choose_line import ChooseLine, LineRows
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.widgets.assets import AssetTable
-from pa_console.tui.widgets.example_orders import ExampleLine, ExampleOrders
+from pa_console.tui.widgets.example_orders import ExampleLine, ExampleOrders, example_orders
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import PUT_S, MissionInput
 from tests.session.logs import write_log
 from tests.tui import crowd, living, story
-from tests.tui.scripted import FakeClock, ScriptedStation, console, notices, settle, until
+from tests.tui.scripted import Show, notices, settle, until
 from tests.tui.site import WORLD
 from tests.tui.story import stamped
 from tests.tui.test_approval_state import as_a_terminal_sends
@@ -37,15 +34,6 @@ SIZE = (120, 36)
 
 def field(app: ConsoleApp) -> MissionInput:
     return app.screen.query_one(MissionInput)
-
-
-def opened(
-    tmp: Path, told: str = "opening", **options: Any
-) -> tuple[ConsoleApp, ScriptedStation, FakeClock]:
-    """A console before its first mission, or while one is `told`."""
-    payloads = story.opening() if told == "opening" else story.told(told)
-    station, clock = ScriptedStation(payloads), FakeClock()
-    return console(station, tmp, clock, **options), station, clock
 
 
 # Names
@@ -64,22 +52,17 @@ def opened(
     ],
 )
 async def test_a_name_that_is_begun_completes(
-    tmp_path: Path, typed: str, keys: tuple[str, ...], text: str
+    typed: str, keys: tuple[str, ...], text: str, show: Show
 ) -> None:
-    station = ScriptedStation(living.troubled())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(living.troubled()) as (app, pilot, station, _):
         await write(pilot, typed)
         await pilot.press(*keys)
         assert field(app).text == text
         assert station.submitted == []
 
 
-async def test_enter_sends_what_was_typed_and_not_the_name_that_is_shown(tmp_path: Path) -> None:
-    app, station, _ = opened(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_enter_sends_what_was_typed_and_not_the_name_that_is_shown(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, station, _):
         await write(pilot, "send dro")
         assert field(app).suggestion == "ne_T01"
         await pilot.press("enter")
@@ -87,20 +70,16 @@ async def test_enter_sends_what_was_typed_and_not_the_name_that_is_shown(tmp_pat
         assert station.submitted == ["send dro"]
 
 
-async def test_tab_leaves_the_field_where_nothing_completes(tmp_path: Path) -> None:
-    app, station, _ = opened(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_tab_leaves_the_field_where_nothing_completes(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, _, _):
         await write(pilot, "hold")
         await pilot.press("tab")
         assert not field(app).has_focus
         assert field(app).text == "hold"
 
 
-async def test_a_name_is_offered_only_at_the_end_of_a_word(tmp_path: Path) -> None:
-    app, station, _ = opened(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_name_is_offered_only_at_the_end_of_a_word(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, _, _):
         await write(pilot, "east")
         assert field(app).suggestion == "Gate"
         await pilot.press("left", "left")
@@ -125,17 +104,13 @@ def test_every_name_completes_from_any_beginning(name: str, data: st.DataObject)
 def test_slots_are_where_the_text_has_them(text: str, after: int) -> None:
     for slot in slots(text):
         assert text[slot.start : slot.end] == f"{{{slot.kind}}}"
-        assert len(slots(slot.filled(text, "x"))) <= len(slots(text))
+        assert len(slots(text[: slot.start] + "x" + text[slot.end :])) <= len(slots(text))
     found = next_slot(text, after)
     assert (found is None) == (not slots(text))
 
 
-async def test_a_template_is_filled_slot_by_slot_and_sent_only_when_it_is_full(
-    tmp_path: Path,
-) -> None:
-    app, station, clock = opened(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_template_is_filled_slot_by_slot_and_sent_only_when_it_is_full(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, station, clock):
         await pilot.press("ctrl+t")
         await pilot.pause()
         await pilot.press(*"place", "enter")
@@ -170,11 +145,9 @@ def test_templates_are_of_what_the_world_can_do() -> None:
 @pytest.mark.parametrize("key", [["alt+2"], as_a_terminal_sends("\x1b2")])
 @pytest.mark.parametrize("size", [(80, 24), SIZE])
 async def test_an_example_is_typed_by_its_key_or_a_click_and_not_sent(
-    tmp_path: Path, size: tuple[int, int], key: list[str]
+    size: tuple[int, int], key: list[str], show: Show
 ) -> None:
-    app, station, clock = opened(tmp_path)
-    async with app.run_test(size=size) as pilot:
-        await settle(pilot, station)
+    async with show(story.opening(), size=size) as (app, pilot, station, clock):
         orders = example_orders(WORLD)
         await pilot.press(*key, "enter")  # the Enter may have been meant for something else
         assert field(app).text == orders[1]
@@ -190,14 +163,12 @@ async def test_an_example_is_typed_by_its_key_or_a_click_and_not_sent(
 
 
 @pytest.mark.parametrize("seed", range(4))
-async def test_no_keys_that_help_to_write_send_anything(tmp_path: Path, seed: int) -> None:
+async def test_no_keys_that_help_to_write_send_anything(seed: int, show: Show) -> None:
     """At most the Enter of a deliberate operator does, who has seen what was typed for him."""
-    app, station, _ = opened(tmp_path)
     keys = ("ctrl+r", "ctrl+t", "ctrl+o", "ctrl+s", "alt+1", "alt+4", "tab", "right", "down", "1",
             "4", "enter", "enter", "escape", "f3")  # fmt: skip
     draw = random.Random(seed)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(story.opening()) as (_, pilot, station, _):
         for _ in range(40):
             await pilot.press(draw.choice(keys))
         await settle(pilot, station)
@@ -207,11 +178,9 @@ async def test_no_keys_that_help_to_write_send_anything(tmp_path: Path, seed: in
 
 
 async def test_an_enter_that_is_held_sends_nothing_that_was_typed_for_the_operator(
-    tmp_path: Path,
+    show: Show,
 ) -> None:
-    app, station, clock = opened(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(story.opening()) as (_, pilot, station, clock):
         await pilot.press("alt+1")
         for _ in range(8):
             clock.now += PUT_S / 2
@@ -220,10 +189,8 @@ async def test_an_enter_that_is_held_sends_nothing_that_was_typed_for_the_operat
         assert station.submitted == []
 
 
-async def test_examples_are_gone_once_there_is_a_mission(tmp_path: Path) -> None:
-    app, station, _ = opened(tmp_path, "approval")
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_examples_are_gone_once_there_is_a_mission(show: Show) -> None:
+    async with show(story.told("approval")) as (app, pilot, _, _):
         assert not app.screen.query_one(ExampleOrders).display
         await pilot.press("escape", "slash", "alt+1")
         assert field(app).text == ""
@@ -244,11 +211,9 @@ def test_examples_name_what_the_loaded_world_has() -> None:
 # Earlier orders
 
 
-async def test_earlier_orders_are_searched_and_typed(tmp_path: Path) -> None:
+async def test_earlier_orders_are_searched_and_typed(tmp_path: Path, show: Show) -> None:
     (tmp_path / "history.txt").write_text("Report on EastGate.\nSend Drone_T04 home.\n")
-    app, station, _ = opened(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(story.opening()) as (app, pilot, station, _):
         await write(pilot, "draft")
         await pilot.press("ctrl+r")
         await pilot.pause()
@@ -261,13 +226,18 @@ async def test_earlier_orders_are_searched_and_typed(tmp_path: Path) -> None:
         assert field(app).text == "draft"
 
 
-async def test_orders_of_recorded_sessions_are_found_with_their_end(tmp_path: Path) -> None:
+async def test_orders_of_recorded_sessions_are_found_with_their_end(
+    tmp_path: Path, show: Show
+) -> None:
     logs = tmp_path / "logs"
     logs.mkdir()
     write_log(logs / "one.jsonl", happened())
-    app, station, _ = opened(tmp_path, settings=load_settings({"logs": str(logs)}))
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(story.opening(), settings=load_settings({"logs": str(logs)})) as (
+        app,
+        pilot,
+        _,
+        _,
+    ):
         await pilot.press("ctrl+r")
         await until(pilot, lambda: app.screen.query_one(LineRows).keys)
         rows = app.screen.query_one(LineRows)
@@ -279,11 +249,9 @@ async def test_orders_of_recorded_sessions_are_found_with_their_end(tmp_path: Pa
 
 @pytest.mark.parametrize("key", ["ctrl+r", "ctrl+t", "ctrl+o"])
 async def test_over_another_screen_nothing_is_chosen_that_could_not_be_seen(
-    tmp_path: Path, key: str
+    key: str, show: Show
 ) -> None:
-    app, station, _ = opened(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(story.opening()) as (app, pilot, _, _):
         await pilot.press("f6")
         await pilot.pause()
         above = app.screen
@@ -296,10 +264,8 @@ async def test_over_another_screen_nothing_is_chosen_that_could_not_be_seen(
 # Favourites
 
 
-async def test_an_order_is_kept_chosen_and_removed(tmp_path: Path) -> None:
-    app, station, _ = opened(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_an_order_is_kept_chosen_and_removed(tmp_path: Path, show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, _, _):
         await write(pilot, "Watch {gate} for me.")
         await pilot.press("ctrl+s", "ctrl+a", "ctrl+k", "ctrl+t")
         await pilot.pause()
@@ -337,16 +303,14 @@ def test_what_is_kept_is_read_again(
     ("text", "line"), [("orders:\n- a\n- [b\n", 4), ("orders:\n- a\n- 3\n", 3), ("oders: []\n", 1)]
 )
 async def test_a_broken_file_is_named_with_its_line_and_not_touched(
-    tmp_path: Path, text: str, line: int
+    tmp_path: Path, text: str, line: int, show: Show
 ) -> None:
     file = tmp_path / "favourites.yaml"
     file.write_text(text)
     with pytest.raises(DocumentError) as told:
         Favourites(file).keep("Report.")
     assert told.value.line == line
-    app, station, _ = opened(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(story.opening()) as (app, pilot, _, _):
         await write(pilot, "Report.")
         await pilot.press("ctrl+s", "ctrl+t")
         await pilot.pause()
@@ -390,11 +354,9 @@ async def write(pilot: Pilot[None], text: str) -> None:
 
 
 async def test_the_card_of_an_asset_types_an_order_and_a_click_on_a_gate_fills_it(
-    tmp_path: Path,
+    show: Show,
 ) -> None:
-    app, station, clock = opened(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(story.opening()) as (app, pilot, station, clock):
         await click_map(pilot, "Drone_T02")
         await pilot.press(*("1" if isinstance(app.screen, Card) else ("down", "up")))
         if isinstance(app.screen, ChooseLine):
@@ -415,10 +377,8 @@ async def test_the_card_of_an_asset_types_an_order_and_a_click_on_a_gate_fills_i
         assert station.submitted == ["Send Drone_T02 to WestGate."]
 
 
-async def test_every_gate_is_found_by_its_sign_and_by_its_name(tmp_path: Path) -> None:
-    app, station, _ = opened(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_every_gate_is_found_by_its_sign_and_by_its_name(show: Show) -> None:
+    async with show(story.opening()) as (app, _, _, _):
         view = app.screen.query_one(MapView)
         rows = view.text().splitlines()
         for gate in WORLD.gates:
@@ -429,10 +389,8 @@ async def test_every_gate_is_found_by_its_sign_and_by_its_name(tmp_path: Path) -
         assert view.names_at((0, len(rows) - 1)) == ()  # the legend is no place
 
 
-async def test_the_card_offers_only_what_the_asset_can_do(tmp_path: Path) -> None:
-    app, station, _ = opened(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_the_card_offers_only_what_the_asset_can_do(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, _, _):
         offered: dict[str, str] = {}
         for name in ("Drone_T04", "Ugv_T01", "Robot_T01"):
             await pilot.press("ctrl+o")
@@ -453,12 +411,8 @@ async def test_the_card_offers_only_what_the_asset_can_do(tmp_path: Path) -> Non
         assert "Warn" in offered["Robot_T01"]
 
 
-async def test_a_row_of_the_table_opens_the_card_and_enter_twice_sends_nothing(
-    tmp_path: Path,
-) -> None:
-    app, station, _ = opened(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_row_of_the_table_opens_the_card_and_enter_twice_sends_nothing(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, station, _):
         await pilot.press("f3")
         app.screen.query_one(AssetTable).point_at("Drone_T04")
         await pilot.press("enter")
@@ -470,10 +424,8 @@ async def test_a_row_of_the_table_opens_the_card_and_enter_twice_sends_nothing(
         assert isinstance(app.screen, MainScreen)
 
 
-async def test_the_right_button_opens_a_menu_even_while_a_slot_is_open(tmp_path: Path) -> None:
-    app, station, _ = opened(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_the_right_button_opens_a_menu_even_while_a_slot_is_open(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, _, _):
         view = app.screen.query_one(MapView)
         empty = next(
             (x, y) for y in range(2, 12) for x in range(2, 60) if not view.names_at((x, y))
@@ -489,12 +441,9 @@ async def test_the_right_button_opens_a_menu_even_while_a_slot_is_open(tmp_path:
         assert "×2" in str(app.screen.query_one(MapView).border_title)
 
 
-async def test_a_cell_with_several_lets_choose(tmp_path: Path) -> None:
+async def test_a_cell_with_several_lets_choose(show: Show) -> None:
     site = crowd.world(1000, 50)
-    station = ScriptedStation(crowd.opening(site))
-    app = console(station, tmp_path, world=site)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(crowd.opening(site), world=site) as (app, pilot, _, _):
         view = app.screen.query_one(MapView)
         cells = ((x, y) for y in range(30) for x in range(60))
         crowded = next(cell for cell in cells if len(view.names_at(cell)) > 3)
@@ -510,11 +459,9 @@ async def test_a_cell_with_several_lets_choose(tmp_path: Path) -> None:
         assert isinstance(app.screen, Card)
 
 
-async def test_in_a_recording_a_card_orders_nothing(tmp_path: Path) -> None:
+async def test_in_a_recording_a_card_orders_nothing(show: Show) -> None:
     player = Player.of(stamped(story.told("finished")))
-    app = console(None, tmp_path, player=player)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot)
+    async with show(None, player=player) as (app, pilot, _, _):
         await pilot.press("n")
         await settle(pilot)
         app.controllers.composing.picked(("Drone_T04",), None, menu=False)

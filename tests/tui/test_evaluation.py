@@ -14,14 +14,14 @@ from pa_console.evaluation.statistics import Table
 from pa_console.station.assembly import Site, load_site
 from pa_console.tui.app import ConsoleApp, evaluation_console
 from pa_console.tui.approval.panel import ApprovalPanel
+from pa_console.tui.screens.dialogs import AskFolder
 from pa_console.tui.screens.evaluation import EvaluationScreen
-from pa_console.tui.screens.questions import AskFolder
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.widgets.evaluation_runs import RunRows
 from pa_console.tui.widgets.row_views import TextRows
 from pa_console.tui.widgets.trace_pane import TracePane
 from tests.tui import runs, story
-from tests.tui.scripted import ScriptedStation, console, settle
+from tests.tui.scripted import Show, settle
 
 pytestmark = pytest.mark.long
 
@@ -296,18 +296,15 @@ async def test_thousands_of_runs_lay_out_only_what_is_in_view(
         monkeypatch.setattr(listing, "row", row)
         await pilot.press("end", "pageup", "up")
         await pilot.pause()
-        assert listing.record is not None
+        assert listing.item is not None
         assert listing.keys.index(listing.cursor) == 6000 - 1 - (listing.size.height - 1) - 1
         assert len(asked) < 100
 
 
 async def test_the_console_opens_the_newest_evaluation_over_a_live_session(
-    folder: Path, tmp_path: Path
+    folder: Path, show: Show
 ) -> None:
-    station = ScriptedStation(story.told("executing"))
-    app = console(station, tmp_path, evaluations=folder.parent)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(story.told("executing"), evaluations=folder.parent) as (app, pilot, station, _):
         await pilot.press("f2", "e")
         screen = await read(pilot)
         await pilot.press("e", "down", "down", "enter")
@@ -328,11 +325,8 @@ async def test_the_console_opens_the_newest_evaluation_over_a_live_session(
         assert station.cancelled == 1
 
 
-async def test_a_plan_that_waits_meanwhile_is_told(folder: Path, tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("planning"))
-    app = console(station, tmp_path, evaluations=folder.parent)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_plan_that_waits_meanwhile_is_told(folder: Path, show: Show) -> None:
+    async with show(story.told("planning"), evaluations=folder.parent) as (app, pilot, station, _):
         await pilot.press("f2", "e")
         await read(pilot)
         station.emit(*story.judged())
@@ -344,11 +338,10 @@ async def test_a_plan_that_waits_meanwhile_is_told(folder: Path, tmp_path: Path)
         assert app.screen.query_one(ApprovalPanel).has_focus_within
 
 
-async def test_without_an_evaluation_the_console_asks_for_a_folder(tmp_path: Path) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path, evaluations=tmp_path / "none")
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_without_an_evaluation_the_console_asks_for_a_folder(
+    tmp_path: Path, show: Show
+) -> None:
+    async with show(story.opening(), evaluations=tmp_path / "none") as (app, pilot, _, _):
         await pilot.press("f2", "e")
         await pilot.pause()
         assert isinstance(app.screen, AskFolder)

@@ -1,7 +1,5 @@
 """A console that has joined another station's session says whose it is, and can only sign."""
 
-from pathlib import Path
-
 import pytest
 from textual.widgets import Button, Static
 
@@ -11,15 +9,14 @@ from pa_console.schema.events.event import AnswerLine
 from pa_console.schema.mission import Decision
 from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.protocols import JoinedTo
-from pa_console.tui.screens.questions import Confirm
+from pa_console.tui.screens.dialogs import Confirm
 from pa_console.tui.widgets.bars import StatusBar
 from pa_console.tui.widgets.mission_prompt import MissionInput
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
-from tests.tui.scripted import FakeClock, ScriptedStation, console, notices, settle, until
+from tests.tui.scripted import FakeClock, ScriptedStation, Show, notices, settle, until
 from tests.tui.test_typing import Typist
 
-SIZE = (120, 36)
 BOB = JoinedTo("north", "bob")
 
 
@@ -34,11 +31,8 @@ def waiting(people: int) -> list[ev.EventPayload]:
     ]
 
 
-async def test_it_names_the_session_and_signs_what_takes_two_people(tmp_path: Path) -> None:
-    station, clock = ScriptedStation(waiting(2)), FakeClock()
-    app = console(station, tmp_path, clock, joined=BOB)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_it_names_the_session_and_signs_what_takes_two_people(show: Show) -> None:
+    async with show(waiting(2), joined=BOB) as (app, pilot, station, clock):
         assert "JOINED north" in str(app.screen.query_one(StatusBar).render())
         assert "TO SIGN" in str(app.screen.query_one(StatusBar).render())
         panel = app.screen.query_one(ApprovalPanel)
@@ -59,12 +53,9 @@ async def test_it_names_the_session_and_signs_what_takes_two_people(tmp_path: Pa
 
 @pytest.mark.parametrize(("joined", "people"), [(BOB, 1), (JoinedTo("north", ""), 2)])
 async def test_nothing_is_signed_that_takes_one_person_or_by_an_observer(
-    tmp_path: Path, joined: JoinedTo, people: int
+    joined: JoinedTo, people: int, show: Show
 ) -> None:
-    station, clock = ScriptedStation(waiting(people)), FakeClock()
-    app = console(station, tmp_path, clock, joined=joined)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(waiting(people), joined=joined) as (app, pilot, station, clock):
         clock.now += ARM_DELAY_S
         await pilot.press("a", "enter", "f7", "a", "enter")
         await settle(pilot, station)
@@ -72,16 +63,14 @@ async def test_nothing_is_signed_that_takes_one_person_or_by_an_observer(
         assert app.screen.query_one("#approve", Button).disabled or not joined.signer
 
 
-async def test_a_question_is_answered_here_and_an_order_is_refused(tmp_path: Path) -> None:
+async def test_a_question_is_answered_here_and_an_order_is_refused(show: Show) -> None:
     station, clock = ScriptedStation(waiting(1)), FakeClock()
     question = Question("Why not Ugv_T02?", "other_asset", ("Ugv_T02",))
     others = Question("What else?", "alternatives")
     line = AnswerLine(about="Ugv_T02", said="it alone covers EastGate")
     station.questions = {each.text: each for each in (question, others)}
     station.answers = {each.text: (line,) for each in (question, others)}
-    app = console(station, tmp_path, clock, joined=BOB)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(station, clock=clock, joined=BOB) as (app, pilot, station, _):
         field = app.screen.query_one(MissionInput)
         assert "it is commanded there" in str(field.placeholder)
         clock.now += ARM_DELAY_S
@@ -101,11 +90,8 @@ async def test_a_question_is_answered_here_and_an_order_is_refused(tmp_path: Pat
         assert (station.submitted, station.decisions) == ([], [])
 
 
-async def test_a_question_that_is_typed_at_the_plan_signs_nothing(tmp_path: Path) -> None:
-    station, clock = ScriptedStation(waiting(2)), FakeClock()
-    app = console(station, tmp_path, clock, key_time=lambda _key: clock.now, joined=BOB)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_question_that_is_typed_at_the_plan_signs_nothing(show: Show) -> None:
+    async with show(waiting(2), keys_by_clock=True, joined=BOB) as (_, pilot, station, clock):
         clock.now += ARM_DELAY_S
         for asked in ("why that\n", "What else\n", "a drone instead\n"):
             await Typist(pilot, clock).types(asked)
@@ -115,11 +101,8 @@ async def test_a_question_that_is_typed_at_the_plan_signs_nothing(tmp_path: Path
         assert (station.decisions, station.stopped) == ([], 0)
 
 
-async def test_both_screens_say_who_has_signed(tmp_path: Path) -> None:
-    station, clock = ScriptedStation(waiting(2)), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_both_screens_say_who_has_signed(show: Show) -> None:
+    async with show(waiting(2)) as (app, pilot, station, clock):
         signed = Decision(kind="approve", by="bob at another station", signatures={"bob": "s"})
         detail = "observe needs 2 people to approve, so far there is 1"
         station.emit(ev.DecisionMade(attempt=1, decision=signed, accepted=False, detail=detail))
@@ -137,13 +120,10 @@ async def test_both_screens_say_who_has_signed(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("answer", "takes"), [("y", True), ("enter", False)])
 async def test_a_commander_takes_command_after_a_question_that_says_what_it_does(
-    tmp_path: Path, answer: str, takes: bool
+    answer: str, takes: bool, show: Show
 ) -> None:
-    station = ScriptedStation(story.opening())
     joined = JoinedTo("north", "bob", lambda: "Put south in command in place of north?")
-    app = console(station, tmp_path, FakeClock(), joined=joined)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(story.opening(), joined=joined) as (app, pilot, station, _):
         await pilot.press("ctrl+k")
         await settle(pilot, station)
         question = app.screen.query_one("#confirm Static", Static)
@@ -153,15 +133,12 @@ async def test_a_commander_takes_command_after_a_question_that_says_what_it_does
     assert app.controllers.leaving.takes_command == takes
 
 
-async def test_nobody_else_is_offered_command_and_what_hinders_it_is_said(tmp_path: Path) -> None:
+async def test_nobody_else_is_offered_command_and_what_hinders_it_is_said(show: Show) -> None:
     def hindered() -> str:
         raise ValueError("this station is not in the roster")
 
     for joined in (BOB, JoinedTo("north", "bob", hindered)):
-        station = ScriptedStation(story.opening())
-        app = console(station, tmp_path, FakeClock(), joined=joined)
-        async with app.run_test(size=SIZE) as pilot:
-            await settle(pilot, station)
+        async with show(story.opening(), joined=joined) as (app, pilot, station, _):
             await pilot.press("ctrl+k")
             await settle(pilot, station)
             assert not app.screen.query("#confirm")
@@ -169,11 +146,8 @@ async def test_nobody_else_is_offered_command_and_what_hinders_it_is_said(tmp_pa
             assert not app.controllers.leaving.takes_command
 
 
-async def test_a_relieved_station_says_so_at_the_top(tmp_path: Path) -> None:
-    station = ScriptedStation(waiting(1))
-    app = console(station, tmp_path, FakeClock())
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_relieved_station_says_so_at_the_top(show: Show) -> None:
+    async with show(waiting(1)) as (app, pilot, station, _):
         bar = app.screen.query_one(StatusBar)
         station.emit(ev.AuthorityChanged(refusal="south is in command since epoch 2"))
         await settle(pilot, station)

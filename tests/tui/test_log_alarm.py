@@ -13,11 +13,10 @@ from pa_console.tui.app import ConsoleApp
 from pa_console.tui.approval.panel import ARM_DELAY_S
 from pa_console.tui.screens.recording import RecordingScreen
 from tests.tui import story
-from tests.tui.scripted import FakeClock, ScriptedStation, console, notices, settle
+from tests.tui.scripted import Show, notices, settle
 from tests.tui.site import WORLD
 from tests.tui.story import stamped
 
-SIZE = (120, 36)
 FULL = "s.jsonl: cannot write the session log: No space left on device"
 TOLD = ("LOG NOT WRITTEN", "nothing is dispatched", "no plan can be approved", "No space left")
 
@@ -65,13 +64,10 @@ async def shown_on(app: ConsoleApp, pilot: Pilot[Any], name: str) -> None:
 
 @pytest.mark.parametrize("first", ["trouble", "screen"])
 async def test_every_screen_says_in_red_that_nothing_is_dispatched(
-    tmp_path: Path, first: str
+    tmp_path: Path, first: str, show: Show
 ) -> None:
     """One console opens one screen after the other, each of them without trouble at first."""
-    station = ScriptedStation(story.told("approval"))
-    app = console(station, tmp_path, evaluations=tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(story.told("approval"), evaluations=tmp_path) as (app, pilot, station, _):
         main = app.screen
         for name in SCREENS:
             assert "nothing is dispatched" not in top_line(app)[0], name
@@ -92,13 +88,8 @@ async def test_every_screen_says_in_red_that_nothing_is_dispatched(
             await settle(pilot)
 
 
-async def test_an_approval_that_is_refused_while_the_log_is_in_trouble_says_so(
-    tmp_path: Path,
-) -> None:
-    station, clock = ScriptedStation(story.told("approval")), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_an_approval_that_is_refused_while_the_log_is_in_trouble_says_so(show: Show) -> None:
+    async with show(story.told("approval")) as (app, pilot, station, clock):
         station.emit(ev.LogTroubled(problem=FULL), mission=None)
         station.refuse = f"nothing is approved while the log cannot be written: {FULL}"
         await settle(pilot, station)

@@ -12,7 +12,7 @@ from pa_console.manual_pages import Manual, load_manual, read_page
 from pa_console.tui.screens.help import HelpScreen
 from pa_console.tui.screens.manual import ManualScreen
 from tests.tui import story
-from tests.tui.scripted import ScriptedStation, console, notices, settle, until
+from tests.tui.scripted import ScriptedStation, Show, console, notices, settle, until
 
 SIZES = {"80x24": (80, 24), "120x36": (120, 36)}
 FILLING = "\n\n".join(f"Paragraph {number} says little." for number in range(40))
@@ -84,11 +84,8 @@ def marked(screen: ManualScreen) -> list[str]:
     return [words for _, words, name in text.table_of_contents if name in names]
 
 
-async def test_the_manual_opens_from_the_help_page_and_escape_goes_back(tmp_path: Path) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
-    async with app.run_test(size=(100, 30)) as pilot:
-        await settle(pilot, station)
+async def test_the_manual_opens_from_the_help_page_and_escape_goes_back(show: Show) -> None:
+    async with show(story.opening(), size=(100, 30)) as (app, pilot, _, _):
         await pilot.press("escape", "f1", "M")
         assert isinstance(app.screen, ManualScreen)
         await shown(pilot, app.screen)
@@ -145,11 +142,8 @@ async def test_a_link_leads_to_its_section_or_says_that_there_is_none(tmp_path: 
         assert (title(screen), marked(screen)) == ("Rules", ["Signing"])
 
 
-async def test_the_stop_works_over_the_manual(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("executing"))
-    app = console(station, tmp_path)
-    async with app.run_test(size=(100, 30)) as pilot:
-        await settle(pilot, station)
+async def test_the_stop_works_over_the_manual(show: Show) -> None:
+    async with show(story.told("executing"), size=(100, 30)) as (_, pilot, station, _):
         await opened(pilot, "slash", "f9")
         await settle(pilot, station)
         assert station.stopped == 1

@@ -1,13 +1,11 @@
 """Lines and details on the map: ways, fields of view, batteries, links, and a scale that stays."""
 
-from pathlib import Path
-
 from pa_console.schema.events import event as ev
 from pa_console.tui.map.scene import MapScene
 from pa_console.tui.map.sensor_fields import outline
 from pa_console.tui.widgets.map_view import TRAIL_S, MapView, Trails, scale_bar
 from tests.tui import crowd, living
-from tests.tui.scripted import ScriptedStation, console, settle
+from tests.tui.scripted import Show, settle
 from tests.tui.site import WORLD, picture
 
 SCENE = MapScene(WORLD)
@@ -91,11 +89,8 @@ def test_the_scale_is_a_round_number_of_metres() -> None:
     assert scale_bar(0.012) == "├────┤ 500 m"
 
 
-async def test_the_scale_stays_when_alarms_come_up(tmp_path: Path) -> None:
-    station = ScriptedStation(living.troubled()[:3])
-    app = console(station, tmp_path)
-    async with app.run_test(size=(120, 36)) as pilot:
-        await settle(pilot, station)
+async def test_the_scale_stays_when_alarms_come_up(show: Show) -> None:
+    async with show(living.troubled()[:3]) as (app, pilot, station, _):
         view = app.screen.query_one(MapView)
         before = view.text(), view.content_size
         station.emit(*(ev.AlarmRaised(alarm=alarm) for alarm in living.ALARMS), mission=None)
@@ -104,11 +99,8 @@ async def test_the_scale_stays_when_alarms_come_up(tmp_path: Path) -> None:
         assert (view.text(), view.content_size) == before
 
 
-async def test_the_key_shows_cameras_then_all_then_nothing(tmp_path: Path) -> None:
-    station = ScriptedStation(living.troubled())
-    app = console(station, tmp_path)
-    async with app.run_test(size=(200, 60)) as pilot:
-        await settle(pilot, station)
+async def test_the_key_shows_cameras_then_all_then_nothing(show: Show) -> None:
+    async with show(living.troubled(), size=(200, 60)) as (app, pilot, _, _):
         view = app.screen.query_one(MapView)
         plain = view.text()
         await pilot.press("escape", "v")

@@ -19,7 +19,7 @@ from pa_console.tui.widgets.mission_prompt import MissionInput, MissionPrompt
 from pa_console.tui.widgets.row_views import TextRows, VirtualRows
 from pa_console.tui.widgets.trace_pane import SectionTitle, SectionView
 from tests.tui import story
-from tests.tui.scripted import ScriptedStation, console, settle
+from tests.tui.scripted import ScriptedStation, Show, console, settle
 from tests.tui.site import picture
 
 SIZE = (120, 36)
@@ -61,11 +61,8 @@ def told(app: ConsoleApp, words: str) -> int:
     return sum(words in " ".join(str(toast.render()).split()) for toast in toasts)
 
 
-async def test_a_typed_mission_is_submitted_and_remembered(tmp_path: Path) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_typed_mission_is_submitted_and_remembered(tmp_path: Path, show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, station, _):
         await pilot.press(*"go east", "enter")
         assert station.submitted == ["go east"]
         field = app.screen.query_one(MissionInput)
@@ -77,44 +74,33 @@ async def test_a_typed_mission_is_submitted_and_remembered(tmp_path: Path) -> No
     assert "go east" in (tmp_path / "history.txt").read_text()
 
 
-async def test_a_refused_mission_stays_in_the_field(tmp_path: Path) -> None:
+async def test_a_refused_mission_stays_in_the_field(show: Show) -> None:
     station = ScriptedStation(story.opening())
     station.refuse = "the queue is full"
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(station) as (app, pilot, _, _):
         await pilot.press(*"go east", "enter")
         assert app.screen.query_one(MissionInput).text == "go east"
 
 
-async def test_escape_leaves_the_field_and_keeps_the_text(tmp_path: Path) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_escape_leaves_the_field_and_keeps_the_text(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, _, _):
         await pilot.press(*"half", "escape", "i")
         field = app.screen.query_one(MissionInput)
         assert field.text == "half"
         assert field.has_focus
 
 
-async def test_the_trace_tells_the_whole_mission(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("finished"))
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_the_trace_tells_the_whole_mission(show: Show) -> None:
+    async with show(story.told("finished")) as (app, _, _, _):
         text = shown(app)
         for words in TOLD:
             assert words in text
 
 
 async def test_a_short_trace_begins_below_its_headline_and_a_long_one_shows_its_end(
-    tmp_path: Path,
+    show: Show,
 ) -> None:
-    station = ScriptedStation(story.told("planning"))
-    app = console(station, tmp_path)
-    async with app.run_test(size=(120, 90)) as pilot:
-        await settle(pilot, station)
+    async with show(story.told("planning"), size=(120, 90)) as (app, pilot, station, _):
         body = app.screen.query_one("#trace-body", VerticalScroll)
         assert app.screen.query(SectionView)
         assert (body.scroll_offset.y, body.max_scroll_y) == (0, 0)
@@ -125,12 +111,9 @@ async def test_a_short_trace_begins_below_its_headline_and_a_long_one_shows_its_
         assert body.scroll_offset.y == body.max_scroll_y > 0
 
 
-async def test_the_first_words_of_an_answer_are_shown_when_they_come(tmp_path: Path) -> None:
+async def test_the_first_words_of_an_answer_are_shown_when_they_come(show: Show) -> None:
     *before, words = story.told("planning")
-    station = ScriptedStation(before)
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(before) as (app, pilot, station, _):
         plan = next(view for view in app.screen.query(SectionView) if "Plan" in shown_title(view))
         assert not plan.query_one(TextRows).display
         station.emit(words)
@@ -138,11 +121,8 @@ async def test_the_first_words_of_an_answer_are_shown_when_they_come(tmp_path: P
         assert plan.query_one(TextRows).display
 
 
-async def test_the_json_of_a_plan_stays_folded_in_its_place(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("approval"))
-    app = console(station, tmp_path)
-    async with app.run_test(size=(200, 60)) as pilot:
-        await settle(pilot, station)
+async def test_the_json_of_a_plan_stays_folded_in_its_place(show: Show) -> None:
+    async with show(story.told("approval"), size=(200, 60)) as (app, pilot, _, _):
         view = next(v for v in app.screen.query(SectionView) if "as JSON" in shown_title(v))
         rows = view.query_one(TextRows)
         assert not rows.display
@@ -155,24 +135,18 @@ async def test_the_json_of_a_plan_stays_folded_in_its_place(tmp_path: Path) -> N
         json.loads(" ".join(written.plain.split()))
 
 
-async def test_retrieved_rules_come_before_those_that_every_mission_has(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("planning"))
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_retrieved_rules_come_before_those_that_every_mission_has(show: Show) -> None:
+    async with show(story.told("planning")) as (app, _, _, _):
         text = shown(app)
         places = [text.index(f"{rule} ") for rule in ("WF-03", "ROE-02", "ROE-01")]
         assert places == sorted(places)
 
 
-async def test_what_would_turn_an_order_round_is_seen_and_has_its_width(tmp_path: Path) -> None:
+async def test_what_would_turn_an_order_round_is_seen_and_has_its_width(show: Show) -> None:
     order = "Do \u202eton\u202c go \u2066east"
     mission = story.MISSION.model_copy(update={"text": order})
     received = ev.MissionReceived(mission=mission, position=0)
-    station = ScriptedStation([*story.opening(), received, ev.MissionStarted()])
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show([*story.opening(), received, ev.MissionStarted()]) as (app, pilot, _, _):
         seen = "Do \\u202eton\\u202c go \\u2066east"
         assert seen in shown(app, "#trace-head")
         assert seen in app.screen.query_one(EventList).text
@@ -181,21 +155,15 @@ async def test_what_would_turn_an_order_round_is_seen_and_has_its_width(tmp_path
         assert app.screen.query_one(MissionInput).text == seen
 
 
-async def test_model_text_is_never_read_as_markup(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("planning"))
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_model_text_is_never_read_as_markup(show: Show) -> None:
+    async with show(story.told("planning")) as (app, pilot, station, _):
         station.emit(ev.TextStreamed(role="planner", attempt=1, text="[red]x[/nosuch] [@click=a]"))
         await settle(pilot, station)
         assert "[red]x[/nosuch] [@click=a]" in shown(app)
 
 
-async def test_telemetry_moves_the_map_while_the_trace_stays(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("planning"))
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_telemetry_moves_the_map_while_the_trace_stays(show: Show) -> None:
+    async with show(story.told("planning")) as (app, pilot, station, _):
         before = app.screen.query_one(MapView).text()
         station.emit(ev.TelemetryReceived(picture=story.moving_picture()), mission=None)
         await settle(pilot, station)
@@ -205,11 +173,8 @@ async def test_telemetry_moves_the_map_while_the_trace_stays(tmp_path: Path) -> 
         assert "SouthGate UNCOVERED" in str(app.screen.query_one(StatusBar).render())
 
 
-async def test_cancel_reaches_the_station_at_once(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("planning"))
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_cancel_reaches_the_station_at_once(show: Show) -> None:
+    async with show(story.told("planning")) as (app, pilot, station, _):
         await pilot.press("f8")
         await settle(pilot, station)
         assert station.cancelled == 1
@@ -218,21 +183,15 @@ async def test_cancel_reaches_the_station_at_once(tmp_path: Path) -> None:
         assert station.cancelled == 1
 
 
-async def test_stop_works_from_every_screen(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("executing"))
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_stop_works_from_every_screen(show: Show) -> None:
+    async with show(story.told("executing")) as (_, pilot, station, _):
         await pilot.press("f1", "f9", "escape", "f6", "f9")
         await settle(pilot, station)
         assert station.stopped == 2
 
 
-async def test_old_telemetry_is_called_old(tmp_path: Path) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_old_telemetry_is_called_old(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, station, _):
         late = picture(time_s=320.0, changes={"Drone_T01": {"stamp_s": 300.0}})
         station.emit(ev.TelemetryReceived(picture=late), mission=None)
         await settle(pilot, station)
@@ -254,11 +213,8 @@ async def test_a_broken_stream_leaves_the_console_usable(tmp_path: Path) -> None
         assert app.screen.query("#policy-list")
 
 
-async def test_a_log_that_cannot_be_written_is_told_until_it_can(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("planning"))
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_log_that_cannot_be_written_is_told_until_it_can(show: Show) -> None:
+    async with show(story.told("planning")) as (app, pilot, station, _):
         for problem in ("no space left", ""):
             station.emit(ev.LogTroubled(problem=problem), mission=None)
             await settle(pilot, station)
@@ -267,11 +223,8 @@ async def test_a_log_that_cannot_be_written_is_told_until_it_can(tmp_path: Path)
         assert "no space left" in app.screen.query_one(EventList).text
 
 
-async def test_leaving_during_a_mission_asks_first(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("executing"))
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_leaving_during_a_mission_asks_first(show: Show) -> None:
+    async with show(story.told("executing")) as (app, pilot, station, _):
         await pilot.press("ctrl+q")
         await pilot.pause()
         assert app.screen.query("#confirm")
@@ -285,13 +238,9 @@ async def test_leaving_during_a_mission_asks_first(tmp_path: Path) -> None:
     assert station.closed
 
 
-async def test_a_frame_that_falls_due_while_the_console_closes_does_no_harm(
-    tmp_path: Path,
-) -> None:
-    station = ScriptedStation(story.told("planning"))
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_frame_that_falls_due_while_the_console_closes_does_no_harm(show: Show) -> None:
+    async with show(story.told("planning")) as (app, _, _, _):
+        pass
     assert not app.screen_stack
     app.feed.flush()
 
@@ -314,10 +263,7 @@ async def test_a_timer_that_fires_while_the_console_closes_finds_nothing_to_pain
     assert fired == [False]  # its field was gone already
 
 
-async def test_the_key_that_leads_to_the_prompt_is_no_part_of_a_mission(tmp_path: Path) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_the_key_that_leads_to_the_prompt_is_no_part_of_a_mission(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, _, _):
         await pilot.press("slash", *"hold 1", "slash", "2")
         assert app.screen.query_one(MissionInput).text == "hold 1/2"

@@ -5,9 +5,9 @@ from hypothesis import strategies as st
 
 from pa_console.schema.events import event as ev
 from pa_console.session.state import SessionState
-from pa_console.tui.trace.rows import layout, plain
-from pa_console.tui.trace.sections import content, headline, progress, sections
+from pa_console.tui.rows import layout, plain
 from pa_console.tui.widgets.alarms import summary
+from pa_console.tui.widgets.trace_pane import content, headline, progress, sections
 from pa_console.views.trace_layout import standing
 from tests.schema.strategies import PAYLOADS, models
 from tests.tui import living, story

@@ -1,14 +1,12 @@
 """What is old, silent, forged or unknown never looks fine; large sites stay readable."""
 
-from pathlib import Path
-
 import pytest
 from textual.widgets import Input
 
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import unknown_name
 from pa_console.schema.telemetry import CameraReport, GateCover
-from pa_console.tui.actions.whatif import what_ifs
+from pa_console.tui.controllers.commands import what_ifs
 from pa_console.tui.map.canvas import Canvas
 from pa_console.tui.map.scene import ROLES, MapScene
 from pa_console.tui.status_words import Reliance
@@ -17,7 +15,7 @@ from pa_console.tui.widgets.bars import StatusBar
 from pa_console.tui.widgets.map_view import LEGEND, MapView
 from pa_console.tui.widgets.row_views import NOTES
 from tests.tui import crowd, living
-from tests.tui.scripted import ScriptedStation, console, settle
+from tests.tui.scripted import Show, settle
 from tests.tui.site import WORLD, picture, track
 from tests.tui.test_mission import shown
 
@@ -84,11 +82,8 @@ def test_every_sign_of_the_legend_is_a_role_of_the_map() -> None:
     assert {role for _, _, role in LEGEND} <= set(ROLES)
 
 
-async def test_the_table_names_age_and_doubt_of_every_report(tmp_path: Path) -> None:
-    station = ScriptedStation(living.troubled())
-    app = console(station, tmp_path)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(pilot, station)
+async def test_the_table_names_age_and_doubt_of_every_report(show: Show) -> None:
+    async with show(living.troubled(), size=(80, 24)) as (app, pilot, _, _):
         await pilot.press("escape", "f3")
         await settle(pilot)
         text = shown(app, "#assets")
@@ -98,11 +93,8 @@ async def test_the_table_names_age_and_doubt_of_every_report(tmp_path: Path) -> 
         assert "? WestGate cover unknown" in str(app.screen.query_one(StatusBar).render())
 
 
-async def test_problems_come_first_and_can_be_shown_alone(tmp_path: Path) -> None:
-    station = ScriptedStation(living.troubled())
-    app = console(station, tmp_path)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(pilot, station)
+async def test_problems_come_first_and_can_be_shown_alone(show: Show) -> None:
+    async with show(living.troubled(), size=(80, 24)) as (app, pilot, _, _):
         table = app.screen.query_one(AssetTable)
         assets = [key for key in table.keys if key in WORLD.assets]
         assert assets[:4] == ["Ugv_T02", "Robot_T02", "Drone_T01", "Drone_T04"]
@@ -124,11 +116,8 @@ FILTERS = {
 }
 
 
-async def test_a_filter_of_any_words_is_typed_and_cleared(tmp_path: Path) -> None:
-    station = ScriptedStation(living.troubled())
-    app = console(station, tmp_path)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(pilot, station)
+async def test_a_filter_of_any_words_is_typed_and_cleared(show: Show) -> None:
+    async with show(living.troubled(), size=(80, 24)) as (app, pilot, _, _):
         await pilot.press("escape", "f")
         table = app.screen.query_one(AssetTable)
         for words, left in FILTERS.items():
@@ -140,11 +129,8 @@ async def test_a_filter_of_any_words_is_typed_and_cleared(tmp_path: Path) -> Non
         assert len([key for key in table.keys if key]) == 15
 
 
-async def test_a_thousand_assets_are_shown_in_crowds_and_rows_on_demand(tmp_path: Path) -> None:
-    station = ScriptedStation(crowd.opening(LARGE))
-    app = console(station, tmp_path, world=LARGE)
-    async with app.run_test(size=(120, 36)) as pilot:
-        await settle(pilot, station)
+async def test_a_thousand_assets_are_shown_in_crowds_and_rows_on_demand(show: Show) -> None:
+    async with show(crowd.opening(LARGE), world=LARGE) as (app, pilot, _, _):
         text = app.screen.query_one(MapView).text()
         assert sum(text.count(str(number)) for number in range(2, 10)) >= 20
         assert "Gate07" in text
@@ -171,11 +157,8 @@ def test_an_asset_in_trouble_is_told_within_its_crowd() -> None:
     assert crowds(nearer) < crowds(canvas)
 
 
-async def test_only_rows_that_changed_are_laid_out_again(tmp_path: Path) -> None:
-    station = ScriptedStation(crowd.opening(LARGE))
-    app = console(station, tmp_path, world=LARGE)
-    async with app.run_test(size=(120, 36)) as pilot:
-        await settle(pilot, station)
+async def test_only_rows_that_changed_are_laid_out_again(show: Show) -> None:
+    async with show(crowd.opening(LARGE), world=LARGE) as (app, pilot, station, _):
         table = app.screen.query_one(AssetTable)
         asked: list[int] = []
         row = table.row
@@ -190,11 +173,8 @@ async def test_only_rows_that_changed_are_laid_out_again(tmp_path: Path) -> None
         assert 0 < len(asked) < 60
 
 
-async def test_the_map_zooms_pans_and_comes_back(tmp_path: Path) -> None:
-    station = ScriptedStation(living.troubled())
-    app = console(station, tmp_path)
-    async with app.run_test(size=(120, 36)) as pilot:
-        await settle(pilot, station)
+async def test_the_map_zooms_pans_and_comes_back(show: Show) -> None:
+    async with show(living.troubled()) as (app, pilot, _, _):
         view = app.screen.query_one(MapView)
         whole = view.text()
         await pilot.press("escape", "full_stop", "full_stop", "shift+left")

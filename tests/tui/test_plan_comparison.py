@@ -1,6 +1,5 @@
 """Plans side by side at an approval: looked at, and put forward; nothing is approved there."""
 
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,7 +15,7 @@ from pa_console.tui.approval.comparison import CandidateColumn, PlanComparison
 from pa_console.tui.approval.panel import ARM_DELAY_S
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
-from tests.tui.scripted import FakeClock, ScriptedStation, console, settle, until
+from tests.tui.scripted import FakeClock, ScriptedStation, Show, settle, until
 
 pytestmark = pytest.mark.long
 
@@ -55,11 +54,9 @@ def said(column: CandidateColumn) -> str:
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 36)])
 async def test_readings_and_ways_stand_beside_the_plan_with_all_that_tells_them_apart(
-    tmp_path: Path, size: tuple[int, int]
+    size: tuple[int, int], show: Show
 ) -> None:
-    station, clock = waiting(WAY, OTHER), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=size) as pilot:
+    async with show(waiting(WAY, OTHER), size=size) as (app, pilot, station, clock):
         screen = await opened(pilot, app, station, clock)
         await until(pilot, lambda: len(screen.columns) == 3)
         await settle(pilot)
@@ -88,11 +85,9 @@ async def test_readings_and_ways_stand_beside_the_plan_with_all_that_tells_them_
     ],
 )
 async def test_what_is_chosen_is_put_forward_and_never_approved(
-    tmp_path: Path, keys: tuple[str, ...], kind: str
+    keys: tuple[str, ...], kind: str, show: Show
 ) -> None:
-    station, clock = waiting(WAY), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=(120, 36)) as pilot:
+    async with show(waiting(WAY)) as (app, pilot, station, clock):
         screen = await opened(pilot, app, station, clock)
         await until(pilot, lambda: len(screen.columns) == 3)
         await pilot.press(*keys)
@@ -104,11 +99,10 @@ async def test_what_is_chosen_is_put_forward_and_never_approved(
             assert station.decisions[0].asked == READING
 
 
-async def test_what_is_being_rehearsed_is_said_and_can_be_left(tmp_path: Path) -> None:
+async def test_what_is_being_rehearsed_is_said_and_can_be_left(show: Show) -> None:
     station, clock = waiting(WAY), FakeClock()
     station.slow.clear()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=(120, 36)) as pilot:
+    async with show(station, clock=clock) as (app, pilot, station, _):
         screen = await opened(pilot, app, station, clock)
         note = str(screen.query_one("#comparison-note", Static).render())
         assert "rehearsing another way" in note
@@ -121,10 +115,8 @@ async def test_what_is_being_rehearsed_is_said_and_can_be_left(tmp_path: Path) -
         assert not [worker for worker in app.workers if worker.group == "comparison"]
 
 
-async def test_it_is_closed_when_the_plan_no_longer_waits(tmp_path: Path) -> None:
-    station, clock = waiting(WAY), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=(120, 36)) as pilot:
+async def test_it_is_closed_when_the_plan_no_longer_waits(show: Show) -> None:
+    async with show(waiting(WAY)) as (app, pilot, station, clock):
         await opened(pilot, app, station, clock)
         over = ev.MissionFinished(status="cancelled", reason="it is over", metrics=Metrics())
         station.emit(over)
@@ -133,11 +125,8 @@ async def test_it_is_closed_when_the_plan_no_longer_waits(tmp_path: Path) -> Non
         assert station.decisions == []
 
 
-async def test_before_the_panel_takes_keys_it_does_not_open(tmp_path: Path) -> None:
-    station, clock = waiting(WAY), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=(120, 36)) as pilot:
-        await settle(pilot, station)
+async def test_before_the_panel_takes_keys_it_does_not_open(show: Show) -> None:
+    async with show(waiting(WAY)) as (app, pilot, _, _):
         await pilot.press("alt+c")
         await settle(pilot)
         assert app.screen is app.session.main

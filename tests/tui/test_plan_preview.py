@@ -1,6 +1,5 @@
 """A plan is seen before it runs: on the map, as a schedule, played, and beside other readings."""
 
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -18,12 +17,12 @@ from pa_console.tui.approval.plan_text import PlanSchedule, schedule_lines
 from pa_console.tui.map.plan_layer import PlanLayer
 from pa_console.tui.map.scene import MapScene
 from pa_console.tui.plan_preview import LONGEST_S, STAYS_S, PlanPreview
+from pa_console.tui.rows import Row, layout
 from pa_console.tui.screens.main import PLAY_FRAME_S
-from pa_console.tui.trace.rows import Row, layout
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import compound, living, story
-from tests.tui.scripted import FakeClock, ScriptedStation, console, settle, until
+from tests.tui.scripted import FakeClock, ScriptedStation, Show, settle, until
 from tests.tui.site import WORLD
 from tests.tui.story import stamped
 
@@ -196,11 +195,9 @@ async def armed(pilot: Pilot[Any], station: ScriptedStation, clock: FakeClock) -
 
 @pytest.mark.parametrize("size", [(80, 24), SIZE, (200, 60)])
 async def test_what_waits_is_on_the_map_and_gone_once_it_is_decided(
-    tmp_path: Path, size: tuple[int, int]
+    size: tuple[int, int], show: Show
 ) -> None:
-    station, clock = ScriptedStation(story.told("approval")), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=size) as pilot:
+    async with show(story.told("approval"), size=size) as (app, pilot, station, clock):
         await armed(pilot, station, clock)
         view = app.screen.query_one(MapView)
         assert "1→3" in view.text()
@@ -211,10 +208,8 @@ async def test_what_waits_is_on_the_map_and_gone_once_it_is_decided(
         assert title(app) == "Map"
 
 
-async def test_space_plays_the_rehearsal_and_stops_it(tmp_path: Path) -> None:
-    station, clock = ScriptedStation(story.told("approval")), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
+async def test_space_plays_the_rehearsal_and_stops_it(show: Show) -> None:
+    async with show(story.told("approval")) as (app, pilot, station, clock):
         await armed(pilot, station, clock)
         live = app.screen.query_one(MapView).text()
         await pilot.press("space")
@@ -230,10 +225,8 @@ async def test_space_plays_the_rehearsal_and_stops_it(tmp_path: Path) -> None:
         assert station.decisions == []
 
 
-async def test_a_rehearsal_that_was_played_gives_way_to_the_live_picture(tmp_path: Path) -> None:
-    station, clock = ScriptedStation(story.told("approval")), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
+async def test_a_rehearsal_that_was_played_gives_way_to_the_live_picture(show: Show) -> None:
+    async with show(story.told("approval")) as (app, pilot, station, clock):
         await armed(pilot, station, clock)
         await pilot.press("space")
         clock.now += LONGEST_S + STAYS_S + PLAY_FRAME_S
@@ -243,10 +236,8 @@ async def test_a_rehearsal_that_was_played_gives_way_to_the_live_picture(tmp_pat
         assert [decision.kind for decision in station.decisions] == ["approve"]
 
 
-async def test_a_space_in_the_middle_of_a_text_plays_nothing(tmp_path: Path) -> None:
-    station, clock = ScriptedStation(story.told("approval")), FakeClock()
-    app = console(station, tmp_path, clock, key_time=lambda _key: clock.now)
-    async with app.run_test(size=SIZE) as pilot:
+async def test_a_space_in_the_middle_of_a_text_plays_nothing(show: Show) -> None:
+    async with show(story.told("approval"), keys_by_clock=True) as (app, pilot, station, clock):
         await armed(pilot, station, clock)
         await pilot.press(*"he", "space", *"is")
         await settle(pilot)
@@ -254,10 +245,8 @@ async def test_a_space_in_the_middle_of_a_text_plays_nothing(tmp_path: Path) -> 
         assert station.decisions == []
 
 
-async def test_what_is_played_ends_with_the_request(tmp_path: Path) -> None:
-    station, clock = ScriptedStation(story.told("approval")), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
+async def test_what_is_played_ends_with_the_request(show: Show) -> None:
+    async with show(story.told("approval")) as (app, pilot, station, clock):
         await armed(pilot, station, clock)
         await pilot.press("space")
         assert "REHEARSAL" in title(app)
@@ -266,12 +255,11 @@ async def test_what_is_played_ends_with_the_request(tmp_path: Path) -> None:
         assert title(app) == "Map"
 
 
-async def test_another_reading_is_looked_at_before_it_is_chosen(tmp_path: Path) -> None:
+async def test_another_reading_is_looked_at_before_it_is_chosen(show: Show) -> None:
     told = story.told("approval", confidence=0.41, readings=(READING,))
     station, clock = ScriptedStation(told), FakeClock()
     station.rehearsed[READING] = compound.reading()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with show(station, size=(120, 40), clock=clock) as (app, pilot, station, _):
         await armed(pilot, station, clock)
         own = app.screen.query_one(MapView).text()
         await pilot.press("alt+1")
@@ -289,12 +277,11 @@ async def test_another_reading_is_looked_at_before_it_is_chosen(tmp_path: Path) 
         assert [(made.kind, made.asked) for made in station.decisions] == [("choose", READING)]
 
 
-async def test_approve_is_about_the_plan_that_waits_whatever_was_looked_at(tmp_path: Path) -> None:
+async def test_approve_is_about_the_plan_that_waits_whatever_was_looked_at(show: Show) -> None:
     told = story.told("approval", confidence=0.8, readings=(READING,))
     station, clock = ScriptedStation(told), FakeClock()
     station.rehearsed[READING] = compound.reading()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with show(station, size=(120, 40), clock=clock) as (app, pilot, station, _):
         await armed(pilot, station, clock)
         await pilot.press("alt+1")
         await until(pilot, lambda: "send 2 drones to EastGate" in title(app))
@@ -305,11 +292,9 @@ async def test_approve_is_about_the_plan_that_waits_whatever_was_looked_at(tmp_p
         assert [made.kind for made in station.decisions] == ["approve"]
 
 
-async def test_a_reading_that_cannot_be_rehearsed_says_so(tmp_path: Path) -> None:
+async def test_a_reading_that_cannot_be_rehearsed_says_so(show: Show) -> None:
     told = story.told("approval", confidence=0.41, readings=(READING,))
-    station, clock = ScriptedStation(told), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with show(told, size=(120, 40)) as (app, pilot, station, clock):
         await armed(pilot, station, clock)
         await pilot.press("alt+1")
         rows = app.screen.query_one("#approval-looked-at", TextRows)
@@ -318,10 +303,8 @@ async def test_a_reading_that_cannot_be_rehearsed_says_so(tmp_path: Path) -> Non
         assert title(app) == "Map"
 
 
-async def test_a_plan_that_was_read_to_its_end_stays_read_when_it_is_played(tmp_path: Path) -> None:
-    station, clock = ScriptedStation(compound.told()), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=(80, 24)) as pilot:
+async def test_a_plan_that_was_read_to_its_end_stays_read_when_it_is_played(show: Show) -> None:
+    async with show(compound.told(), size=(80, 24)) as (app, pilot, station, clock):
         await armed(pilot, station, clock)
         approve = app.screen.query_one("#approve", Button)
         assert approve.disabled
@@ -336,11 +319,9 @@ async def test_a_plan_that_was_read_to_its_end_stays_read_when_it_is_played(tmp_
         assert not approve.disabled
 
 
-async def test_a_recorded_approval_shows_its_panel_and_decides_nothing(tmp_path: Path) -> None:
+async def test_a_recorded_approval_shows_its_panel_and_decides_nothing(show: Show) -> None:
     player = Player.of(stamped(story.told("approval")))
-    app = console(None, tmp_path, player=player)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot)
+    async with show(None, player=player) as (app, pilot, _, _):
         for _ in range(len(story.told("approval"))):
             await pilot.press("right")
         await settle(pilot)
@@ -352,13 +333,11 @@ async def test_a_recorded_approval_shows_its_panel_and_decides_nothing(tmp_path:
         assert "1→3" in app.screen.query_one(MapView).text()
 
 
-async def test_panel_and_header_name_the_same_phase(tmp_path: Path) -> None:
+async def test_panel_and_header_name_the_same_phase(show: Show) -> None:
     told = [*living.workflow(), *story.judged()[:-1]]
     station = ScriptedStation(told)
     station.emit(ev.ApprovalRequested(attempt=3, plan=story.PLAN, state="approve"))
-    app = console(station, tmp_path, FakeClock())
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(station) as (app, pilot, station, _):
         said = app.screen.query_one("#approval-text", TextRows).render().plain
         assert "phase warn of Track_01" in said
         station.emit(living.move(3))
@@ -369,12 +348,9 @@ async def test_panel_and_header_name_the_same_phase(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("size", [SIZE, (160, 50), (200, 60)])
 async def test_the_scale_of_the_map_stays_when_the_prompt_grows(
-    tmp_path: Path, size: tuple[int, int]
+    size: tuple[int, int], show: Show
 ) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path, FakeClock())
-    async with app.run_test(size=size) as pilot:
-        await settle(pilot, station)
+    async with show(story.opening(), size=size) as (app, pilot, station, _):
         view = app.screen.query_one(MapView)
         before, rows = apart(view), view.size.height
         await pilot.press(*"one", "shift+enter", *"two", "shift+enter", *"three")

@@ -1,7 +1,5 @@
 """A question at the prompt is answered in a panel; the plan that waits goes on waiting."""
 
-from pathlib import Path
-
 import pytest
 from textual.widgets import Static
 
@@ -10,19 +8,18 @@ from pa_console.schema.events.event import AnswerLine
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.station.alternatives import Alternative
-from pa_console.tui.answers.screen import LOOKING, AnswerScreen
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.approval.comparison import PlanComparison
 from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel
+from pa_console.tui.controllers.answers import LOOKING, AnswerScreen
 from pa_console.tui.widgets.mission_prompt import MissionInput
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
-from tests.tui.scripted import FakeClock, ScriptedStation, console, settle, until
+from tests.tui.scripted import FakeClock, ScriptedStation, Show, settle, until
 from tests.tui.test_mission import shown
 
 pytestmark = pytest.mark.long
 
-SIZE = (120, 36)
 WHY = Question("Why not Ugv_T02?", "other_asset", ("Ugv_T02",))
 INSTEAD = Question("What else?", "alternatives")
 LINES = (
@@ -47,14 +44,12 @@ def said(app: ConsoleApp) -> str:
 
 @pytest.mark.parametrize("slow", [False, True])
 async def test_a_question_is_answered_over_a_plan_that_still_waits(
-    tmp_path: Path, *, slow: bool
+    show: Show, *, slow: bool
 ) -> None:
     station, clock = asked("approval"), FakeClock()
     if slow:
         station.slow.clear()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(station, clock=clock) as (app, pilot, station, _):
         await pilot.press("escape", "slash", *WHY.text, "enter")
         await until(pilot, lambda: isinstance(app.screen, AnswerScreen))
         if slow:
@@ -76,22 +71,16 @@ async def test_a_question_is_answered_over_a_plan_that_still_waits(
         assert not station.decisions
 
 
-async def test_an_order_beside_a_question_is_an_order(tmp_path: Path) -> None:
-    station = asked("approval")
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_an_order_beside_a_question_is_an_order(show: Show) -> None:
+    async with show(asked("approval")) as (app, pilot, station, _):
         await pilot.press("escape", "slash", *"Send it instead", "enter")
         await settle(pilot, station)
         assert station.submitted == ["Send it instead"]
         assert app.screen is app.session.main
 
 
-async def test_what_else_stands_beside_the_plan_that_waits(tmp_path: Path) -> None:
-    station, clock = asked("approval"), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_what_else_stands_beside_the_plan_that_waits(show: Show) -> None:
+    async with show(asked("approval")) as (app, pilot, station, _):
         await pilot.press("escape", "slash", *INSTEAD.text, "enter")
         await until(pilot, lambda: isinstance(app.screen, PlanComparison))
         screen = app.screen
@@ -103,13 +92,8 @@ async def test_what_else_stands_beside_the_plan_that_waits(tmp_path: Path) -> No
         assert not station.submitted
 
 
-async def test_where_nothing_waits_an_order_for_what_is_chosen_is_only_typed(
-    tmp_path: Path,
-) -> None:
-    station = asked("finished")
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_where_nothing_waits_an_order_for_what_is_chosen_is_only_typed(show: Show) -> None:
+    async with show(asked("finished")) as (app, pilot, station, _):
         await pilot.press("escape", "slash", *INSTEAD.text, "enter")
         await until(pilot, lambda: isinstance(app.screen, PlanComparison))
         screen = app.screen
@@ -125,11 +109,8 @@ async def test_where_nothing_waits_an_order_for_what_is_chosen_is_only_typed(
         assert not station.decisions
 
 
-async def test_the_stop_works_while_an_answer_is_read(tmp_path: Path) -> None:
-    station = asked("executing")
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_the_stop_works_while_an_answer_is_read(show: Show) -> None:
+    async with show(asked("executing")) as (app, pilot, station, _):
         await pilot.press("escape", "slash", *WHY.text, "enter")
         await until(pilot, lambda: isinstance(app.screen, AnswerScreen))
         await pilot.press("f9")

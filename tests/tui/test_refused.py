@@ -1,28 +1,22 @@
 """Read-only and replay refuse every command and say so; small terminals lose nothing."""
 
-from pathlib import Path
-
 from textual.widgets import Static
 
 from pa_console.schema.events.event import TelemetryReceived
 from pa_console.session.recording import Player
-from pa_console.tui.actions.registry import ACTIONS, ActionContext
+from pa_console.tui.actions import ACTIONS, ActionContext
 from pa_console.tui.approval.panel import ApprovalPanel
 from pa_console.tui.widgets.bars import StatusBar
 from pa_console.tui.widgets.map_view import MapView
 from tests.tui import story
-from tests.tui.scripted import FakeClock, ScriptedStation, console, settle
+from tests.tui.scripted import Show, settle
 from tests.tui.story import stamped
 
-SIZE = (120, 36)
 COMMANDS = ("cancel", "stop", "prompt", "approval")
 
 
-async def test_readonly_shows_everything_and_refuses_every_command(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("approval"))
-    app = console(station, tmp_path, readonly=True)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_readonly_shows_everything_and_refuses_every_command(show: Show) -> None:
+    async with show(story.told("approval"), readonly=True) as (app, pilot, station, _):
         await pilot.press("i", "a", "r", "f7", "f8", "f9", "S", "c", "enter")
         await settle(pilot, station)
         assert (station.submitted, station.decisions) == ([], [])
@@ -41,12 +35,9 @@ def test_no_command_is_legal_in_a_replay_or_read_only() -> None:
             assert not action.refusal(ActionContext(**full))
 
 
-async def test_replay_plays_steps_and_refuses(tmp_path: Path) -> None:
-    clock = FakeClock()
+async def test_replay_plays_steps_and_refuses(show: Show) -> None:
     player = Player.of(stamped(story.told("finished")))
-    app = console(None, tmp_path, clock, player=player)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot)
+    async with show(None, player=player) as (app, pilot, _, _):
         await pilot.press("right", "right", "right")
         await settle(pilot)
         assert player.index == 3
@@ -62,12 +53,9 @@ async def test_replay_plays_steps_and_refuses(tmp_path: Path) -> None:
         assert not app.screen.query_one(ApprovalPanel).display
 
 
-async def test_replay_plays_on_with_the_clock(tmp_path: Path) -> None:
-    clock = FakeClock()
+async def test_replay_plays_on_with_the_clock(show: Show) -> None:
     player = Player.of(stamped(story.told("finished")))
-    app = console(None, tmp_path, clock, player=player)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot)
+    async with show(None, player=player) as (app, pilot, _, clock):
         await pilot.press("space")
         clock.now += 1000.0
         while not player.finished:
@@ -76,11 +64,8 @@ async def test_replay_plays_on_with_the_clock(tmp_path: Path) -> None:
         assert "ended" in str(app.screen.query_one("#replay", Static).render())
 
 
-async def test_a_tiny_terminal_gets_a_friendly_word(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("approval"))
-    app = console(station, tmp_path)
-    async with app.run_test(size=(50, 12)) as pilot:
-        await settle(pilot, station)
+async def test_a_tiny_terminal_gets_a_friendly_word(show: Show) -> None:
+    async with show(story.told("approval"), size=(50, 12)) as (app, pilot, _, _):
         note = app.screen.query_one("#too-small", Static)
         assert note.display
         assert "60 x 18" in str(note.render())
@@ -90,11 +75,8 @@ async def test_a_tiny_terminal_gets_a_friendly_word(tmp_path: Path) -> None:
         assert app.screen.query_one("#body").display
 
 
-async def test_a_small_terminal_reaches_every_pane(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("executing"))
-    app = console(station, tmp_path)
-    async with app.run_test(size=(60, 18)) as pilot:
-        await settle(pilot, station)
+async def test_a_small_terminal_reaches_every_pane(show: Show) -> None:
+    async with show(story.told("executing"), size=(60, 18)) as (app, pilot, _, _):
         for key, pane in (("f3", "assets"), ("f4", "trace"), ("f5", "events"), ("f2", "map")):
             await pilot.press(key)
             await settle(pilot)
@@ -103,22 +85,16 @@ async def test_a_small_terminal_reaches_every_pane(tmp_path: Path) -> None:
             assert seen == [pane]
 
 
-async def test_all_parts_of_a_decision_are_on_a_small_terminal(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("approval", broken=("CAP-04",)))
-    app = console(station, tmp_path)
-    async with app.run_test(size=(60, 18)) as pilot:
-        await settle(pilot, station)
+async def test_all_parts_of_a_decision_are_on_a_small_terminal(show: Show) -> None:
+    async with show(story.told("approval", broken=("CAP-04",)), size=(60, 18)) as (app, _, _, _):
         for name in ("reject", "modify", "approve", "approval-reason", "map"):
             region = app.screen.query_one(f"#{name}").region
             assert region.area
             assert region.bottom <= 18
 
 
-async def test_a_hidden_map_is_up_to_date_when_it_is_shown_again(tmp_path: Path) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(pilot, station)
+async def test_a_hidden_map_is_up_to_date_when_it_is_shown_again(show: Show) -> None:
+    async with show(story.opening(), size=(80, 24)) as (app, pilot, station, _):
         await pilot.press("f4")
         station.emit(TelemetryReceived(picture=story.moving_picture()), mission=None)
         await settle(pilot, station)

@@ -15,19 +15,19 @@ from pa_console.schema.mission import Decision
 from pa_console.session.log_index import LogIndex, Progress, build_index
 from pa_console.session.recording import Player
 from pa_console.tui.app import ConsoleApp
-from pa_console.tui.replay.position import read_position
-from pa_console.tui.replay.recordings import KnownWorld, open_compared
-from pa_console.tui.screens import opening_log
-from pa_console.tui.screens.compare import CompareScreen, Side
+from pa_console.tui.controllers.replay import read_position
+from pa_console.tui.recordings import KnownWorld, OpenedLog, open_compared
+from pa_console.tui.screens import dialogs
+from pa_console.tui.screens.compare import CompareScreen
+from pa_console.tui.screens.dialogs import OpeningLog
 from pa_console.tui.screens.find_event import FindEvent, HitRows
-from pa_console.tui.screens.opening_log import OpeningLog
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.widgets.bars import Scrubber, StatusBar
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.row_views import TextRows
 from tests.session.logs import write_log
 from tests.tui import story
-from tests.tui.scripted import FakeClock, console, settle, until
+from tests.tui.scripted import FakeClock, Show, console, settle, until
 from tests.tui.site import RULES, WORLD
 from tests.tui.story import stamped
 
@@ -71,12 +71,10 @@ async def press(pilot: Pilot[Any], *keys: str) -> None:
 
 
 async def test_one_goes_through_a_recording_by_events_seconds_missions_and_findings(
-    tmp_path: Path,
+    show: Show,
 ) -> None:
     tape = player()
-    app = console(None, tmp_path, player=tape)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot)
+    async with show(None, size=SIZE, player=tape) as (app, pilot, _, _):
         await press(pilot, "n")
         assert tape.index == index_of("mission_received") + 1
         await press(pilot, "n")
@@ -94,20 +92,16 @@ async def test_one_goes_through_a_recording_by_events_seconds_missions_and_findi
         assert tape.index == index_of("mission_received") + 1
 
 
-async def test_the_two_clocks_of_a_recording_say_what_they_are(tmp_path: Path) -> None:
-    app = console(None, tmp_path, player=player())
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot)
+async def test_the_two_clocks_of_a_recording_say_what_they_are(show: Show) -> None:
+    async with show(None, size=SIZE, player=player()) as (app, pilot, _, _):
         await press(pilot, "n")
         assert "session 05:00 ×1" in str(app.screen.query_one(StatusBar).render())
         assert "log 00:05 of 01:06" in str(app.screen.query_one("#replay", Static).render())
 
 
-async def test_the_rate_goes_from_a_quarter_to_thirty_two(tmp_path: Path) -> None:
+async def test_the_rate_goes_from_a_quarter_to_thirty_two(show: Show) -> None:
     tape = player()
-    app = console(None, tmp_path, player=tape)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot)
+    async with show(None, size=SIZE, player=tape) as (app, pilot, _, _):
         await press(pilot, *["plus"] * 7)
         assert tape.rate == 32.0
         await press(pilot, *["minus"] * 9)
@@ -115,10 +109,8 @@ async def test_the_rate_goes_from_a_quarter_to_thirty_two(tmp_path: Path) -> Non
         assert "×0.25" in str(app.screen.query_one("#replay", Static).render())
 
 
-async def test_every_command_is_refused_with_a_notice(tmp_path: Path) -> None:
-    app = console(None, tmp_path, player=player())
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot)
+async def test_every_command_is_refused_with_a_notice(show: Show) -> None:
+    async with show(None, size=SIZE, player=player()) as (app, pilot, _, _):
         assert "Type one below" not in str(app.screen.query_one("#trace-head", TextRows).render())
         await press(pilot, "n")
         for number, key in enumerate(("S", "f9", "i", "slash", "c", "k", "a", "r", "m", "x")):
@@ -127,11 +119,9 @@ async def test_every_command_is_refused_with_a_notice(tmp_path: Path) -> None:
             assert "refused: this is a recording" in notices(app)[-1]
 
 
-async def test_a_place_on_the_bar_is_gone_to_and_marks_stand_on_it(tmp_path: Path) -> None:
+async def test_a_place_on_the_bar_is_gone_to_and_marks_stand_on_it(show: Show) -> None:
     tape = player()
-    app = console(None, tmp_path, player=tape)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot)
+    async with show(None, size=SIZE, player=tape) as (app, pilot, _, _):
         bar = str(app.screen.query_one(Scrubber).render())
         assert [bar.count(sign) for sign in "◆✘‼"] == [1, 1, 1]
         await pilot.click(Scrubber, offset=(40, 0))
@@ -139,11 +129,9 @@ async def test_a_place_on_the_bar_is_gone_to_and_marks_stand_on_it(tmp_path: Pat
         assert tape.position == pytest.approx(tape.duration / 2, abs=1.0)
 
 
-async def test_words_are_searched_and_the_event_found_is_gone_to(tmp_path: Path) -> None:
+async def test_words_are_searched_and_the_event_found_is_gone_to(show: Show) -> None:
     tape = player()
-    app = console(None, tmp_path, player=tape)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot)
+    async with show(None, size=SIZE, player=tape) as (app, pilot, _, _):
         await press(pilot, "s", *"FAR reject")
         await app.workers.wait_for_complete()
         assert isinstance(app.screen, FindEvent)
@@ -178,11 +166,9 @@ def test_moments_are_read_in_every_way_that_is_offered() -> None:
         read_position("101%", tape)
 
 
-async def test_a_moment_that_is_none_is_told_and_can_be_mended(tmp_path: Path) -> None:
+async def test_a_moment_that_is_none_is_told_and_can_be_mended(show: Show) -> None:
     tape = player()
-    app = console(None, tmp_path, player=tape)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot)
+    async with show(None, size=SIZE, player=tape) as (app, pilot, _, _):
         await press(pilot, "G", *"soon", "enter")
         assert "is no moment" in str(app.screen.query_one("#ask-note", Static).render())
         app.screen.query_one(Input).value = "#2"
@@ -190,10 +176,10 @@ async def test_a_moment_that_is_none_is_told_and_can_be_mended(tmp_path: Path) -
         assert tape.index == 2
 
 
-def sides(changed: list[ev.Event]) -> tuple[Side, Side]:
+def sides(changed: list[ev.Event]) -> tuple[OpenedLog, OpenedLog]:
     rules = {rule.id: rule for rule in RULES}
     a, b = (Player.of(events).recording for events in (happened(), changed))
-    return Side("a.jsonl", a, WORLD, rules), Side("b.jsonl", b, WORLD, rules)
+    return OpenedLog("a.jsonl", a, WORLD, rules), OpenedLog("b.jsonl", b, WORLD, rules)
 
 
 def otherwise() -> list[ev.Event]:
@@ -204,12 +190,8 @@ def otherwise() -> list[ev.Event]:
     return [*told[:-2], told[-2].model_copy(update={"data": data}), told[-1]]
 
 
-async def test_two_recordings_are_shown_side_by_side_and_each_can_be_opened(
-    tmp_path: Path,
-) -> None:
-    app = console(None, tmp_path, player=player())
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot)
+async def test_two_recordings_are_shown_side_by_side_and_each_can_be_opened(show: Show) -> None:
+    async with show(None, size=SIZE, player=player()) as (app, pilot, _, _):
         await app.push_screen(CompareScreen(*sides(otherwise()), FakeClock()))
         await pilot.pause()
         await app.workers.wait_for_complete()
@@ -234,11 +216,11 @@ async def compare_with(pilot: Pilot[Any], log: Path) -> None:
     await press(pilot, "enter")
 
 
-async def test_another_log_is_asked_for_and_one_that_is_none_is_told(tmp_path: Path) -> None:
+async def test_another_log_is_asked_for_and_one_that_is_none_is_told(
+    tmp_path: Path, show: Show
+) -> None:
     log = write_log(tmp_path / "other.jsonl", otherwise(), "S2")
-    app = console(None, tmp_path, player=player())
-    async with app.run_test(size=(120, 36)) as pilot:
-        await settle(pilot)
+    async with show(None, player=player()) as (app, pilot, _, _):
         await press(pilot, "C", *"none", "enter")
         assert "there is no such log" in str(app.screen.query_one("#ask-note", Static).render())
         app.screen.query_one(Input).value = str(log)
@@ -305,7 +287,7 @@ async def test_a_large_log_is_read_beside_the_screen_with_a_bar(
         return build_index(path, file, size, progress)
 
     monkeypatch.setattr("pa_console.session.recording.build_index", build)
-    monkeypatch.setattr(opening_log, "LARGE", 1)
+    monkeypatch.setattr(dialogs, "LARGE", 1)
     app = console(None, tmp_path, player=player())
     async with app.run_test(size=SIZE) as pilot:
         await compare_with(pilot, log)
@@ -328,7 +310,7 @@ async def test_a_large_log_that_is_none_is_told(
 ) -> None:
     log = tmp_path / "none.jsonl"
     log.write_bytes(b"rubbish\n")
-    monkeypatch.setattr(opening_log, "LARGE", 1)
+    monkeypatch.setattr(dialogs, "LARGE", 1)
     app = console(None, tmp_path, player=player())
     async with app.run_test(size=SIZE) as pilot:
         await compare_with(pilot, log)
@@ -339,21 +321,17 @@ async def test_a_large_log_that_is_none_is_told(
 
 
 async def test_a_log_that_changes_under_a_replay_is_told_and_nothing_breaks(
-    tmp_path: Path,
+    tmp_path: Path, show: Show
 ) -> None:
     log = write_log(tmp_path / "log.jsonl", happened())
-    app = console(None, tmp_path, player=Player.open(log))
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot)
+    async with show(None, size=SIZE, player=Player.open(log)) as (app, pilot, _, _):
         log.write_bytes(b"x" * log.stat().st_size)
         await press(pilot, "right")
         assert "has changed since the log was opened" in notices(app)[-1]
 
 
-async def test_the_screen_follows_the_terminal_as_it_grows_and_shrinks(tmp_path: Path) -> None:
-    app = console(None, tmp_path, player=player())
-    async with app.run_test(size=(120, 36)) as pilot:
-        await settle(pilot)
+async def test_the_screen_follows_the_terminal_as_it_grows_and_shrinks(show: Show) -> None:
+    async with show(None, player=player()) as (app, pilot, _, _):
         for width, height in ((80, 24), (120, 36), (80, 24)):
             await pilot.resize_terminal(width, height)
             await settle(pilot)

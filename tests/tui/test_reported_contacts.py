@@ -1,7 +1,5 @@
 """What others on a TAK server report is on the map, and is never taken for what we see."""
 
-from pathlib import Path
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -15,7 +13,7 @@ from pa_console.tui.map.scene import MapScene, short_name
 from pa_console.tui.widgets.event_list import EventList
 from pa_console.tui.widgets.map_view import MapView
 from tests.tui import story
-from tests.tui.scripted import ScriptedStation, console, settle
+from tests.tui.scripted import Show, settle
 from tests.tui.site import WORLD
 from tests.tui.story import stamped
 
@@ -27,11 +25,8 @@ def shown_map(app: ConsoleApp) -> str:
     return app.screen.query_one(MapView).text()
 
 
-async def test_a_contact_is_on_the_map_until_it_is_lost(tmp_path: Path) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
-    async with app.run_test(size=WIDE) as pilot:
-        await settle(pilot, station)
+async def test_a_contact_is_on_the_map_until_it_is_lost(show: Show) -> None:
+    async with show(story.opening(), size=WIDE) as (app, pilot, station, _):
         before = shown_map(app)
         assert "◌" not in before
         station.emit(story.TAK_UP, *story.reported(), mission=None)
@@ -48,12 +43,10 @@ async def test_a_contact_is_on_the_map_until_it_is_lost(tmp_path: Path) -> None:
         assert shown_map(app) == before
 
 
-async def test_a_replay_shows_it_where_it_was_reported(tmp_path: Path) -> None:
+async def test_a_replay_shows_it_where_it_was_reported(show: Show) -> None:
     lost = [ev.ContactLost(uid=f"ANDROID-{n}", reason="stale") for n in (1, 2)]
     player = Player.of(stamped([*story.opening(), story.TAK_UP, *story.reported(), *lost]))
-    app = console(None, tmp_path, player=player)
-    async with app.run_test(size=WIDE) as pilot:
-        await settle(pilot)
+    async with show(None, size=WIDE, player=player) as (app, pilot, _, _):
         seen: list[tuple[bool, bool]] = []
         for _ in range(len(player.recording)):
             await pilot.press("right")
@@ -65,11 +58,13 @@ async def test_a_replay_shows_it_where_it_was_reported(tmp_path: Path) -> None:
         assert not any(any(each) for each in seen[:begin])
 
 
-async def test_a_contact_cannot_be_pointed_at(tmp_path: Path) -> None:
-    station = ScriptedStation([*story.opening(), story.TAK_UP, *story.reported()])
-    app = console(station, tmp_path)
-    async with app.run_test(size=WIDE) as pilot:
-        await settle(pilot, station)
+async def test_a_contact_cannot_be_pointed_at(show: Show) -> None:
+    async with show([*story.opening(), story.TAK_UP, *story.reported()], size=WIDE) as (
+        app,
+        _,
+        _,
+        _,
+    ):
         view = app.screen.query_one(MapView)
         cells = [
             (column, row)

@@ -15,8 +15,8 @@ from pa_console.policy.rulebook import Rulebook, load_rules, read_rule_set
 from pa_console.schema.events.event import EventPayload, Noticed, RulesReplaced
 from pa_console.signing import KEY_VARIABLE, load_signer
 from pa_console.tui.app import ConsoleApp
+from pa_console.tui.screens.dialogs import Confirm
 from pa_console.tui.screens.policies import PolicyScreen
-from pa_console.tui.screens.questions import Confirm
 from pa_console.tui.screens.rule_editor import RuleEditor
 from pa_console.tui.terminal import editor_command
 from pa_console.tui.widgets.row_views import TextRows

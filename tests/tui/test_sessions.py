@@ -11,9 +11,8 @@ from pa_console.settings.sources import load_settings
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.screens.compare import CompareScreen
 from pa_console.tui.screens.recording import RecordingScreen
-from pa_console.tui.screens.sessions import SessionsScreen
+from pa_console.tui.screens.sessions import SessionRows, SessionsScreen
 from pa_console.tui.widgets.row_views import TextRows
-from pa_console.tui.widgets.session_rows import SessionRows
 from tests.session.logs import write_log
 from tests.tui import story
 from tests.tui.scripted import ScriptedStation, console, notices, settle, until

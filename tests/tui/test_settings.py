@@ -9,8 +9,7 @@ from textual.pilot import Pilot
 from textual.widgets import Input, OptionList, Select, Static
 
 from pa_console.settings.sources import load_settings
-from pa_console.tui.actions.keymap import KeymapError, check_keys, key_names
-from pa_console.tui.actions.registry import ACTIONS
+from pa_console.tui.actions import ACTIONS, KeymapError, check_keys, key_names
 from pa_console.tui.approval.panel import ApprovalPanel
 from pa_console.tui.screens.help import HelpScreen
 from pa_console.tui.screens.policies import PolicyScreen
@@ -19,7 +18,7 @@ from pa_console.tui.theme import DEFAULT_THEME
 from pa_console.tui.widgets.bars import StatusBar
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
-from tests.tui.scripted import ScriptedStation, console, settle
+from tests.tui.scripted import ScriptedStation, Show, console, settle
 
 Compare = Callable[..., bool]
 SIZE = (120, 36)
@@ -52,12 +51,10 @@ def note(screen: SettingsScreen) -> str:
 
 
 async def test_a_value_is_checked_while_it_is_typed_and_saved_with_enter(
-    tmp_path: Path, file: Path
+    file: Path, show: Show
 ) -> None:
     file.write_text("# mine\nspeed: 2\n")
-    station = ScriptedStation(story.told("executing"))
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
+    async with show(story.told("executing")) as (app, pilot, station, _):
         screen = await opened(pilot, station, "approval_delay_s")
         help_text = str(screen.query_one(TextRows).render())
         assert "from 0.2 to 10" in help_text
@@ -92,12 +89,10 @@ async def test_a_value_is_checked_while_it_is_typed_and_saved_with_enter(
 
 
 async def test_a_theme_is_shown_at_once_and_what_is_not_in_force_yet_is_told(
-    tmp_path: Path, file: Path, monkeypatch: pytest.MonkeyPatch
+    file: Path, monkeypatch: pytest.MonkeyPatch, show: Show
 ) -> None:
     monkeypatch.setenv("PA_CONSOLE_SPEED", "4")
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
+    async with show(story.opening()) as (app, pilot, station, _):
         screen = await opened(pilot, station, "theme")
         screen.query_one(Select).value = "pa-console-light"
         await settle(pilot)
@@ -122,10 +117,8 @@ async def test_a_theme_is_shown_at_once_and_what_is_not_in_force_yet_is_told(
         assert "speed: 2.0" in file.read_text()
 
 
-async def test_a_key_is_moved_and_the_help_shows_it(tmp_path: Path, file: Path) -> None:
-    station = ScriptedStation(story.told("executing"))
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
+async def test_a_key_is_moved_and_the_help_shows_it(file: Path, show: Show) -> None:
+    async with show(story.told("executing")) as (app, pilot, station, _):
         screen = await opened(pilot, station, "keys.stop")
         await pilot.press("enter")
         screen.query_one(Input).value = "f8"
@@ -146,12 +139,9 @@ async def test_a_key_is_moved_and_the_help_shows_it(tmp_path: Path, file: Path) 
         assert "F11 S" in str(app.screen.query_one(TextRows).render())
 
 
-async def test_what_was_chosen_is_in_force_from_the_start(tmp_path: Path, file: Path) -> None:
+async def test_what_was_chosen_is_in_force_from_the_start(file: Path, show: Show) -> None:
     file.write_text("theme: pa-console-light\nstale_after_s: 20\nkeys: {stop: f11}\n")
-    station = ScriptedStation(story.told("executing"))
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(story.told("executing")) as (app, pilot, station, _):
         assert app.theme == "pa-console-light"
         assert app.session.main is not None
         assert app.session.main.query_one(StatusBar).stale_after_s == 20.0

@@ -15,7 +15,8 @@ from pa_console.session.recording import Player
 from pa_console.station.alternatives import Alternative
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.approval.panel import ApprovalPanel
-from pa_console.tui.screens.compare import CompareScreen, Side
+from pa_console.tui.recordings import OpenedLog
+from pa_console.tui.screens.compare import CompareScreen
 from tests.tui import compound, crowd, living, story
 from tests.tui.scripted import FakeClock, ScriptedStation, console, settle, until
 from tests.tui.site import RULES, WORLD
@@ -156,7 +157,7 @@ def test_two_replays_compared(snap_compare: Compare, tmp_path: Path, size: str) 
         Player.of(stamped(story.told("approval", **options)))
         for options in ({}, {"broken": ("CAP-04",)})
     )
-    sides = (Side("a", a.recording, WORLD, rules), Side("b", b.recording, WORLD, rules))
+    sides = (OpenedLog("a", a.recording, WORLD, rules), OpenedLog("b", b.recording, WORLD, rules))
     app = console(None, tmp_path, clock, player=a)
 
     async def run(pilot: Pilot[Any]) -> None:

@@ -12,11 +12,11 @@ from pa_console.schema.plan import Plan
 from pa_console.terminal.line_console import LineConsole
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel
-from pa_console.tui.standing_orders.screen import StandingOrdersScreen
+from pa_console.tui.screens.standing_orders import StandingOrdersScreen
 from pa_console.tui.widgets.row_views import TextRows
 from pa_console.views.waiting import Waiting
 from tests.tui import story
-from tests.tui.scripted import FakeClock, ScriptedStation, console, settle
+from tests.tui.scripted import ScriptedStation, Show, console, settle
 
 pytestmark = pytest.mark.long
 
@@ -67,12 +67,9 @@ def words(app: ConsoleApp, sheet: str) -> str:
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 36)])
 async def test_it_is_shown_in_words_and_as_cel_and_approved_or_rejected_as_it_is(
-    tmp_path: Path, size: tuple[int, int]
+    size: tuple[int, int], show: Show
 ) -> None:
-    station, clock = ScriptedStation(asked()), FakeClock()
-    app = console(station, tmp_path, clock)
-    async with app.run_test(size=size) as pilot:
-        await settle(pilot, station)
+    async with show(asked(), size=size) as (app, pilot, station, clock):
         said = words(app, "#approval-text")
         shown = (TEXT, ORDER.words, ORDER.condition, "Relieve that asset.")
         now = "Drone_T01: Relieve Drone_T01."
@@ -120,11 +117,8 @@ async def test_all_are_listed_with_what_they_have_started_and_can_be_revoked(
         assert app.screen is app.session.main
 
 
-async def test_without_one_the_screen_says_how_to_give_one(tmp_path: Path) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
-    async with app.run_test(size=(80, 24)) as pilot:
-        await settle(pilot, station)
+async def test_without_one_the_screen_says_how_to_give_one(show: Show) -> None:
+    async with show(story.opening(), size=(80, 24)) as (app, pilot, _, _):
         await pilot.press("escape", "V")
         await settle(pilot)
         assert "Whenever a drone is below 20 %, relieve it." in words(app, "#standing-sheet")

@@ -6,7 +6,7 @@ import pytest
 
 from pa_console.schema.events import event as ev
 from tests.tui import story
-from tests.tui.scripted import ScriptedStation, console, settle
+from tests.tui.scripted import ScriptedStation, Show, console, settle
 from tests.tui.site import WORLD
 from tests.tui.test_log_alarm import top_line
 
@@ -47,13 +47,10 @@ async def test_it_says_how_the_server_of_a_model_is_where_one_is_named(
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 36)])
 async def test_it_says_how_the_tak_server_is_and_how_many_contacts_it_reports(
-    tmp_path: Path, size: tuple[int, int]
+    size: tuple[int, int], show: Show
 ) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
     wide = size[0] > 80
-    async with app.run_test(size=size) as pilot:
-        await settle(pilot, station)
+    async with show(story.opening(), size=size) as (app, pilot, station, _):
         assert "TAK" not in top_line(app)[0]
         station.emit(story.TAK_UP, mission=None)
         await settle(pilot, station)
@@ -71,11 +68,8 @@ async def test_it_says_how_the_tak_server_is_and_how_many_contacts_it_reports(
         assert [line.text for line in lines if line.subject == "TAK"][-1] == down.detail
 
 
-async def test_the_title_makes_room_for_what_has_to_be_known(tmp_path: Path) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
-    async with app.run_test(size=(120, 36)) as pilot:
-        await settle(pilot, station)
+async def test_the_title_makes_room_for_what_has_to_be_known(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, station, _):
         assert WORLD.title in top_line(app)[0]
         gone = {"state": "away", "detail": "no connection to tls://tak.example:8089: gone"}
         slow = ev.WorkerChanged(state="slow")

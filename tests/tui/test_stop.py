@@ -1,19 +1,15 @@
 """A stop stays on the screen until the operator releases it, by a key and an answer."""
 
-from pathlib import Path
-
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.plan import Action
 from pa_console.session.state import SessionState
 from pa_console.tui.approval.plan_rows import approval_rows
-from pa_console.tui.screens.questions import Confirm
+from pa_console.tui.screens.dialogs import Confirm
 from pa_console.tui.widgets.alarms import AlarmBar
 from pa_console.tui.widgets.bars import StatusBar
 from tests.tui import living, story
-from tests.tui.scripted import ScriptedStation, console, notices, settle
-
-SIZE = (120, 36)
+from tests.tui.scripted import ScriptedStation, Show, notices, settle
 
 
 def folded(payloads: list[ev.EventPayload]) -> SessionState:
@@ -24,11 +20,8 @@ def folded(payloads: list[ev.EventPayload]) -> SessionState:
     return state
 
 
-async def test_a_stop_is_released_by_its_key_and_a_yes_and_by_nothing_less(tmp_path: Path) -> None:
-    station = ScriptedStation(living.stopped())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_stop_is_released_by_its_key_and_a_yes_and_by_nothing_less(show: Show) -> None:
+    async with show(living.stopped()) as (app, pilot, station, _):
         bar, status = app.screen.query_one(AlarmBar), app.screen.query_one(StatusBar)
         assert "ALL STOPPED" in str(bar.render())
         assert "STOPPED: ^l releases it" in str(status.render())
@@ -55,22 +48,17 @@ async def test_a_stop_is_released_by_its_key_and_a_yes_and_by_nothing_less(tmp_p
         assert station.released == 1, "there is nothing to release"
 
 
-async def test_whoever_stops_everything_is_told_how_to_release_it(tmp_path: Path) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_whoever_stops_everything_is_told_how_to_release_it(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, station, _):
         await pilot.press("f9")
         await settle(pilot, station)
         assert any("release the stop (^l)" in text for text in notices(app))
 
 
-async def test_a_refused_mission_stays_in_its_field(tmp_path: Path) -> None:
+async def test_a_refused_mission_stays_in_its_field(show: Show) -> None:
     station = ScriptedStation(living.stopped())
     station.refuse = "everything is stopped"
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(station) as (app, pilot, station, _):
         await pilot.press("i", "g", "o", "enter")
         await settle(pilot, station)
         assert not station.submitted

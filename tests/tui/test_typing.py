@@ -1,7 +1,6 @@
 """Keys that no field takes: prose is text and no command; a command needs more than a letter."""
 
 import random
-from pathlib import Path
 
 import pytest
 from textual import events
@@ -10,16 +9,14 @@ from textual.widgets import Button, Input
 
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel
+from pa_console.tui.controllers.typing import TEXT_S, KeyLine
 from pa_console.tui.screens.main import MainScreen
-from pa_console.tui.typed_text import TEXT_S
 from pa_console.tui.widgets.alarms import AlarmPane
-from pa_console.tui.widgets.key_line import KeyLine
 from pa_console.tui.widgets.mission_prompt import MissionInput
 from tests.depth import depth
 from tests.tui import living, story
-from tests.tui.scripted import FakeClock, ScriptedStation, console, notices, settle
+from tests.tui.scripted import FakeClock, ScriptedStation, Show, notices, settle
 
-SIZE = (120, 36)
 NAMES = {" ": "space", ".": "full_stop", ",": "comma", "\n": "enter"}
 
 
@@ -34,12 +31,6 @@ class Typist:
         for character in text:
             self._clock.now += self.gap
             await self._pilot.press(NAMES.get(character, character))
-
-
-def opened(tmp: Path, station: ScriptedStation) -> tuple[ConsoleApp, FakeClock]:
-    """A console whose keys come when its clock says."""
-    clock = FakeClock()
-    return console(station, tmp, clock, key_time=lambda _key: clock.now), clock
 
 
 def given_commands(station: ScriptedStation) -> list[object]:
@@ -59,12 +50,14 @@ def reason(app: ConsoleApp) -> str:
 @pytest.mark.parametrize("text", ["already at the gate", "Drone is already there", "robot on site"])
 @pytest.mark.parametrize("gap", [0.0, 0.15, TEXT_S + 0.3])
 async def test_prose_at_the_approval_is_the_reason_and_decides_nothing(
-    tmp_path: Path, text: str, gap: float
+    text: str, gap: float, show: Show
 ) -> None:
-    station = ScriptedStation(story.told("approval", verdict="Failure"))
-    app, clock = opened(tmp_path, station)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(story.told("approval", verdict="Failure"), keys_by_clock=True) as (
+        app,
+        pilot,
+        station,
+        clock,
+    ):
         clock.now += ARM_DELAY_S
         await Typist(pilot, clock, gap).types(text + "\n\n")
         await settle(pilot, station)
@@ -76,11 +69,13 @@ async def test_prose_at_the_approval_is_the_reason_and_decides_nothing(
         assert missing == "" if gap < TEXT_S else len(missing) < 3
 
 
-async def test_approve_without_the_reason_that_it_needs_goes_to_the_reason(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("approval", verdict="Failure"))
-    app, clock = opened(tmp_path, station)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_approve_without_the_reason_that_it_needs_goes_to_the_reason(show: Show) -> None:
+    async with show(story.told("approval", verdict="Failure"), keys_by_clock=True) as (
+        app,
+        pilot,
+        station,
+        clock,
+    ):
         clock.now += ARM_DELAY_S
         await pilot.press("a")
         assert app.screen.query_one("#approval-reason", Input).has_focus
@@ -92,11 +87,8 @@ async def test_approve_without_the_reason_that_it_needs_goes_to_the_reason(tmp_p
         assert [(made.kind, made.reason) for made in station.decisions] == [("approve", "seen")]
 
 
-async def test_a_letter_goes_to_its_button_and_enter_presses_it(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("approval"))
-    app, clock = opened(tmp_path, station)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_letter_goes_to_its_button_and_enter_presses_it(show: Show) -> None:
+    async with show(story.told("approval"), keys_by_clock=True) as (app, pilot, station, clock):
         clock.now += ARM_DELAY_S
         for key, button in (("a", "approve"), ("m", "modify"), ("r", "reject")):
             clock.now += 2.0
@@ -108,11 +100,8 @@ async def test_a_letter_goes_to_its_button_and_enter_presses_it(tmp_path: Path) 
         assert [made.kind for made in station.decisions] == ["reject"]
 
 
-async def test_typing_goes_on_where_a_plan_comes_up_and_does_nothing(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("planning"))
-    app, clock = opened(tmp_path, station)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_typing_goes_on_where_a_plan_comes_up_and_does_nothing(show: Show) -> None:
+    async with show(story.told("planning"), keys_by_clock=True) as (app, pilot, station, clock):
         await pilot.press("f4")
         typist = Typist(pilot, clock)
         await typist.types("Drone is ")
@@ -127,11 +116,8 @@ async def test_typing_goes_on_where_a_plan_comes_up_and_does_nothing(tmp_path: P
 
 @pytest.mark.parametrize("text", ["keep an eye on it", "Stop that", "cover the gate", "x marks"])
 @pytest.mark.parametrize("gap", [0.1, 1.0])
-async def test_prose_elsewhere_gives_no_command(tmp_path: Path, text: str, gap: float) -> None:
-    station = ScriptedStation(living.alarmed())
-    app, clock = opened(tmp_path, station)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_prose_elsewhere_gives_no_command(text: str, gap: float, show: Show) -> None:
+    async with show(living.alarmed(), keys_by_clock=True) as (app, pilot, station, clock):
         await pilot.press("f2")
         clock.now += 2.0
         first, rest = text[:2], text[2:6]
@@ -143,11 +129,8 @@ async def test_prose_elsewhere_gives_no_command(tmp_path: Path, text: str, gap: 
         assert app.session.main.query_one(MissionInput).text == ""
 
 
-async def test_a_letter_of_a_command_waits_for_enter_and_says_so(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("planning"))
-    app, clock = opened(tmp_path, station)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_letter_of_a_command_waits_for_enter_and_says_so(show: Show) -> None:
+    async with show(story.told("planning"), keys_by_clock=True) as (app, pilot, station, clock):
         await pilot.press("f2", "c")
         await pilot.pause()
         said = str(app.screen.query_one(KeyLine).render())
@@ -166,22 +149,16 @@ async def test_a_letter_of_a_command_waits_for_enter_and_says_so(tmp_path: Path)
         assert station.cancelled == 1
 
 
-async def test_function_keys_command_at_once_even_in_the_middle_of_a_text(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("planning"))
-    app, clock = opened(tmp_path, station)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_function_keys_command_at_once_even_in_the_middle_of_a_text(show: Show) -> None:
+    async with show(story.told("planning"), keys_by_clock=True) as (_, pilot, station, clock):
         await pilot.press("f2")
         await Typist(pilot, clock).types("al")
         await pilot.press("f9")
         assert station.stopped == 1
 
 
-async def test_a_letter_that_only_looks_acts_at_once_and_again_and_again(tmp_path: Path) -> None:
-    station = ScriptedStation(living.alarmed())
-    app, clock = opened(tmp_path, station)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_letter_that_only_looks_acts_at_once_and_again_and_again(show: Show) -> None:
+    async with show(living.alarmed(), keys_by_clock=True) as (app, pilot, _, clock):
         await pilot.press("escape", "j")
         first = app.screen.query_one(AlarmPane).cursor
         await pilot.press("j")
@@ -193,11 +170,8 @@ async def test_a_letter_that_only_looks_acts_at_once_and_again_and_again(tmp_pat
         assert not isinstance(app.screen, MainScreen)
 
 
-async def test_no_screen_opens_in_the_middle_of_a_text(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("planning"))
-    app, clock = opened(tmp_path, station)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_no_screen_opens_in_the_middle_of_a_text(show: Show) -> None:
+    async with show(story.told("planning"), keys_by_clock=True) as (app, pilot, _, clock):
         await pilot.press("f2")
         await Typist(pilot, clock).types("the epo")
         await settle(pilot)
@@ -206,11 +180,8 @@ async def test_no_screen_opens_in_the_middle_of_a_text(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("key", ["a", "r", "m", "alt+1"])
-async def test_a_key_of_the_approval_says_elsewhere_where_to_go(tmp_path: Path, key: str) -> None:
-    station = ScriptedStation(story.told("planning"))
-    app, clock = opened(tmp_path, station)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_key_of_the_approval_says_elsewhere_where_to_go(key: str, show: Show) -> None:
+    async with show(story.told("planning"), keys_by_clock=True) as (app, pilot, station, clock):
         await pilot.press("f2", key)
         assert notices(app)[-1] == "no plan waits for a decision"
         station.emit(*story.judged())
@@ -221,11 +192,8 @@ async def test_a_key_of_the_approval_says_elsewhere_where_to_go(tmp_path: Path, 
         assert station.decisions == []
 
 
-async def test_a_second_enter_after_a_decision_sends_no_half_typed_mission(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("planning"))
-    app, clock = opened(tmp_path, station)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_a_second_enter_after_a_decision_sends_no_half_typed_mission(show: Show) -> None:
+    async with show(story.told("planning"), keys_by_clock=True) as (app, pilot, station, clock):
         await Typist(pilot, clock).types("and the")
         station.emit(*story.judged())
         await settle(pilot, station)
@@ -239,11 +207,8 @@ async def test_a_second_enter_after_a_decision_sends_no_half_typed_mission(tmp_p
         assert app.screen.query_one(MissionInput).text == "and the"
 
 
-async def test_pasted_lines_are_all_kept(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("approval"))
-    app, clock = opened(tmp_path, station)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+async def test_pasted_lines_are_all_kept(show: Show) -> None:
+    async with show(story.told("approval"), keys_by_clock=True) as (app, pilot, station, clock):
         clock.now += ARM_DELAY_S
         app.post_message(events.Paste("seen by\nthe patrol\n"))
         await settle(pilot)
@@ -270,7 +235,7 @@ LETTERS = "armcSkxzudqtjop"
 
 @pytest.mark.parametrize("seed", range(depth(30)))
 async def test_nothing_that_was_not_meant_is_commanded_at_an_approval(
-    tmp_path: Path, seed: int
+    seed: int, show: Show
 ) -> None:
     """Letters, prose and pasted lines before, while and after a plan comes up; Enter twice.
 
@@ -279,10 +244,9 @@ async def test_nothing_that_was_not_meant_is_commanded_at_an_approval(
     """
     drawn = random.Random(seed)
     told = story.told("planning")
-    station = ScriptedStation([*living.alarmed()[: len(living.troubled())], *told[3:]])
-    app, clock = opened(tmp_path, station)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(
+        [*living.alarmed()[: len(living.troubled())], *told[3:]], keys_by_clock=True
+    ) as (app, pilot, station, clock):
         await pilot.press(drawn.choice(("f2", "f4", "f5")))
         comes, parts = drawn.randrange(5), drawn.randrange(6, 9)
         verdict = drawn.choice(("Success", "Failure"))
@@ -315,12 +279,9 @@ async def test_nothing_that_was_not_meant_is_commanded_at_an_approval(
 
 @pytest.mark.parametrize("pause", [0.1, 0.5, 3.0])
 async def test_enters_after_a_text_that_was_typed_ahead_press_no_button(
-    tmp_path: Path, pause: float
+    pause: float, show: Show
 ) -> None:
-    station = ScriptedStation(story.told("approval"))
-    app, clock = opened(tmp_path, station)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+    async with show(story.told("approval"), keys_by_clock=True) as (app, pilot, station, clock):
         await Typist(pilot, clock, 0.4).types("me too")
         await Typist(pilot, clock, pause).types("\n\n\n")
         await settle(pilot, station)

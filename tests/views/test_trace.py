@@ -18,8 +18,8 @@ from pa_console.session.mission_trace import MissionTrace
 from pa_console.session.state import SessionState
 from pa_console.terminal.mission import print_trace
 from pa_console.terminal.output import PlainConsole
-from pa_console.tui.trace.rows import plain
-from pa_console.tui.trace.sections import sections
+from pa_console.tui.rows import plain
+from pa_console.tui.widgets.trace_pane import sections
 from pa_console.views.trace_execution import report_table
 from pa_console.views.trace_layout import lay_out, lay_out_proposal
 from pa_console.views.trace_parts import Detail, Section, TraceOptions

@@ -220,15 +220,14 @@ def compare_logs(first: Path, second: Path, json: bool) -> None:
 def show_compared(first: Path, second: Path, world: str | None, settings: Loaded) -> None:
     """Open the console on the first log, with both at the point of difference over it."""
     from pa_console.tui.app import comparison  # noqa: PLC0415 - only when it is shown
-    from pa_console.tui.replay.recordings import KnownWorld, open_compared  # noqa: PLC0415
-    from pa_console.tui.screens.compare import Side  # noqa: PLC0415
+    from pa_console.tui.recordings import KnownWorld, OpenedLog, open_compared  # noqa: PLC0415
 
     recording = read_recording(first)
     site = site_of(recording, first, world)
     rules = {rule.id: rule for rule in site.rulebook.rules}
     known = KnownWorld(site.world, site.world_sha256)
-    one = Side(first.name, recording, site.world, rules)
-    other = Side.of(second.name, open_compared(second, known))
+    one = OpenedLog(first.name, recording, site.world, rules)
+    other = open_compared(second, known)
     run_console(site, recording, settings, comparison(one, other))
 
 

@@ -19,11 +19,11 @@ from pa_console.schema.text import count
 from pa_console.schema.world import World
 from pa_console.session.mission_trace import Attempt, MissionTrace
 from pa_console.station.alternatives import order_for
-from pa_console.tui.actions.keymap import ALT_DIGITS, READING_KEYS
+from pa_console.tui.actions import ALT_DIGITS, READING_KEYS
 from pa_console.tui.approval.plan_rows import action_rows, cover_row
 from pa_console.tui.plan_preview import PlanPreview
+from pa_console.tui.rows import Row, row
 from pa_console.tui.status_words import BAD, GOOD, QUIET, WARN
-from pa_console.tui.trace.rows import Row, row
 from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.row_views import TextRows
 

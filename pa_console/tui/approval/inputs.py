@@ -119,8 +119,7 @@ class ReasonField(LineField):
     """The line under a plan: the reason for a decision, or the answer to what is asked back."""
 
     def __init__(self) -> None:
-        super().__init__(compact=True, id=REASON, select_on_focus=False)
-        self.cursor_blink = False
+        super().__init__(id=REASON, select_on_focus=False)
 
     def ask(self, request: ApprovalRequested) -> None:
         """Begin anew, and show the purpose in the empty field."""

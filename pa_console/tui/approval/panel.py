@@ -13,7 +13,7 @@ from textual.widgets import Button, Input
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision
 from pa_console.session.mission_trace import MissionTrace
-from pa_console.tui.actions.keymap import READING_KEYS
+from pa_console.tui.actions import READING_KEYS
 from pa_console.tui.approval.inputs import (
     DECISION_KEYS,
     Arming,

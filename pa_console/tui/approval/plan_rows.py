@@ -6,7 +6,7 @@ actions share a row.
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 from textual.content import Content
@@ -17,17 +17,17 @@ from pa_console.language.reading import asked_words
 from pa_console.llm.roles.grammar import PLANNED
 from pa_console.mission.approval import people_words
 from pa_console.schema.command import COMMANDS
-from pa_console.schema.events.event import ApprovalRequested
-from pa_console.schema.mission import ELSEWHERE, Mission
+from pa_console.schema.events.event import ApprovalRequested, StandingOrderRead
+from pa_console.schema.mission import ELSEWHERE, Mission, StandingOrder
 from pa_console.schema.plan import Action
 from pa_console.schema.telemetry import AssetTelemetry
+from pa_console.schema.text import count
 from pa_console.session.confidence import UNSURE
 from pa_console.session.mission_trace import Attempt, MissionTrace
 from pa_console.tui.plan_preview import PlanPreview
-from pa_console.tui.standing_orders.rows import offered_rows
-from pa_console.tui.status_words import BAD, GOOD, KIND_WORDS, NOTE, QUIET, WARN, term
-from pa_console.tui.trace.rows import Part, Row, phrased, row
-from pa_console.views.event_words import safety_in_words
+from pa_console.tui.rows import Part, Row, phrased, row
+from pa_console.tui.status_words import BAD, CALM, GOOD, KIND_WORDS, NOTE, QUIET, WARN, term
+from pa_console.views.event_words import asked_in_words, safety_in_words
 
 _JOINED = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
@@ -330,3 +330,31 @@ def reading_label(number: int, asked: str) -> Content:
     """Return what else the order may mean, after the key that shows it."""
     or_ = ("or: ", QUIET) if asked.startswith(ASKED) else ""
     return Content.assemble((f"(Alt+{number}) ", "bold"), or_, plain_reading(asked))
+
+
+_LEAD = 10
+
+
+def offered_rows(read: StandingOrderRead) -> Iterator[Row]:
+    """Yield all facts of a standing order before its approval."""
+    yield row(("▶ ", NOTE), (f"Standing order {read.order.id}: ", f"bold {NOTE}"),
+              "it holds from your approval until you revoke it or the session ends")  # fmt: skip
+    yield from order_rows(read.order, read.allowed)
+    for start in read.now:
+        yield row(_lead("now"), (f"{start.subject}: ", "bold"), (start.order, WARN))
+    if not read.now:
+        yield row(_lead("now"), "it would start nothing: the condition holds of nobody")
+
+
+def order_rows(order: StandingOrder, allowed: Collection[str] | None = None) -> Iterator[Row]:
+    """Yield an order's condition, in words and as CEL, its missions and its approvals."""
+    yield row(_lead("whenever"), (order.words, "bold"))
+    yield row(_lead("in CEL"), (order.condition, CALM))
+    yield row(_lead("it starts"), order.order_in_words)
+    style = WARN if order.unasked else ""
+    yield row(_lead("approval"), (asked_in_words(order, allowed), style))
+    yield row(_lead("limit"), f"{count(order.most_an_hour, 'start')} an hour")
+
+
+def _lead(name: str) -> tuple[str, str]:
+    return f"{name:<{_LEAD}}", QUIET

@@ -51,7 +51,7 @@ class ApprovalController:
         if main is not None:
             while app.screen is not main and not app.screen.is_modal:
                 app.pop_screen()
-            main.to_approval()
+            main.query_one(ApprovalPanel).take_focus()
 
     def decide(self, decision: Decision) -> None:
         """Pass the decision on; the panel is open again when it was refused."""

@@ -1,11 +1,40 @@
-"""Calls the operator when something begins to wait: bell, desktop notice, window title."""
+"""Calls the operator: bell, notice and window title for what waits, a red line for a lost log.
+
+A terminal that does not know a code ignores it.
+"""
 
 from collections.abc import Callable
+from typing import Any
 
+from textual.content import Content
+from textual.screen import Screen
+from textual.widgets import Static
+
+from pa_console.schema.text import visible_line
 from pa_console.session.state import SessionState
-from pa_console.tui.attention_codes import KEEP_TITLE, RESTORE_TITLE, notice, window_title
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.settings import SettingsController
+
+TITLE = "PA Console"
+
+
+def notice(text: str) -> str:
+    """Return the codes of a desktop notice: OSC 9 for some terminals, OSC 777 for others."""
+    plain = visible_line(text).replace(";", ",")
+    return f"\x1b]9;{TITLE}: {plain}\x07\x1b]777;notify;{TITLE};{plain}\x07"
+
+
+def window_title(text: str = "") -> str:
+    """Return the code that names the window: what waits, or the console alone."""
+    plain = visible_line(text)
+    return f"\x1b]2;▲ {plain} - {TITLE}\x07" if plain else f"\x1b]2;{TITLE}\x07"
+
+
+KEEP_TITLE = "\x1b[22;2t"
+"""Has the terminal remember the title that its window has."""
+RESTORE_TITLE = "\x1b[23;2t"
+"""Has it take that title again."""
+
 
 _URGENT = ("emergency", "high")
 
@@ -17,9 +46,9 @@ class AttentionController:
         self,
         session: ConsoleSession,
         settings: SettingsController,
-        write: Callable[[str], object] | None,
+        write: Callable[[str], object],
     ) -> None:
-        """`write` sends codes to the terminal; None where there is none."""
+        """`write` sends codes to the terminal."""
         self._session, self._settings, self._write = session, settings, write
         self._waits: frozenset[str] = frozenset()
         self._title: str | None = None
@@ -27,7 +56,7 @@ class AttentionController:
     def look(self) -> None:
         """Notify of plans that have begun to wait since the last look."""
         session, write = self._session, self._write
-        if write is None or session.player is not None or not session.decides:
+        if session.player is not None or not session.decides:
             return
         now = what_waits(session.folded)
         new = [text for key, text in now.items() if key not in self._waits]
@@ -37,21 +66,21 @@ class AttentionController:
             write("\a")
         if new and values.desktop_notices:
             write(notice("; ".join(new)))
-        self._name_window(write, next(iter(now.values()), ""), wanted=values.window_title)
+        self._name_window(next(iter(now.values()), ""), wanted=values.window_title)
 
     def leave(self) -> None:
         """Give the window its own title back."""
-        if self._write is not None and self._title is not None:
+        if self._title is not None:
             self._write(RESTORE_TITLE)
             self._title = None
 
-    def _name_window(self, write: Callable[[str], object], title: str, *, wanted: bool) -> None:
+    def _name_window(self, title: str, *, wanted: bool) -> None:
         if not wanted:
             self.leave()
         elif title != self._title:
             first = KEEP_TITLE if self._title is None else ""
             self._title = title
-            write(first + window_title(title))
+            self._write(first + window_title(title))
 
 
 def what_waits(state: SessionState) -> dict[str, str]:
@@ -68,3 +97,50 @@ def what_waits(state: SessionState) -> dict[str, str]:
             key = f"alarm {item.alarm.id} {item.alarm.priority}"
             waits[key] = f"{item.alarm.priority} alarm: {item.alarm.subject}"
     return waits
+
+
+CLOSED = "LOG NOT WRITTEN: nothing is dispatched, no plan can be approved"
+
+
+class LogAlarm(Static):
+    """The consequence for the operator, and then why the log cannot be written."""
+
+    def show(self, problem: str) -> None:
+        """Show the log's own text about its problem."""
+        self.update(Content.assemble((f"■ {CLOSED}", "bold"), f". {problem}"))
+
+
+class LogAlarmController:
+    """Keeps a `LogAlarm` on each screen, those over the session's own included."""
+
+    def __init__(self, session: ConsoleSession) -> None:
+        self._session, self._app = session, session.app
+        self._shown = ""
+
+    def watch_screens(self) -> None:
+        """Show it on every later screen, too."""
+        self._app.screen_change_signal.subscribe(self._app, self._opened)
+
+    def show(self) -> None:
+        """Show the state of the log on all screens, if it has changed."""
+        problem = self._session.folded.log_problem
+        if problem != self._shown:
+            self._shown = problem
+            for screen in self._app.screen_stack:
+                self._show_on(screen)
+
+    def _opened(self, screen: Screen[Any]) -> None:
+        if self._shown:
+            screen.call_later(self._show_on, screen)  # once its own widgets are there
+
+    def _show_on(self, screen: Screen[Any]) -> None:
+        if not screen.is_running:
+            return
+        lines = screen.query_children(LogAlarm)
+        if not self._shown:
+            lines.remove()
+            return
+        if not lines:
+            screen.mount(LogAlarm())
+        for line in screen.query_children(LogAlarm):
+            line.show(self._shown)

@@ -1,16 +1,19 @@
-"""Moves about in the console: panes, map, pointers, and the screens with something to read."""
+"""Moves about in the console: panes, map, pointers, screens to read, copies to take along."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 from textual.binding import Binding
 
+from pa_console.schema.text import visible
+from pa_console.session.state import MissionTrace
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.settings import SettingsController
+from pa_console.tui.copied_file import export_folder, plan_text, trace_text, write_copy
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.widgets.alarms import AlarmPane
 from pa_console.tui.widgets.assets import AssetPane
 from pa_console.tui.widgets.map_view import MapView
-from pa_console.tui.widgets.mission_prompt import MissionPrompt
 
 
 class BrowsingController:
@@ -31,17 +34,16 @@ class BrowsingController:
         self._session, self._app = session, session.app
         self._settings, self._evaluations = settings, evaluations
 
-    # Panes
+    # Panes and the map
 
-    def view(self, view: str) -> None:
-        """Go to a pane."""
+    def with_shown(self, act: Callable[[MainScreen], object]) -> None:
+        """Act on the main screen, or on the recording that was opened over it."""
         if self._session.shown is not None:
-            self._session.shown.focus_view(view)
+            act(self._session.shown)
 
-    def to_prompt(self) -> None:
-        """Go to the mission field."""
-        if self._session.shown is not None:
-            self._session.shown.query_one(MissionPrompt).take_cursor()
+    def with_map(self, act: Callable[[MapView], object]) -> None:
+        """Change the map's view."""
+        self.with_shown(lambda shown: act(shown.query_one(MapView)))
 
     def leave_field(self) -> None:
         """Leave a field."""
@@ -51,47 +53,13 @@ class BrowsingController:
 
     def select_mission(self, by: int) -> None:
         """Show the trace of the mission before or after."""
-        if self._session.shown is not None:
-            self._session.shown.select(self._session.shown_state, by)
+        self.with_shown(lambda shown: shown.select(self._session.shown_state, by))
 
-    def next_alarm(self) -> None:
-        """Put the pointer on the next alarm."""
-        if self._session.shown is not None:
-            self._session.shown.show_alarms().next_alarm()
-
-    def next_queued(self) -> None:
-        """Put the pointer on the next waiting mission."""
-        if self._session.shown is not None:
-            self._session.shown.show_alarms().next_mission()
-
-    def ask_for_filter(self) -> None:
-        """Type a filter for assets, tracks and cameras."""
+    def with_assets(self, act: Callable[[AssetPane], object]) -> None:
+        """Change what the asset table shows, once it is in sight."""
         if self._session.shown is not None:
             self._session.shown.go_to("assets")
-            self._session.shown.query_one(AssetPane).ask()
-
-    def toggle_problems(self) -> None:
-        """Show only what needs an eye, or everything."""
-        if self._session.shown is not None:
-            self._session.shown.go_to("assets")
-            self._session.shown.query_one(AssetPane).toggle_problems()
-
-    # The map
-
-    def zoom(self, factor: float) -> None:
-        """Zoom the map."""
-        if self._session.shown is not None:
-            self._session.shown.query_one(MapView).zoom_by(factor)
-
-    def pan(self, right: int, up: int) -> None:
-        """Move the map's view."""
-        if self._session.shown is not None:
-            self._session.shown.query_one(MapView).pan(right, up)
-
-    def next_sensors(self) -> None:
-        """Show on the map what cameras see, then what assets see too, then neither."""
-        if self._session.shown is not None:
-            self._session.shown.query_one(MapView).next_sensors()
+            act(self._session.shown.query_one(AssetPane))
 
     def follow_alarm(self) -> None:
         """Follow what the alarm at the pointer is about; the same again follows nothing."""
@@ -117,12 +85,13 @@ class BrowsingController:
 
     def show_help(self) -> None:
         """Show the help page."""
-        from pa_console.tui.screens.help import HelpScreen  # noqa: PLC0415
+        from pa_console.tui.screens.help import HelpScreen, help_rows  # noqa: PLC0415
 
         screen = self._app.screen
         given = () if isinstance(screen, MainScreen) else type(screen).BINDINGS
         here = [each for each in given if isinstance(each, Binding) and each.description]
-        self._app.push_screen(HelpScreen(self._session.situation, self._settings.keys, here))
+        rows = help_rows(self._session.situation, self._settings.keys, here)
+        self._app.push_screen(HelpScreen(rows))
 
     def show_manual(self) -> None:
         """Show the manual."""
@@ -144,8 +113,8 @@ class BrowsingController:
     def show_evaluation(self) -> None:
         """Show the newest evaluation, or ask for the folder of one."""
         from pa_console.evaluation.run_record import evaluations_folder, newest_evaluation  # noqa: PLC0415
+        from pa_console.tui.screens.dialogs import AskFolder  # noqa: PLC0415
         from pa_console.tui.screens.evaluation import EvaluationScreen  # noqa: PLC0415
-        from pa_console.tui.screens.questions import AskFolder  # noqa: PLC0415
 
         if self._session.is_open(EvaluationScreen):
             return
@@ -161,3 +130,28 @@ class BrowsingController:
         else:
             question = f"No evaluation below {below} yet: pa-console eval makes one.\nElsewhere?"
             self._app.push_screen(AskFolder(question), show)
+
+    # Copies
+
+    def copy_trace(self) -> None:
+        """Copy the trace that is shown to the terminal's clipboard and to a file."""
+        shown, trace = self._session.shown, self._shown_trace
+        if shown is not None and trace is not None:
+            text = trace_text(trace, shown.rules)
+            self._copy("trace", f"{trace.mission.id}-trace.txt", text)
+
+    def copy_plan(self) -> None:
+        """Copy the plan that is shown."""
+        trace = self._shown_trace
+        if trace is not None:
+            self._copy("plan", f"{trace.mission.id}-plan.json", plan_text(trace))
+
+    @property
+    def _shown_trace(self) -> MissionTrace | None:
+        shown = self._session.shown
+        return shown.selected(self._session.shown_state) if shown is not None else None
+
+    def _copy(self, what: str, file: str, text: str) -> None:
+        self._app.copy_to_clipboard(visible(text))
+        where = write_copy(self._copies or export_folder(), file, text)
+        self._session.tell(f"{where}, and sent to the terminal's clipboard", f"Copied the {what}")

@@ -4,13 +4,28 @@ Nothing here gives a command. What is chosen is typed into the mission field, an
 every mission once the operator sends it.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import NamedTuple
 
+import yaml
+from pydantic import Field
 from textual.geometry import Offset
 
-from pa_console.schema.document import DocumentError
+from pa_console.schema.base import StrictModel
+from pa_console.schema.document import Document, DocumentError, read_text
+from pa_console.schema.mission import MAX_MISSION_TEXT
 from pa_console.schema.telemetry import Picture
-from pa_console.tui.composing.card import (
+from pa_console.session.log.chain import LogError
+from pa_console.session.past_sessions import newest_logs, summarise
+from pa_console.settings.file import changed_text, write_atomically
+from pa_console.settings.sources import settings_file
+from pa_console.tui.controllers.browsing import BrowsingController
+from pa_console.tui.controllers.console_session import ConsoleSession
+from pa_console.tui.controllers.settings import SettingsController
+from pa_console.tui.order_templates import templates
+from pa_console.tui.screens.card import (
     MAP_CHOICES,
     Card,
     Choice,
@@ -20,18 +35,125 @@ from pa_console.tui.composing.card import (
     track_choices,
     track_lines,
 )
-from pa_console.tui.composing.choose_line import ChooseLine, Line
-from pa_console.tui.composing.favourites import Favourites
-from pa_console.tui.composing.past_orders import PastOrder, logged_orders, merged
-from pa_console.tui.composing.templates import templates
-from pa_console.tui.controllers.browsing import BrowsingController
-from pa_console.tui.controllers.console_session import ConsoleSession
-from pa_console.tui.controllers.settings import SettingsController
+from pa_console.tui.screens.choose_line import ChooseLine, Line
 from pa_console.tui.status_words import KIND_WORDS
 from pa_console.tui.widgets.alarms import AlarmPane
 from pa_console.tui.widgets.assets import AssetTable
+from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
 from pa_console.tui.widgets.row_views import VirtualRows
+
+HEAD = "# Favourite orders of PA Console; what stands in braces, like {gate}, is a slot.\n"
+MOST_KEPT = 200
+
+
+class _Kept(StrictModel):
+    """The content of the file."""
+
+    orders: tuple[str, ...] = Field(default=(), max_length=MOST_KEPT)
+
+
+def favourites_file() -> Path:
+    """Return the user's file, in the folder of the settings."""
+    return settings_file().with_name("favourites.yaml")
+
+
+class Favourites:
+    """Orders in the sequence in which they were kept; what else stands in the file stays there."""
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+
+    def orders(self) -> tuple[str, ...]:
+        """Return the orders as the file has them now.
+
+        Raises DocumentError, which names file and line, for a file that cannot be used.
+        """
+        if not self.file.exists():
+            return ()
+        document = Document.read(self.file)
+        if document.value is None:
+            return ()
+        if isinstance(document.value, dict) and document.value.get("orders", ()) is None:
+            return ()
+        kept = document.parse(_Kept).orders
+        for number, order in enumerate(kept):
+            if not order.strip() or len(order) > MAX_MISSION_TEXT:
+                problem = f"expected an order of 1 to {MAX_MISSION_TEXT} characters"
+                raise document.error(("orders", number), problem)
+        return kept
+
+    def keep(self, order: str) -> bool:
+        """Add an order; returns whether it is new.
+
+        Raises DocumentError for a file that cannot be used, OSError for one that cannot be
+        written, ValueError when there are too many. The file then is as it was.
+        """
+        kept = self.orders()
+        if order in kept:
+            return False
+        if len(kept) >= MOST_KEPT:
+            raise ValueError(f"{MOST_KEPT} favourites are kept; remove one first")
+        self._write((*kept, order))
+        return True
+
+    def remove(self, order: str) -> None:
+        """Take an order out; raises what `keep` raises."""
+        self._write(tuple(kept for kept in self.orders() if kept != order))
+
+    def _write(self, orders: tuple[str, ...]) -> None:
+        path = self.file.resolve()  # a link to the file stays one
+        text = read_text(path) if path.exists() else HEAD
+        changed = changed_text(str(path), text, "orders", list(orders))
+        if tuple(yaml.safe_load(changed)["orders"]) != orders:
+            raise DocumentError(str(path), 0, "orders", "could not be written as they are")
+        write_atomically(path, changed)
+
+
+MOST_SESSIONS = 50
+"""The number of sessions that are read, the newest first."""
+
+
+class PastOrder(NamedTuple):
+    """An order with when its session began and how it ended; both unknown outside every log."""
+
+    text: str
+    session_began: datetime | None = None
+    ended: str = ""
+
+    @property
+    def note(self) -> str:
+        """The note beside the words, in local time."""
+        if self.session_began is None:
+            return ""
+        return f"{self.session_began.astimezone():%d %b %H:%M}  {self.ended or 'open'}"
+
+
+def logged_orders(folder: Path) -> Iterator[list[PastOrder]]:
+    """Yield the orders of one recorded session after the other; logs that are damaged are left out.
+
+    Missions that alarms made are no orders.
+    """
+    for log in newest_logs(folder)[:MOST_SESSIONS]:
+        try:
+            found = summarise(log)
+        except (LogError, OSError):
+            continue
+        own = (mission for mission in reversed(found.missions) if not mission.by_alarm)
+        yield [PastOrder(each.said, found.started, each.status or "") for each in own]
+
+
+def merged(typed: Iterable[str], logged: Iterable[PastOrder]) -> list[PastOrder]:
+    """Return each order once: those that were `typed` at this terminal, then those of logs.
+
+    Both come newest first. What was typed has the note of its newest log.
+    """
+    notes: dict[str, PastOrder] = {}
+    for order in logged:
+        notes.setdefault(order.text, order)
+    orders = {text: notes.get(text, PastOrder(text)) for text in typed}
+    return list({**orders, **notes}.values())
+
 
 TEMPLATE, FAVOURITE = "template", "favourite"
 
@@ -243,6 +365,7 @@ class ComposingController:
 
     def _map_choice(self, choice: Choice | None) -> None:
         if choice is not None and choice.does == "sensors":
-            self._browsing.next_sensors()
+            self._browsing.with_map(MapView.next_sensors)
         elif choice is not None:
-            self._browsing.zoom(2.0 if choice.does == "zoom_in" else 0.5)
+            factor = 2.0 if choice.does == "zoom_in" else 0.5
+            self._browsing.with_map(lambda view: view.zoom_by(factor))

@@ -9,7 +9,7 @@ from textual.widgets import Input, TextArea
 from pa_console.schema.world import World
 from pa_console.session.recording import Player
 from pa_console.session.state import SessionState
-from pa_console.tui.actions.registry import ActionContext, ConsoleAction
+from pa_console.tui.actions import ActionContext, ConsoleAction
 from pa_console.tui.kept_input import History
 from pa_console.tui.protocols import Clock, JoinedTo, LiveStation
 from pa_console.tui.screens.main import MainScreen

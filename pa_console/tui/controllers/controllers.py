@@ -1,16 +1,21 @@
-"""All controllers of one console, by the names that the registry of actions calls them."""
+"""All controllers of one console, and the one that carries out each action of the registry."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from pa_console.session.recording import Player
 from pa_console.tui.controllers.approval import ApprovalController
 from pa_console.tui.controllers.browsing import BrowsingController
 from pa_console.tui.controllers.commands import CommandController
 from pa_console.tui.controllers.composing import ComposingController
-from pa_console.tui.controllers.copying import CopyController
 from pa_console.tui.controllers.leaving import LeavingController
 from pa_console.tui.controllers.replay import ReplayController
 from pa_console.tui.controllers.rules import RulesController
 from pa_console.tui.controllers.settings import SettingsController
+from pa_console.tui.screens.recording import RecordingScreen
+from pa_console.tui.widgets.assets import AssetPane
+from pa_console.tui.widgets.map_view import MapView
+from pa_console.tui.widgets.mission_prompt import MissionPrompt
 
 
 @dataclass(frozen=True)
@@ -19,10 +24,77 @@ class Controllers:
 
     browsing: BrowsingController
     composing: ComposingController
-    copying: CopyController
     replay: ReplayController
     commands: CommandController
     approval: ApprovalController
     rules: RulesController
     settings: SettingsController
     leaving: LeavingController
+
+
+HANDLERS: Mapping[str, Callable[[Controllers], None]] = {
+    "help": lambda to: to.browsing.show_help(),
+    "manual": lambda to: to.browsing.show_manual(),
+    "view_map": lambda to: to.browsing.with_shown(lambda shown: shown.focus_view("map")),
+    "view_assets": lambda to: to.browsing.with_shown(lambda shown: shown.focus_view("assets")),
+    "view_trace": lambda to: to.browsing.with_shown(lambda shown: shown.focus_view("trace")),
+    "view_events": lambda to: to.browsing.with_shown(lambda shown: shown.focus_view("events")),
+    "view_alarms": lambda to: to.browsing.with_shown(lambda shown: shown.focus_view("alarms")),
+    "policies": lambda to: to.rules.browse(),
+    "evaluation": lambda to: to.browsing.show_evaluation(),
+    "sessions": lambda to: to.browsing.show_sessions(),
+    "standing_orders": lambda to: to.commands.show_standing_orders(),
+    "approval": lambda to: to.approval.go_to_it(),
+    "cancel": lambda to: to.commands.cancel_mission(),
+    "stop": lambda to: to.commands.stop_all(),
+    "release": lambda to: to.commands.release_stop(),
+    "take_command": lambda to: to.leaving.take_command(),
+    "acknowledge": lambda to: to.commands.acknowledge(),
+    "next_alarm": lambda to: to.browsing.with_shown(lambda shown: shown.show_alarms().next_alarm()),
+    "next_queued": lambda to: to.browsing.with_shown(
+        lambda shown: shown.show_alarms().next_mission()
+    ),
+    "sooner": lambda to: to.commands.move_queued(-1),
+    "later_queued": lambda to: to.commands.move_queued(1),
+    "defer": lambda to: to.commands.defer_queued(),
+    "withdraw": lambda to: to.commands.withdraw_queued(),
+    "follow": lambda to: to.browsing.follow_alarm(),
+    "zoom_in": lambda to: to.browsing.with_map(lambda view: view.zoom_by(2.0)),
+    "zoom_out": lambda to: to.browsing.with_map(lambda view: view.zoom_by(0.5)),
+    "sensors": lambda to: to.browsing.with_map(MapView.next_sensors),
+    "pan_left": lambda to: to.browsing.with_map(lambda view: view.pan(-1, 0)),
+    "pan_right": lambda to: to.browsing.with_map(lambda view: view.pan(1, 0)),
+    "pan_up": lambda to: to.browsing.with_map(lambda view: view.pan(0, 1)),
+    "pan_down": lambda to: to.browsing.with_map(lambda view: view.pan(0, -1)),
+    "filter": lambda to: to.browsing.with_assets(AssetPane.ask),
+    "problems": lambda to: to.browsing.with_assets(AssetPane.toggle_problems),
+    "prompt": lambda to: to.browsing.with_shown(
+        lambda shown: shown.query_one(MissionPrompt).take_cursor()
+    ),
+    "history": lambda to: to.composing.search_history(),
+    "favourites": lambda to: to.composing.choose_favourite(),
+    "keep_favourite": lambda to: to.composing.keep_favourite(),
+    "thing": lambda to: to.composing.choose_thing(),
+    "leave": lambda to: to.browsing.leave_field(),
+    "earlier": lambda to: to.browsing.select_mission(-1),
+    "later": lambda to: to.browsing.select_mission(1),
+    "copy_trace": lambda to: to.browsing.copy_trace(),
+    "copy_plan": lambda to: to.browsing.copy_plan(),
+    "faster": lambda to: to.commands.change_rate(2.0),
+    "slower": lambda to: to.commands.change_rate(0.5),
+    "play": lambda to: to.replay.with_recording(RecordingScreen.play_pause),
+    "step": lambda to: to.replay.move(Player.step),
+    "back": lambda to: to.replay.move(Player.step_back),
+    "second": lambda to: to.replay.move(lambda player: player.step_seconds(1)),
+    "second_back": lambda to: to.replay.move(lambda player: player.step_seconds(-1)),
+    "next_mission": lambda to: to.replay.jump_mission(1),
+    "mission_before": lambda to: to.replay.jump_mission(-1),
+    "next_finding": lambda to: to.replay.jump_finding(1),
+    "finding_before": lambda to: to.replay.jump_finding(-1),
+    "to_moment": lambda to: to.replay.to_moment(),
+    "search_log": lambda to: to.replay.search(),
+    "compare": lambda to: to.replay.compare(),
+    "settings": lambda to: to.settings.show(),
+    "quit": lambda to: to.leaving.leave(),
+}
+"""The handlers by the id of the action."""

@@ -8,8 +8,7 @@ from contextlib import suppress
 from textual.actions import SkipAction
 
 from pa_console.end_signals import leave_terminal
-from pa_console.tui.actions.keymap import shown_keys
-from pa_console.tui.actions.registry import action_of
+from pa_console.tui.actions import action_of, shown_keys
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.settings import SettingsController
 from pa_console.tui.terminal import when_hung_up
@@ -58,7 +57,7 @@ class LeavingController:
         if session.state.active is None or session.player is not None or session.readonly:
             self._app.run_worker(self._close(), exit_on_error=False)
             return
-        from pa_console.tui.screens.questions import Confirm  # noqa: PLC0415
+        from pa_console.tui.screens.dialogs import Confirm  # noqa: PLC0415
 
         question = (
             f"Mission {session.state.active} is still active.\n"
@@ -81,7 +80,7 @@ class LeavingController:
         except ValueError as error:
             self._session.tell(str(error), "Command not taken", bad=True)
             return
-        from pa_console.tui.screens.questions import Confirm  # noqa: PLC0415
+        from pa_console.tui.screens.dialogs import Confirm  # noqa: PLC0415
 
         def answered(take: bool | None) -> None:
             if take:

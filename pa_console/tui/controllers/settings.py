@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from pa_console.settings.sources import Loaded
-from pa_console.tui.actions.keymap import KeymapError, check_keys
+from pa_console.tui.actions import KeymapError, check_keys
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.theme import DEFAULT_THEME, THEMES
 

@@ -9,17 +9,69 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from textual import events
+from textual.content import Content
 from textual.timer import Timer
-from textual.widgets import Input, TextArea
+from textual.widgets import Input, Static, TextArea
 
-from pa_console.tui.actions.keymap import ALT_DIGITS, first_own_key
-from pa_console.tui.actions.registry import ConsoleAction, key_text, with_call
+from pa_console.tui.actions import ALT_DIGITS, ConsoleAction, first_own_key, key_text, with_call
 from pa_console.tui.approval.inputs import DECISION_KEYS, REASON
 from pa_console.tui.approval.panel import ApprovalPanel
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.settings import SettingsController
-from pa_console.tui.typed_text import TypedText
-from pa_console.tui.widgets.key_line import KeyLine
+
+TEXT_S = 0.5
+"""Two different keys that print, a letter among them, this close together are text."""
+
+
+class TypedText:
+    """The keys that print, as long as each follows the one before closely.
+
+    The same key again and again is no text, and neither are digits and signs without a letter.
+    """
+
+    def __init__(self) -> None:
+        self.keys = ""
+        """The keys typed without a pause."""
+        self.is_text = False
+        """True if they are a text, no key of which is a command; so is the Enter at its end."""
+        self._last_s = 0.0
+
+    def add(self, character: str, time_s: float) -> None:
+        """Take note of a key that prints, pressed at `time_s` seconds."""
+        goes_on = bool(self.keys) and time_s - self._last_s < TEXT_S
+        self.keys = self.keys + character if goes_on else character
+        self._last_s = time_s
+        letters = any(key.isalpha() for key in self.keys)
+        self.is_text = (goes_on and self.is_text) or (letters and len(set(self.keys)) > 1)
+
+    def add_in_field(self, character: str, time_s: float) -> None:
+        """Take note of a key that went into a field: what follows it outside is text as well."""
+        self.add(character, time_s)
+        self.is_text = True
+
+    def goes_on(self, time_s: float) -> bool:
+        """Return whether a key at `time_s` seconds follows the one before closely."""
+        return bool(self.keys) and time_s - self._last_s < TEXT_S
+
+    def forget(self) -> None:
+        """Begin anew: a key that prints nothing came between, or the mouse."""
+        self.keys, self.is_text = "", False
+
+
+class KeyLine(Static):
+    """Stands in the footer's place; the screen below does not move."""
+
+    DEFAULT_CSS = """
+    KeyLine {
+        dock: bottom; width: 100%; height: 1; padding: 0 1;
+        background: $warning; color: $background; text-wrap: nowrap; text-overflow: ellipsis;
+    }
+    """
+
+    def show(self, key: str, text: str) -> None:
+        """Show a text about a key, or about typing at all without one."""
+        self.update(Content.assemble((f"{key}  " if key else "", "bold"), text), layout=False)
+
 
 CHOSEN_S = 5.0
 """The time that a command waits for its Enter, and that a notice about keys is shown, seconds."""
@@ -167,12 +219,11 @@ class TypingController:
 
     def _say(self, key: str, text: str) -> None:
         self._told = True
-        if self._line is not None and self._line in self._app.screen.children:
-            self._line.show(key, text)
-        else:
+        if self._line is None or self._line not in self._app.screen.children:
             self._drop_line()
-            self._line = KeyLine(key, text)
+            self._line = KeyLine()
             self._app.screen.mount(self._line)
+        self._line.show(key, text)
         if self._timer is not None:
             self._timer.stop()
         self._timer = self._app.set_timer(CHOSEN_S, self._drop_line)

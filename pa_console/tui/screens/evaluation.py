@@ -2,6 +2,7 @@
 
 import asyncio
 import time
+from functools import partial
 from pathlib import Path
 
 from textual import events, on
@@ -14,25 +15,27 @@ from textual.widgets import Input, Select, Static
 
 from pa_console.evaluation.run_record import RUNS, RunRecord, read_runs
 from pa_console.evaluation.statistics import Table
-from pa_console.tui.evaluation_view.run_trace import show_trace
-from pa_console.tui.evaluation_view.runs import (
+from pa_console.session.recording import Player
+from pa_console.tui.protocols import Clock
+from pa_console.tui.recordings import PlayableLog, log_of_run, open_log
+from pa_console.tui.refresh import is_open
+from pa_console.tui.rows import layout, row
+from pa_console.tui.screens.dialogs import AskFolder, open_beside
+from pa_console.tui.screens.recording import RecordingScreen
+from pa_console.tui.status_words import WARN
+from pa_console.tui.widgets.bars import KeyFooter
+from pa_console.tui.widgets.evaluation_runs import (
     KINDS,
     LABELS,
     Kind,
+    ReportTables,
     RunFilter,
-    Totals,
+    RunRows,
     nothing_rows,
     run_rows,
     title_text,
     totals_text,
 )
-from pa_console.tui.protocols import Clock
-from pa_console.tui.refresh import is_open
-from pa_console.tui.screens.questions import AskFolder
-from pa_console.tui.status_words import WARN
-from pa_console.tui.trace.rows import layout, row
-from pa_console.tui.widgets.bars import KeyFooter
-from pa_console.tui.widgets.evaluation_runs import ReportTables, RunRows
 from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.row_views import TextRows
 
@@ -67,7 +70,6 @@ class EvaluationScreen(Screen[None]):
         with Vertical(id="evaluation-runs"):
             with Horizontal(id="evaluation-filters"):
                 yield LineField(
-                    compact=True,
                     id="evaluation-search",
                     placeholder="filter: mission, model, variant, category, command",
                 )
@@ -88,7 +90,6 @@ class EvaluationScreen(Screen[None]):
 
     def on_mount(self) -> None:
         """Read the runs, and look for more from now on."""
-        self.query_one("#evaluation-search", Input).cursor_blink = False
         self.query_one(RunRows).focus()
         self.set_interval(LOOK_S, self.look)
         self._title()
@@ -124,9 +125,9 @@ class EvaluationScreen(Screen[None]):
         """Show the runs that pass the filter; the pointer stays on its run."""
         shown = self._filter.passed(self._records)
         listing = self.query_one(RunRows)
-        listing.show(shown)
+        listing.show_items({record.run: record for record in shown})
         self._title()
-        totals = totals_text(Totals.of(shown, len(self._records)), self._problem)
+        totals = totals_text(shown, len(self._records), self._problem)
         self.query_one("#evaluation-totals", Static).update(totals)
         self._detail()
 
@@ -137,7 +138,7 @@ class EvaluationScreen(Screen[None]):
     def _detail(self) -> None:
         listing = self.query_one(RunRows)
         self.query_one("#evaluation-heading", Static).update(listing.heading())
-        record = listing.record
+        record = listing.item
         if record is not None:
             rows = tuple(run_rows(record))
         elif self._records:
@@ -239,9 +240,27 @@ class EvaluationScreen(Screen[None]):
 
     def action_trace(self) -> None:
         """Open the log of the run at the pointer, at its end, with the trace in view."""
-        record = self.query_one(RunRows).record
-        if record is not None:
-            show_trace(self, record, self._folder, self._clock)
+        record = self.query_one(RunRows).item
+        if record is None:
+            return
+        folder, mission = self._folder, record.mission
+
+        def show(opened: PlayableLog) -> None:
+            if opened.note:
+                self.notify(opened.note, title=mission, severity="warning", markup=False)
+            player = Player(opened.recording)
+            player.seek(player.duration)
+            screen = RecordingScreen(
+                opened.world, opened.rules, player, self._clock, over=True, view="trace"
+            )
+            self.app.push_screen(screen)
+
+        try:
+            log = log_of_run(record.log, folder)
+        except ValueError as error:
+            self.notify(str(error), title="No trace", severity="error", timeout=10, markup=False)
+        else:
+            open_beside(self, log, partial(open_log, log, folder), show, "No trace")
 
 
 def _stamp(path: Path) -> tuple[int, int] | None:

@@ -13,8 +13,8 @@ from textual.widgets import Input, Static
 from pa_console.schema.text import clock_text
 from pa_console.session.log.chain import LogError
 from pa_console.session.recording import Recording
+from pa_console.tui.rows import column
 from pa_console.tui.status_words import NOTE, QUIET
-from pa_console.tui.trace.rows import column
 from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.row_views import VirtualRows
 from pa_console.views.event_words import Hit, kind_in_words, search
@@ -54,7 +54,7 @@ class HitRows(VirtualRows):
 class FindEvent(ModalScreen[int | None]):
     """Returns the event that was chosen, or None; the pointer starts at the next one from here."""
 
-    BINDINGS = [Binding("escape", "leave", "Back")]
+    BINDINGS = [Binding("escape", "dismiss", "Back")]
 
     def __init__(self, recording: Recording, here: int) -> None:
         """`here` is how many events were played."""
@@ -64,16 +64,14 @@ class FindEvent(ModalScreen[int | None]):
     def compose(self) -> ComposeResult:
         """Yield the field, the list and the number of matches."""
         with Vertical(id="find"):
-            yield LineField(compact=True, id="find-words", placeholder="words that an event says")
+            yield LineField(id="find-words", placeholder="words that an event says")
             yield HitRows(self._recording, id="find-list")
             yield Static(HINT, id="find-note", markup=False)
 
     def on_mount(self) -> None:
         """Start in the field."""
         self.query_one("#find").border_title = "Search"
-        field = self.query_one(Input)
-        field.cursor_blink = False
-        field.focus()
+        self.query_one(Input).focus()
 
     @on(Input.Changed)
     def _typed(self, event: Input.Changed) -> None:
@@ -91,10 +89,6 @@ class FindEvent(ModalScreen[int | None]):
         event.stop()
         self.dismiss(int(event.key))
 
-    def action_leave(self) -> None:
-        """Return nothing."""
-        self.dismiss(None)
-
     async def _search(self, text: str) -> None:
         """Show the events with all the words of `text`, a part of the recording after the other."""
         hits: list[Hit] = []
@@ -102,7 +96,8 @@ class FindEvent(ModalScreen[int | None]):
         try:
             for first in range(0, end, STEP):
                 last = min(first + STEP, end)
-                hits += await asyncio.to_thread(self._part, text, first, last)
+                found = search(self._recording, text, first, last)
+                hits += await asyncio.to_thread(list, found)
                 if len(hits) >= MOST:
                     break
                 if end > STEP:
@@ -111,9 +106,6 @@ class FindEvent(ModalScreen[int | None]):
             self._note(str(error))
             return
         self._show(text, hits[:MOST])
-
-    def _part(self, text: str, first: int, last: int) -> list[Hit]:
-        return list(search(self._recording, text, first, last))
 
     def _show(self, text: str, hits: list[Hit]) -> None:
         rows = self.query_one(HitRows)

@@ -8,10 +8,9 @@ from textual.binding import Binding
 from textual.containers import VerticalScroll
 from textual.screen import ModalScreen
 
-from pa_console.tui.actions.keymap import shown_keys
-from pa_console.tui.actions.registry import ACTIONS, GROUPS, ActionContext, key_text
+from pa_console.tui.actions import ACTIONS, GROUPS, ActionContext, key_text, shown_keys
+from pa_console.tui.rows import Row, column, row
 from pa_console.tui.status_words import NOTE, QUIET, TERMS
-from pa_console.tui.trace.rows import Row, column, row
 from pa_console.tui.widgets.row_views import TextRows
 
 _APPROVAL = (
@@ -82,20 +81,14 @@ class HelpScreen(ModalScreen[None]):
         Binding("m,M", "app.carry_out('manual')", "Manual"),
     ]
 
-    def __init__(
-        self,
-        now: ActionContext,
-        keymap: Mapping[str, str] | None = None,
-        here: Sequence[Binding] = (),
-    ) -> None:
-        """`here` are the keys of the screen that it is opened over."""
+    def __init__(self, rows: Sequence[Row]) -> None:
         super().__init__()
-        self._now, self._keymap, self._here = now, keymap, here
+        self._rows = tuple(rows)
 
     def compose(self) -> ComposeResult:
         """Yield the page."""
         with VerticalScroll(id="help"):
-            yield TextRows(tuple(help_rows(self._now, self._keymap, self._here)))
+            yield TextRows(self._rows)
 
     def on_mount(self) -> None:
         """Name the page and let the arrow keys scroll it."""

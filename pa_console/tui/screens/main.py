@@ -15,20 +15,19 @@ from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
 from pa_console.session.state import MissionTrace, SessionState
-from pa_console.tui.actions.keymap import READING_KEYS, KeysHost, first_own_key
+from pa_console.tui.actions import READING_KEYS, ConsoleHost, first_own_key
 from pa_console.tui.approval.inputs import DECISION_KEYS
 from pa_console.tui.approval.panel import ApprovalPanel
 from pa_console.tui.approval.plan_text import PlanSchedule
-from pa_console.tui.composing.examples import example_orders
-from pa_console.tui.composing.names import OrderNames
 from pa_console.tui.kept_input import History
+from pa_console.tui.order_templates import OrderNames
 from pa_console.tui.plan_preview import PlanPreview, Playback, waiting_plan
 from pa_console.tui.protocols import Clock, JoinedTo
 from pa_console.tui.widgets.alarms import AlarmBar, AlarmPane
 from pa_console.tui.widgets.assets import AssetPane
 from pa_console.tui.widgets.bars import VIEWS, KeyFooter, StatusBar, ViewBar
 from pa_console.tui.widgets.event_list import EventList
-from pa_console.tui.widgets.example_orders import ExampleOrders
+from pa_console.tui.widgets.example_orders import ExampleOrders, example_orders
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
 from pa_console.tui.widgets.trace_pane import NO_MISSION, TracePane
@@ -82,7 +81,7 @@ class MainScreen(Screen[None]):
         super().__init__()
         self._joined = joined
         self._decides = bool(joined.signer) if joined is not None else not closed
-        self._world, self._rules, self._history = world, rules, history
+        self._world, self.rules, self._history = world, rules, history
         self._closed_why, self.mode, self._clock = closed, mode, clock
         self._names = OrderNames(world)
         self._view = "map"
@@ -106,7 +105,9 @@ class MainScreen(Screen[None]):
                     yield AssetPane(self._world, id="assets")
                     yield EventList(all_known=self.mode == "REPLAY", id="events")
             with Vertical(id="right"):
-                yield TracePane(self._rules, self._before_missions, id="trace")
+                yield TracePane(
+                    self.rules, "No mission yet." if self._closed_why else NO_MISSION, id="trace"
+                )
                 if not self._closed_why:
                     yield ExampleOrders(example_orders(self._world), id="examples")
                 yield ApprovalPanel(self._clock, decides=self._decides, joined=self._joined)
@@ -120,10 +121,6 @@ class MainScreen(Screen[None]):
         )
         yield KeyFooter()
         yield Static(id="too-small", markup=False)
-
-    @property
-    def _before_missions(self) -> str:
-        return "No mission yet." if self._closed_why else NO_MISSION
 
     def replay_line(self) -> ComposeResult:
         """Yield the line with the position of a recording; a live session has none."""
@@ -155,7 +152,7 @@ class MainScreen(Screen[None]):
     def name_keys(self) -> None:
         """Show at the prompt which of the user's keys help to write an order."""
         if not self._closed_why:
-            keys = cast(KeysHost, self.app).keys
+            keys = cast(ConsoleHost, self.app).keys
             named = (f"{first_own_key(name, keys)} {what}" for name, what in _HELPING_TO_WRITE)
             self.query_one(MissionPrompt).show_keys(" · ".join(named))
 
@@ -350,11 +347,7 @@ class MainScreen(Screen[None]):
 
     @property
     def _key_to_approval(self) -> str:
-        return first_own_key("approval", cast(KeysHost, self.app).keys)
-
-    def to_approval(self) -> None:
-        """Give the keys to the approval panel."""
-        self.query_one(ApprovalPanel).take_focus()
+        return first_own_key("approval", cast(ConsoleHost, self.app).keys)
 
     def leave_field(self) -> None:
         """Leave the prompt or a field of the approval panel; nothing typed is lost."""

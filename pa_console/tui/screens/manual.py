@@ -46,7 +46,7 @@ class ManualScreen(Screen[None]):
     def compose(self) -> ComposeResult:
         """Yield the search line, the list, the page and the keys."""
         yield Static(id="manual-title", markup=False)
-        yield LineField(compact=True, id="manual-search", placeholder="Words to find in all pages")
+        yield LineField(id="manual-search", placeholder="Words to find in all pages")
         with Horizontal(id="manual-body"):
             yield OptionList(id="manual-list", markup=False)
             with VerticalScroll(id="manual-page"):
@@ -55,7 +55,6 @@ class ManualScreen(Screen[None]):
 
     def on_mount(self) -> None:
         """List all pages, the pointer on the first."""
-        self.query_one("#manual-search", Input).cursor_blink = False
         self._list_pages()
         self.query_one("#manual-list").focus()
 

@@ -41,7 +41,7 @@ class PlanEditor(ModalScreen[Plan | None]):
     """Returns the changed plan, or None; the draft survives in `draft` when it is left."""
 
     BINDINGS = [
-        Binding("escape", "leave", "Back, keep the draft"),
+        Binding("escape", "dismiss", "Back, keep the draft"),
         Binding("ctrl+s,f10", "send", "Send to the safeguards"),
         Binding("ctrl+r", "revert", "The plan as it was proposed"),
     ]
@@ -90,7 +90,7 @@ class PlanEditor(ModalScreen[Plan | None]):
         if event.button.id == "send":
             self.action_send()
         else:
-            self.action_leave()
+            self.dismiss(None)
 
     def action_send(self) -> None:
         """Return the plan if it can be read."""
@@ -102,10 +102,6 @@ class PlanEditor(ModalScreen[Plan | None]):
         """Put the proposed plan back; what was typed comes again with an undo."""
         area = self.query_one(TextArea)
         area.replace(self._proposed, area.document.start, area.document.end)
-
-    def action_leave(self) -> None:
-        """Return nothing; the approval stays open."""
-        self.dismiss(None)
 
 
 def _usage() -> list[str]:

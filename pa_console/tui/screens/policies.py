@@ -19,12 +19,17 @@ from pa_console.policy.retriever import Retriever
 from pa_console.schema.document import DocumentError
 from pa_console.schema.rule import PRIORITIES, Rule, RuleHit, approvals_in_words
 from pa_console.tui.protocols import ShownRules
-from pa_console.tui.rules_view.rows import rule_line, rule_rows, standing_style, use_rows
-from pa_console.tui.rules_view.workbench import Workbench
-from pa_console.tui.screens.questions import Confirm
+from pa_console.tui.rows import row
+from pa_console.tui.screens.dialogs import Confirm
 from pa_console.tui.screens.rule_editor import RuleEditor
+from pa_console.tui.screens.rule_rows import (
+    Workbench,
+    rule_line,
+    rule_rows,
+    standing_style,
+    use_rows,
+)
 from pa_console.tui.status_words import NOTE, QUIET
-from pa_console.tui.trace.rows import row
 from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.row_views import TextRows
@@ -67,9 +72,7 @@ class PolicyScreen(Screen[str]):
         """Yield the search line, the filters, the list and the detail."""
         yield Static("Policies", id="policy-title", markup=False)
         with Horizontal(id="policy-filters"):
-            yield LineField(
-                compact=True, id="policy-search", placeholder="Score the rules against a text"
-            )
+            yield LineField(id="policy-search", placeholder="Score the rules against a text")
             yield Select(_DOMAINS, prompt="all domains", compact=True, id="policy-domain")
             yield Select(
                 [(name, name) for name in PRIORITIES],
@@ -86,7 +89,6 @@ class PolicyScreen(Screen[str]):
 
     def on_mount(self) -> None:
         """Show all rules, ready to search."""
-        self.query_one("#policy-search", Input).cursor_blink = False
         self._list()
         self.query_one("#policy-search").focus()
 

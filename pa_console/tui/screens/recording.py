@@ -1,38 +1,36 @@
 """A recorded session in the main screen: played, stepped and searched; it takes no command."""
 
 from collections.abc import Callable, Mapping
-from typing import Protocol, cast
+from typing import cast
 
 from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding
+from textual.content import Content
 from textual.widgets import Static
 
 from pa_console.schema.rule import Rule
+from pa_console.schema.text import clock_text
 from pa_console.schema.world import World
 from pa_console.session.log.chain import LogError
 from pa_console.session.recording import Player
 from pa_console.session.state import SessionState
-from pa_console.session.timeline import MarkKind
-from pa_console.tui.actions.keymap import KeysHost, refused_command
-from pa_console.tui.actions.registry import ActionContext
+from pa_console.session.timeline import MARK_KINDS, MarkKind
+from pa_console.tui.actions import ActionContext, ConsoleHost, refused_command
 from pa_console.tui.kept_input import History
 from pa_console.tui.protocols import Clock
-from pa_console.tui.refresh import ALL_VIEWS, FRAME_S, is_open
-from pa_console.tui.replay.deck import ReplayDeck
+from pa_console.tui.refresh import ALL_VIEWS, FRAME_S, is_open, views_of
 from pa_console.tui.screens.main import MainScreen
+from pa_console.tui.status_words import QUIET, term
 from pa_console.tui.widgets.bars import Scrubber
 
+MISSIONS = frozenset[MarkKind](("mission",))
+FINDINGS = frozenset(MARK_KINDS) - MISSIONS
+WIDE = 120
+"""Cells from which on the line has room for the signs of the marks."""
+
+
 CLOSED = "REPLAY: this is a recording, every command is refused"
-
-
-class _Host(KeysHost, Protocol):
-    """The app as the screen needs it."""
-
-    @property
-    def situation(self) -> ActionContext:
-        """The state that decides which actions are legal now."""
-        ...
 
 
 class RecordingScreen(MainScreen):
@@ -52,8 +50,8 @@ class RecordingScreen(MainScreen):
     ) -> None:
         """`over` another screen one can go back; `view` is the pane that is shown at first."""
         super().__init__(world, rules, History(None), closed=CLOSED, mode="REPLAY", clock=clock)
-        self.world, self.player, self.rules = world, player, rules
-        self._deck = ReplayDeck(player, clock)
+        self.world, self.player = world, player
+        self._seen_at = clock()
         self._over, self._view = over, view
         self._dirty: frozenset[str] = ALL_VIEWS
         self._situation: ActionContext | None = None
@@ -62,11 +60,6 @@ class RecordingScreen(MainScreen):
     def state(self) -> SessionState:
         """The session at the position of the player."""
         return self.player.state
-
-    @property
-    def rate(self) -> float:
-        """Recorded seconds per wall second."""
-        return self._deck.rate
 
     def replay_line(self) -> ComposeResult:
         """Yield the banner and the bar."""
@@ -92,7 +85,7 @@ class RecordingScreen(MainScreen):
 
     def on_key(self, event: events.Key) -> None:
         """Report that a key would have given a command in a live session."""
-        command = refused_command(event.key, cast(KeysHost, self.app).keys)
+        command = refused_command(event.key, cast(ConsoleHost, self.app).keys)
         if command:
             event.stop()
             self.notify(
@@ -105,58 +98,82 @@ class RecordingScreen(MainScreen):
     def on_scrubber_asked(self, message: Scrubber.Asked) -> None:
         """Go to the place that was clicked."""
         message.stop()
-        self.move(lambda deck: deck.to_share(message.share))
+        self.move(lambda player: player.seek(message.share * player.duration))
 
     def _tick(self) -> None:
+        """Let the wall time since the last frame pass."""
         if not is_open(self):
             return
+        now, was_playing = self._clock(), self.player.playing
+        past, self._seen_at = now - self._seen_at, now
         try:
-            played = self._deck.play_on()
+            kinds = self.player.advance(past)
         except LogError as error:
             self._cannot_read(error)
-            played = True
-        if played:
-            self._moved()
+        else:
+            self._dirty |= {view for kind in kinds for view in views_of(kind)}
+            if was_playing:
+                self._moved()
         self.repaint()
 
     def _moved(self) -> None:
-        self._dirty |= self._deck.views
-        self.query_one("#replay", Static).update(self._deck.line(self.size.width), layout=False)
+        self.query_one("#replay", Static).update(banner(self.player, self.size.width), layout=False)
         self.query_one(Scrubber).show(self.player.position)
 
     def repaint(self) -> None:
         """Repaint the panes that the last moves have changed."""
         views, self._dirty = self._dirty, frozenset()
         if views and self.is_mounted and is_open(self):
-            self.refresh_views(self.state, views, self.rate, 0.0)
-            situation = cast(_Host, self.app).situation
+            self.refresh_views(self.state, views, self.player.rate, 0.0)
+            situation = cast(ConsoleHost, self.app).situation
             if situation != self._situation:
                 self._situation = situation
                 self.app.refresh_bindings()
 
-    def move(self, how: Callable[[ReplayDeck], object]) -> None:
+    def move(self, how: Callable[[Player], object]) -> None:
         """Move the recording; a log that cannot be read any more is told."""
         try:
-            how(self._deck)
+            how(self.player)
         except LogError as error:
             self._cannot_read(error)
-        self._moved()
+        else:
+            self._dirty = ALL_VIEWS
+            self._moved()
 
     def _cannot_read(self, error: LogError) -> None:
         self._dirty = ALL_VIEWS
+        self._moved()
         self.notify(str(error), title="Replay", severity="error", timeout=30, markup=False)
 
-    def change_rate(self, factor: float) -> None:
-        """Play at another speed."""
-        self.move(lambda deck: deck.change_rate(factor))
-        self._dirty |= frozenset(("status",))
+    def play_pause(self) -> None:
+        """Play from now on, or pause."""
+        self._seen_at = self._clock()
+        self.move(Player.pause if self.player.playing else Player.play)
 
     def jump(self, kinds: frozenset[MarkKind], by: int, what: str) -> None:
         """Go to the next mark of these `kinds`, or the one before; say when there is none."""
 
-        def how(deck: ReplayDeck) -> None:
-            if not deck.jump(kinds, by):
+        def how(player: Player) -> None:
+            if not (player.next_mark(kinds) if by > 0 else player.mark_back(kinds)):
                 where = "after" if by > 0 else "before"
                 self.notify(f"no {what} {where} this moment", title="Replay", markup=False)
 
         self.move(how)
+
+
+def banner(player: Player, width: int) -> Content:
+    """Return the line that says this is a replay, where it stands, and how to move it."""
+    sign = "▶ playing" if player.playing else "■ ended" if player.finished else "‖ paused"
+    where = f"log {clock_text(player.position)} of {clock_text(player.duration)}"
+    parts: list[tuple[str, str] | str] = [
+        (" REPLAY ", "bold reverse $text-warning"),
+        (f" {sign} ×{player.rate:g} ", "bold"),
+        f" {where}  event {player.index} of {len(player.recording)}  ",
+    ]
+    if width >= WIDE:
+        for kind in reversed(MARK_KINDS):
+            mark = term("mark", kind)
+            parts += [(f"{mark.glyph} ", f"bold {mark.style}"), (f"{mark.word}  ", QUIET)]
+    else:
+        parts.append(("F1 all keys", QUIET))
+    return Content.assemble(*parts)

@@ -18,12 +18,11 @@ from pa_console.policy.rule_seal import sign_rules
 from pa_console.policy.rulebook import read_rule_set
 from pa_console.schema.document import DocumentError
 from pa_console.signing import load_signer
-from pa_console.tui.rules_view.rows import draft_line, draft_rows
-from pa_console.tui.rules_view.workbench import Workbench
-from pa_console.tui.screens.questions import Confirm
+from pa_console.tui.rows import row
+from pa_console.tui.screens.dialogs import Confirm
+from pa_console.tui.screens.rule_rows import Workbench, draft_line, draft_rows
 from pa_console.tui.status_words import NOTE, QUIET
 from pa_console.tui.terminal import edit_outside, editor_command
-from pa_console.tui.trace.rows import row
 from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.fields import TextField
 from pa_console.tui.widgets.row_views import TextRows

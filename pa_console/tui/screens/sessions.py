@@ -1,43 +1,129 @@
 """The recorded sessions: open one, compare two, export one, run one again."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from threading import Event
-from typing import TypeVar
+from typing import ClassVar
 
 from textual import events, on
 from textual.app import ComposeResult
-from textual.binding import Binding
+from textual.binding import Binding, BindingType
 from textual.containers import Vertical, VerticalScroll
 from textual.content import Content
 from textual.screen import Screen
 from textual.widgets import Static
 
+from pa_console.evaluation.twin import resimulate
 from pa_console.schema.document import DocumentError
-from pa_console.schema.text import count
+from pa_console.schema.text import clock_text, count
+from pa_console.session.log.chain import read_log, session_start
 from pa_console.session.log_index import Progress
 from pa_console.session.past_sessions import SessionSummary, Soundness, past_sessions, soundness
+from pa_console.session.recording import Player
+from pa_console.sim.worlds.scenario_file import open_scenario
+from pa_console.station.assembly import SessionSites
 from pa_console.tui.copied_file import export_folder, trace_text, write_copy
 from pa_console.tui.protocols import Clock
-from pa_console.tui.replay.recordings import (
-    ComparedLog,
+from pa_console.tui.recordings import (
     KnownWorld,
     OpenedLog,
+    PlayableLog,
     open_compared,
     open_log,
 )
-from pa_console.tui.replay.run_again import run_again
-from pa_console.tui.screens.compare import CompareScreen, Side
-from pa_console.tui.screens.opening_log import OpeningLog, is_large
+from pa_console.tui.rows import Row, row
+from pa_console.tui.screens.compare import CompareScreen
+from pa_console.tui.screens.dialogs import open_beside
 from pa_console.tui.screens.recording import RecordingScreen
-from pa_console.tui.status_words import WARN
-from pa_console.tui.trace.rows import row
+from pa_console.tui.status_words import QUIET, WARN, term
 from pa_console.tui.widgets.bars import KeyFooter
-from pa_console.tui.widgets.row_views import TextRows
-from pa_console.tui.widgets.session_rows import SessionRows, detail_rows
+from pa_console.tui.widgets.row_views import Cells, Layout, PointedRows, TextRows
+from pa_console.views.status_words import outcomes_in_words
 
-Log = TypeVar("Log", OpenedLog, ComparedLog)
+
+class SessionRows(PointedRows[SessionSummary]):
+    """The list of sessions, newest first; a session that is marked is to be compared."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("enter", "choose", "Open")]
+
+    COLUMNS: ClassVar[Layout] = Layout(
+        "begun",
+        (("begun", 16), ("title", 20), ("scenario", 14), ("missions", 8), ("outcomes", 16),
+         ("length", 7), ("log", 12)),
+        ("scenario", "missions", "length", "begun"),
+    )  # fmt: skip
+
+    def __init__(self, **kwargs: str) -> None:
+        super().__init__(**kwargs)
+        self._standings: dict[str, Soundness] = {}
+        self.marked = ""
+
+    def standing(self, key: str) -> Soundness | None:
+        """Return the state of the log `key`; None while it is being checked."""
+        return self._standings.get(key)
+
+    def stand(self, key: str, standing: Soundness) -> None:
+        """Note how sound the log `key` is."""
+        self._standings[key] = standing
+        self.set_keys(self.keys)
+
+    def mark(self, key: str) -> None:
+        """Mark the session `key`, no other; none with an empty key."""
+        self.marked = key
+        self.set_keys(self.keys)
+
+    def grown(self, room: int) -> Mapping[str, int]:
+        """Give the title and the outcomes what is left."""
+        return {"title": room - room // 3, "outcomes": room // 3}
+
+    def cells(self, key: str) -> Cells:
+        """Return the cells of a session."""
+        summary, standing = self.items[key], self._standings.get(key)
+        mark = term("log", standing.standing) if standing is not None else None
+        title = f"≠ {summary.title}" if key == self.marked else summary.title
+        return {
+            "begun": (summary.local_start[:16], QUIET),
+            "title": (title, "bold"),
+            "scenario": (summary.scenario or "–", QUIET),
+            "missions": (f"{len(summary.missions)}", ""),
+            "outcomes": (outcomes_in_words(summary.outcomes), ""),
+            "length": (clock_text(summary.length_s), QUIET),
+            "log": (f"{mark.glyph} {mark.word}", mark.style) if mark else ("checking …", QUIET),
+        }
+
+
+def detail_rows(summary: SessionSummary, standing: Soundness | None) -> tuple[Row, ...]:
+    """Return everything that the list has no room for: every mission, and why the log is sound."""
+    running = standing is not None and standing.standing == "running"
+    never = "not yet" if running else "its log was never closed"
+    ended = never if summary.ending == "open" else summary.reason
+    rows = [
+        _line("session", f"{summary.session}, {clock_text(summary.length_s)} long"),
+        _line("world", f"{summary.world}, rules {summary.rules}, seed {summary.seed}"),
+        _line("scenario", summary.scenario or "none"),
+        _line("model", summary.model),
+        _line("ended", ended),
+    ]
+    if standing is not None:
+        mark = term("log", standing.standing)
+        told = f": {standing.detail}" if standing.detail else ""
+        rows.append(row([("log       ", QUIET)], mark.content, told))
+    for mission in summary.missions:
+        mark = term("mission", mission.status or "open")
+        rows.append(row([("mission   ", QUIET)], (f"{mission.id} ", "bold"), mark.content,
+                        f"  {mission.origin}{mission.said}"))  # fmt: skip
+        if mission.reason:
+            rows.append(row("            ", (mission.reason, QUIET)))
+    rows.append(_line("file", str(summary.log)))
+    return tuple(rows)
+
+
+def _line(name: str, text: str) -> Row:
+    return row([(f"{name:<10}", QUIET)], text)
+
+
+PROBLEM = "Not opened"
 MOST = 200
 """The number of sessions listed, the newest first."""
 
@@ -111,7 +197,7 @@ class SessionsScreen(Screen[None]):
                 self._detail()
 
     def _show(self, found: Sequence[SessionSummary]) -> None:
-        self.listing.show(found)
+        self.listing.show_items({str(summary.log): summary for summary in found})
         told = count(len(found), "recorded session") if self._read else "reading …"
         text = f" SESSIONS  {told} in {self._folder}"
         self.query_one("#sessions-title", Static).update(Content(text))
@@ -119,7 +205,7 @@ class SessionsScreen(Screen[None]):
 
     def _detail(self) -> None:
         self.query_one("#sessions-heading", Static).update(self.listing.heading())
-        session = self.listing.session
+        session = self.listing.item
         if session is not None:
             rows = detail_rows(session, self.listing.standing(self.listing.cursor))
         elif self._read:
@@ -142,8 +228,7 @@ class SessionsScreen(Screen[None]):
     @on(SessionRows.Chosen)
     def _chosen(self, event: SessionRows.Chosen) -> None:
         event.stop()
-        log = Path(event.key)
-        self._with_log(log, _open(log), self._play)
+        self._with_log(Path(event.key), self._play)
 
     def action_back(self) -> None:
         """Give up a comparison that was begun, else go back to the console."""
@@ -154,36 +239,20 @@ class SessionsScreen(Screen[None]):
 
     # What is done with a session
 
-    def _with_log(
-        self,
-        log: Path,
-        opening: Callable[[Progress | None], Log],
-        then: Callable[[Log], None],
-    ) -> None:
-        """Open `log`, a large one beside the screen, and go on with it; what is wrong is told."""
-        try:
-            if is_large(log):
+    def _with_log(self, log: Path, then: Callable[[PlayableLog], None]) -> None:
+        open_beside(self, log, partial(open_log, log, None), then, PROBLEM)
 
-                def opened(found: Log | None) -> None:
-                    if found is not None:
-                        then(found)
-
-                self.app.push_screen(OpeningLog[Log](log, opening), opened)
-            else:
-                then(opening(None))
-        except (ValueError, OSError, DocumentError) as error:
-            self.notify(str(error), title="Not opened", severity="error", timeout=10, markup=False)
-
-    def _play(self, opened: OpenedLog) -> None:
+    def _play(self, opened: PlayableLog) -> None:
         if opened.note:
             self.notify(opened.note, title="Session", severity="warning", markup=False)
-        screen = RecordingScreen(opened.world, opened.rules, opened.player, self._clock, over=True)
+        player = Player(opened.recording)
+        screen = RecordingScreen(opened.world, opened.rules, player, self._clock, over=True)
         self.app.push_screen(screen)
 
     def action_compare(self) -> None:
         """Choose the first session of a comparison, then the second one."""
         listing = self.listing
-        if listing.session is None:
+        if listing.item is None:
             return
         if not listing.marked:
             listing.mark(listing.cursor)
@@ -195,31 +264,29 @@ class SessionsScreen(Screen[None]):
         else:
             first, second = Path(listing.marked), Path(listing.cursor)
             listing.mark("")
-            self._with_log(first, _open(first), partial(self._compare, first, second))
+            self._with_log(first, partial(self._compare, second))
 
-    def _compare(self, first: Path, second: Path, opened: OpenedLog) -> None:
-        recording = opened.player.recording
-        known = KnownWorld.of(opened.world, recording)
-        one = Side(first.name, recording, opened.world, opened.rules, opened.note)
+    def _compare(self, second: Path, one: PlayableLog) -> None:
+        known = KnownWorld.of(one.world, one.recording)
 
-        def both(other: ComparedLog) -> None:
-            sides = (one, Side.of(second.name, other))
-            self.app.push_screen(CompareScreen(*sides, self._clock))
-
-        def opening(progress: Progress | None = None) -> ComparedLog:
+        def opening(progress: Progress | None) -> OpenedLog:
             return open_compared(second, known, progress)
 
-        self._with_log(second, opening, both)
+        def both(other: OpenedLog) -> None:
+            self.app.push_screen(CompareScreen(one, other, self._clock))
+
+        open_beside(self, second, opening, both, PROBLEM)
 
     def action_export(self) -> None:
         """Write the traces of all missions of the session to a file."""
-        session = self.listing.session
+        session = self.listing.item
         if session is not None:
-            self._with_log(session.log, _open(session.log), partial(self._export, session))
+            self._with_log(session.log, partial(self._export, session))
 
-    def _export(self, session: SessionSummary, opened: OpenedLog) -> None:
-        opened.player.seek(opened.player.duration)
-        traces = opened.player.state.missions.values()
+    def _export(self, session: SessionSummary, opened: PlayableLog) -> None:
+        player = Player(opened.recording)
+        player.seek(player.duration)
+        traces = player.state.missions.values()
         if not traces:
             self.notify("it has no mission", title="Nothing exported", markup=False)
             return
@@ -230,7 +297,7 @@ class SessionsScreen(Screen[None]):
 
     def action_again(self) -> None:
         """Run the session again beside the screen, and report whether it came out equal."""
-        session = self.listing.session
+        session = self.listing.item
         if session is not None:
             self.notify("the session is being run again", title=session.title[:40], markup=False)
             self.run_worker(partial(self._again, session.log), thread=True, group="again",
@@ -249,5 +316,22 @@ class SessionsScreen(Screen[None]):
                     timeout=10, markup=False)  # fmt: skip
 
 
-def _open(log: Path) -> Callable[[Progress | None], OpenedLog]:
-    return lambda progress: open_log(log, None, progress)
+def run_again(log: Path) -> tuple[bool, str]:
+    """Return whether telemetry and rehearsals came out as recorded, and that in words.
+
+    The rules are not tried again: `pa-console replay LOG --resimulate` does that too. Raises
+    ValueError (DocumentError) when the log cannot be read, or its world or scenario is not here.
+    """
+    started, sites = session_start(next(read_log(log), None), log), SessionSites()
+    world, file = sites.world_of(started, log), sites.world_file(started, log)
+    scenario = None
+    if started.scenario and file is not None:
+        loaded = open_scenario(world, file, started.scenario)
+        if started.scenario_sha256 not in ("", loaded.sha256):
+            raise ValueError(f"its scenario “{started.scenario}” has changed since")
+        scenario = loaded.scenario
+    twin = resimulate(read_log(log), world, scenario)
+    if twin.equal:
+        told = f"{count(twin.pictures, 'picture')} and {count(twin.rehearsals, 'rehearsal')}"
+        return True, f"{told} of plans came out equal"
+    return False, f"it came out otherwise, first at {twin.first_difference or 'no picture'}"

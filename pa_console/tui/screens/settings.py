@@ -17,9 +17,9 @@ from textual.widgets.option_list import Option
 from pa_console.schema.document import DocumentError
 from pa_console.settings.file import save_setting
 from pa_console.settings.sources import Loaded
+from pa_console.tui.rows import Row, column, row
 from pa_console.tui.settings_rows import Choice, choices, is_chosen, to_write, value_of
 from pa_console.tui.status_words import NOTE, QUIET
-from pa_console.tui.trace.rows import Row, column, row
 from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.row_views import TextRows
@@ -51,14 +51,13 @@ class SettingsScreen(Screen[None]):
             yield OptionList(id="setting-list", markup=False)
             with VerticalScroll(id="setting-detail", can_focus=False):
                 yield TextRows(id="setting-help")
-                yield LineField(compact=True, id="setting-value")
+                yield LineField(id="setting-value")
                 yield Select[str]((), prompt="the default", compact=True, id="setting-option")
                 yield Static(id="setting-note", markup=False)
         yield KeyFooter()
 
     def on_mount(self) -> None:
         """List everything, the pointer on the first."""
-        self.query_one("#setting-value", Input).cursor_blink = False
         listing = self.query_one("#setting-list", OptionList)
         for group, rows in groupby(self._choices.values(), key=lambda choice: choice.group):
             listing.add_option(Option(Content.styled(group, f"bold {NOTE}"), disabled=True))

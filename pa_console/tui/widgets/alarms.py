@@ -11,8 +11,8 @@ from pa_console.schema.text import clock_text, visible
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.session.state import OpenAlarm, SessionState, Stop
 from pa_console.tui.refresh import retitle
+from pa_console.tui.rows import column
 from pa_console.tui.status_words import BAD, CALM, NOTE, QUIET, WARN, term
-from pa_console.tui.trace.rows import column
 from pa_console.tui.widgets.row_views import VirtualRows
 
 _FILL = {

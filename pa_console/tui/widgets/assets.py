@@ -294,7 +294,6 @@ class AssetPane(Vertical):
     def compose(self) -> ComposeResult:
         """Yield the filter's line, hidden until it is used, and the table."""
         yield LineField(
-            compact=True,
             id="asset-filter",
             placeholder="filter: uav, NorthGate, problem, stale, hostile, any text; Enter, Esc",
         )
@@ -302,8 +301,7 @@ class AssetPane(Vertical):
 
     def on_mount(self) -> None:
         """Begin without a filter."""
-        field = self.query_one("#asset-filter", Input)
-        field.cursor_blink, field.display = False, False
+        self.query_one("#asset-filter").display = False
         self._label()
 
     def show(self, picture: Picture | None) -> None:

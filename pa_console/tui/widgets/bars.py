@@ -12,7 +12,7 @@ from pa_console.schema.rule import RulesSeal
 from pa_console.schema.text import clock_text, count, few
 from pa_console.session.state import SessionState, TakTrace
 from pa_console.session.timeline import MarkKind, RecordingTimeline
-from pa_console.tui.actions.registry import first_key
+from pa_console.tui.actions import first_key
 from pa_console.tui.status_words import QUIET, WARN, cover_state, term
 
 LEAST = 10

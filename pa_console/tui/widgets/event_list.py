@@ -11,8 +11,8 @@ from textual.strip import Strip
 from textual.visual import Visual
 
 from pa_console.session.state import NOTICES_KEPT, Notice
+from pa_console.tui.rows import Row, layout, row
 from pa_console.tui.status_words import QUIET, term
-from pa_console.tui.trace.rows import Row, layout, row
 
 
 class EventList(ScrollView):

@@ -1,6 +1,7 @@
 """Orders to begin with, each typed into the prompt by a key or a click; none is sent."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import cycle
 
 from textual.app import ComposeResult
 from textual.containers import Vertical
@@ -8,8 +9,41 @@ from textual.content import Content
 from textual.message import Message
 from textual.widgets import Static
 
-from pa_console.tui.actions.registry import key_text
+from pa_console.schema.world import AssetKind, World
+from pa_console.tui.actions import key_text
 from pa_console.tui.status_words import NOTE, QUIET
+
+MOST = 4
+
+
+def example_orders(world: World) -> tuple[str, ...]:
+    """Return up to four orders, each with another gate as long as there are others.
+
+    The assets in them are spare ones where there are any: no gate is their post.
+    """
+    gates = cycle(world.gates)
+    orders: list[str] = []
+    if drone := _spare(world, ("uav",)):
+        orders.append(f"Send {drone} to look at {next(gates)}.")
+    if walker := _spare(world, ("ugv", "robot")):
+        orders.append(f"Send {walker} to {next(gates)}.")
+    orders.append(f"Report on {next(gates)}.")
+    if robot := _spare(world, ("robot", "ugv", "uav")):
+        orders.append(f"Send {robot} home.")
+    return tuple(orders[:MOST])
+
+
+def _spare(world: World, kinds: tuple[AssetKind, ...]) -> str:
+    """Return an asset of the first kind that there is; empty without any."""
+    return next(_by_choice(world, kinds), "")
+
+
+def _by_choice(world: World, kinds: tuple[AssetKind, ...]) -> Iterator[str]:
+    for kind in kinds:
+        own = [name for name, spec in world.assets.items() if spec.kind == kind]
+        yield from (name for name in own if world.assets[name].post not in world.gates)
+        yield from own
+
 
 HEADING = "To begin: a key types the order, Enter sends it"
 

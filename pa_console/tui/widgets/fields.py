@@ -48,7 +48,18 @@ class CheckBox(Static, can_focus=True):
 
 
 class LineField(Input):
-    """A field for one line; of pasted lines it makes one."""
+    """A field for one line, in one row of the screen; of pasted lines it makes one."""
+
+    def __init__(
+        self,
+        value: str | None = None,
+        *,
+        id: str | None = None,  # noqa: A002 - as every widget names it
+        placeholder: str = "",
+        select_on_focus: bool = True,
+    ) -> None:
+        super().__init__(value, placeholder, id=id, select_on_focus=select_on_focus, compact=True)
+        self.cursor_blink = False
 
     async def on_key(self, event: events.Key) -> None:
         """Do at once what a key of this field does."""

@@ -16,9 +16,8 @@ from textual.message import Message
 from textual.widgets import Static, TextArea
 from textual.widgets.text_area import Selection
 
-from pa_console.tui.composing.names import Completion, OrderNames
-from pa_console.tui.composing.templates import Slot, next_slot, slots
 from pa_console.tui.kept_input import History
+from pa_console.tui.order_templates import Completion, OrderNames, Slot, next_slot, slots
 from pa_console.tui.protocols import Clock
 from pa_console.tui.refresh import retitle
 from pa_console.tui.widgets.fields import TextField

@@ -1,7 +1,7 @@
 """Rows at whatever width there is: text to select, or a list laid out only where in view."""
 
 from collections.abc import Mapping
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, Generic, NamedTuple, TypeVar
 
 from textual import events
 from textual.binding import Binding, BindingType
@@ -13,8 +13,8 @@ from textual.strip import Strip
 from textual.visual import Visual
 from textual.widget import Widget
 
+from pa_console.tui.rows import Row, column, layout
 from pa_console.tui.status_words import NOTE, QUIET
-from pa_console.tui.trace.rows import Row, column, layout
 
 Cells = Mapping[str, tuple[str, str]]
 """Text and style by column."""
@@ -229,8 +229,16 @@ MARK = 2
 """Cells of the pointer in front of a row."""
 
 
-class PointedRows(VirtualRows):
-    """The pointer stays on its row when others come; subclasses say what a row's cells are."""
+Item = TypeVar("Item")
+
+
+class PointedRows(VirtualRows, Generic[Item]):
+    """A row an item; the pointer stays on its row when others come.
+
+    Subclasses set the least `COLUMNS`, and say what a row's cells are and which columns grow.
+    """
+
+    COLUMNS: ClassVar[Layout]
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("pageup", "page(-1)", "Page up", show=False),
@@ -242,13 +250,34 @@ class PointedRows(VirtualRows):
     class Pointed(Message):
         """The pointer was moved to a row."""
 
-    def layout_of(self, width: int) -> Layout:
-        """Return the columns for `width` cells."""
+    def __init__(self, **kwargs: str) -> None:
+        super().__init__(**kwargs)
+        self.items: Mapping[str, Item] = {}
+
+    @property
+    def item(self) -> Item | None:
+        """The item at the pointer."""
+        return self.items.get(self.cursor)
+
+    def show_items(self, items: Mapping[str, Item]) -> None:
+        """Show these items by their keys."""
+        self.items = dict(items)
+        self.set_keys(list(self.items))
+
+    def grown(self, room: int) -> Mapping[str, int]:
+        """Return what columns get of the `room` that is left, in cells."""
         raise NotImplementedError
 
     def cells(self, key: str) -> Cells:
         """Return the cells of the row `key`."""
         raise NotImplementedError
+
+    def layout_of(self, width: int) -> Layout:
+        """Return the columns for `width` cells."""
+        columns = self.COLUMNS.fitting(width - 1)
+        more = self.grown(max(0, width - sum(cells + 1 for _, cells in columns)))
+        shown = tuple((name, cells + more.get(name, 0)) for name, cells in columns)
+        return Layout(shown[0][0], shown, ())
 
     def row(self, index: int, width: int) -> Content:
         """Return a row with the pointer in front."""

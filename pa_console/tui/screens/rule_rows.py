@@ -1,19 +1,24 @@
-"""A rule as rows, for the policy browser and the rule editor."""
+"""A rule as rows, and what policy browser and rule editor share to edit its file."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import yaml
 from textual.content import Content
 
-from pa_console.evaluation.rule_trials import Trial
+from pa_console.evaluation.rule_trials import SessionCases, Trial
 from pa_console.policy.authoring.rule_draft import ExampleResult, RuleDraft
 from pa_console.schema.finding import Finding
 from pa_console.schema.rule import Ordering, Rule, RuleHit, RulesSeal
 from pa_console.schema.text import count
+from pa_console.schema.world import World
+from pa_console.session.mission_trace import MissionTrace
+from pa_console.tui.kept_input import Drafts
+from pa_console.tui.rows import Part, Row, column, row
 from pa_console.tui.status_words import BAD, GOOD, NOTE, QUIET, WARN, term
-from pa_console.tui.trace.rows import Part, Row, column, row
 from pa_console.views.rule_trail import RuleUse
 
 _EXPECTED = {"pass": "must hold", "fail": "must be broken", "not_applicable": "must not apply"}
@@ -173,3 +178,30 @@ def _finding(found: Finding) -> tuple[Part, ...]:
     mark = term("finding", found.status)
     message = f" {found.message}" if found.message else ""
     return (f"{mark.glyph} {mark.word}", mark.style), message
+
+
+@dataclass
+class Workbench:
+    """Lets one console edit one rule file; `closed` says why it may not, empty when it may.
+
+    `drafts` are what was typed and not saved, by rule id, '' for a new rule; they outlive the
+    editor and the console. `saved` is awaited after the file was written, so that it is taken at
+    once. `offered` says why the rules in the file wait to be accepted, empty when they do not, and
+    `accept` takes them.
+    """
+
+    world: World
+    path: Path | None
+    closed: str
+    seal: Callable[[], RulesSeal]
+    missions: Callable[[], Iterable[MissionTrace]]
+    busy: Callable[[], str]
+    saved: Callable[[], Awaitable[None]]
+    offered: Callable[[], str]
+    accept: Callable[[], Awaitable[None]]
+    cases: SessionCases = field(init=False)
+    drafts: Drafts = field(default_factory=Drafts)
+
+    def __post_init__(self) -> None:
+        """Begin with an empty session."""
+        self.cases = SessionCases(self.world)

@@ -15,7 +15,7 @@ from textual.widgets.option_list import Option
 
 from pa_console.schema.telemetry import AssetTelemetry, Track
 from pa_console.schema.world import PLAIN_KINDS, World
-from pa_console.tui.composing.templates import forms_for
+from pa_console.tui.order_templates import forms_for
 from pa_console.tui.status_words import KIND_WORDS
 
 WIDTH = 46
@@ -98,7 +98,7 @@ class Card(ModalScreen[Choice | None]):
     """Returns the choice, or None. Choosing gives no command: an order is typed, not sent."""
 
     BINDINGS = [
-        Binding("escape", "leave", "Back"),
+        Binding("escape", "dismiss", "Back"),
         *(Binding(str(number), f"pick({number})", show=False) for number in range(1, 10)),
     ]
 
@@ -162,7 +162,3 @@ class Card(ModalScreen[Choice | None]):
         """Choose by the number of the line."""
         if number <= len(self._choices):
             self.dismiss(self._choices[number - 1])
-
-    def action_leave(self) -> None:
-        """Return nothing."""
-        self.dismiss(None)

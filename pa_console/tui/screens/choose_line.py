@@ -59,7 +59,7 @@ class ChooseLine(ModalScreen[str | None]):
     """Returns the text of the line that was chosen, or None; nothing else happens here."""
 
     BINDINGS = [
-        Binding("escape", "leave", "Back"),
+        Binding("escape", "dismiss", "Back"),
         Binding("up", "point(-1)", "Line above", priority=True),
         Binding("down", "point(1)", "Line below", priority=True),
         Binding("delete", "remove", "Remove the favourite at the pointer", priority=True),
@@ -87,16 +87,14 @@ class ChooseLine(ModalScreen[str | None]):
     def compose(self) -> ComposeResult:
         """Yield the field, the list and what can be done."""
         with Vertical(id="choose"):
-            yield LineField(compact=True, id="choose-words", placeholder="type any words of it")
+            yield LineField(id="choose-words", placeholder="type any words of it")
             yield LineRows(id="choose-list")
             yield Static(id="choose-note", markup=False)
 
     def on_mount(self) -> None:
         """Start in the field."""
         self.query_one("#choose").border_title = Content(self._title)
-        field = self.query_one(Input)
-        field.cursor_blink = False
-        field.focus()
+        self.query_one(Input).focus()
         self._show()
         if self._more is not None:
             self.run_worker(self._read, thread=True, group="lines", exit_on_error=False)
@@ -175,7 +173,3 @@ class ChooseLine(ModalScreen[str | None]):
         except (ValueError, OSError) as error:
             self.notify(str(error), title="Favourites", severity="error", markup=False)
         self._show()
-
-    def action_leave(self) -> None:
-        """Return nothing."""
-        self.dismiss(None)

@@ -7,9 +7,8 @@ from typing import Protocol, cast
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 from textual.types import IgnoreReturnCallbackType
 
-from pa_console.tui.actions.keymap import shown_keys
-from pa_console.tui.actions.registry import ACTIONS
-from pa_console.tui.actions.whatif import RATES, WhatIf, what_ifs
+from pa_console.tui.actions import ACTIONS, shown_keys
+from pa_console.tui.controllers.commands import RATES, WhatIf, what_ifs
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.controllers import Controllers
 

@@ -1,6 +1,7 @@
 """The standing orders: what each waits for and starts, what it has started, and its end."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from typing import ClassVar
 
 from textual import events, on
 from textual.app import ComposeResult
@@ -10,12 +11,71 @@ from textual.content import Content
 from textual.screen import Screen
 from textual.widgets import Static
 
-from pa_console.schema.text import count
-from pa_console.session.state import SessionState
+from pa_console.schema.text import clock_text, count
+from pa_console.session.state import SessionState, StandingTrace
+from pa_console.tui.approval.plan_rows import order_rows
 from pa_console.tui.refresh import is_open
-from pa_console.tui.standing_orders.listing import StandingRows
+from pa_console.tui.rows import Row, row
+from pa_console.tui.status_words import BAD, GOOD, QUIET, WARN
 from pa_console.tui.widgets.bars import KeyFooter
-from pa_console.tui.widgets.row_views import TextRows
+from pa_console.tui.widgets.row_views import Cells, Layout, PointedRows, TextRows
+
+
+class StandingRows(PointedRows[StandingTrace]):
+    """The list of standing orders, the oldest first."""
+
+    COLUMNS: ClassVar[Layout] = Layout(
+        "id",
+        (("id", 4), ("order", 24), ("condition", 20), ("starts", 6), ("last", 18), ("state", 10)),
+        ("condition", "last", "starts"),
+    )
+
+    dt_s = 1.0
+    """The simulated seconds of a tick."""
+
+    def grown(self, room: int) -> Mapping[str, int]:
+        """Give the order and its condition what is left."""
+        return {"order": room - room // 3, "condition": room // 3}
+
+    def cells(self, key: str) -> Cells:
+        """Return the cells of a standing order."""
+        trace = self.items[key]
+        last = trace.last
+        told = f"{last.mission} {clock_text(last.tick * self.dt_s)}" if last else "never"
+        state = ("✔ in force", GOOD) if trace.in_force else ("■ over", QUIET)
+        return {
+            "id": (key, "bold"),
+            "order": (trace.order.text, "" if trace.in_force else QUIET),
+            "condition": (trace.order.words, QUIET),
+            "starts": (f"{trace.started}", ""),
+            "last": (told, QUIET),
+            "state": state,
+        }
+
+    def detail(self) -> Iterator[Row]:
+        """Yield everything about the order at the pointer."""
+        trace = self.item
+        if trace is None:
+            yield row("", ("No standing order was approved in this session.", WARN))
+            yield row(
+                "", ("Type one as a mission: Whenever a drone is below 20 %, relieve it.", "")
+            )
+            return
+        yield row(("typed     ", QUIET), trace.order.text)
+        yield from order_rows(trace.order)
+        yield row(("approved  ", QUIET), f"by {trace.by}, {self._when(trace.since_tick)}")
+        if trace.ended:
+            yield row(("over      ", QUIET), (trace.ended, BAD))
+        for start in reversed(trace.starts):
+            told = f"{start.mission} for {start.subject}, {self._when(start.tick)}"
+            yield row(("started   ", QUIET), told)
+        if trace.withheld is not None:
+            about = f"{trace.withheld.subject}: " * bool(trace.withheld.subject)
+            yield row(("not       ", QUIET), (f"{about}{trace.withheld.reason}", WARN))
+
+    def _when(self, tick: int) -> str:
+        return f"at {clock_text(tick * self.dt_s)}"
+
 
 LOOK_S = 0.5
 """The interval between two looks for changes, seconds."""
@@ -54,6 +114,7 @@ class StandingOrdersScreen(Screen[None]):
 
     def on_mount(self) -> None:
         """Show what there is, and from now on what becomes of it."""
+        self.listing.dt_s = self._dt_s
         self.listing.focus()
         self.look()
         self.set_interval(LOOK_S, self.look)
@@ -64,7 +125,7 @@ class StandingOrdersScreen(Screen[None]):
 
     def action_revoke(self) -> None:
         """Take the order at the pointer out of force."""
-        trace = self.listing.trace
+        trace = self.listing.item
         if trace is None:
             return
         if not trace.in_force:
@@ -85,7 +146,7 @@ class StandingOrdersScreen(Screen[None]):
         in_force = sum(each.in_force for each in orders.values())
         title = f" STANDING ORDERS  {count(in_force, 'standing order')} in force"
         self.query_one("#standing-title", Static).update(Content(title))
-        self.listing.show(orders, self._dt_s)
+        self.listing.show_items(orders)
         self._detail()
 
     @on(StandingRows.Pointed)
@@ -96,7 +157,7 @@ class StandingOrdersScreen(Screen[None]):
 
     def _detail(self) -> None:
         self.query_one("#standing-heading", Static).update(self.listing.heading())
-        trace = self.listing.trace
+        trace = self.listing.item
         title = trace.order.id if trace is not None else ""
         self.query_one("#standing-detail").border_title = title
         self.query_one("#standing-sheet", TextRows).show(tuple(self.listing.detail()))

@@ -1,6 +1,7 @@
 """Opens a session log to be looked at or compared, with the world and the rules that it names."""
 
 import hashlib
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,29 +15,35 @@ from pa_console.schema.events.event import SessionStarted
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
 from pa_console.session.log_index import Progress
-from pa_console.session.recording import Player, Recording
+from pa_console.session.recording import Recording
 from pa_console.sim.worlds.world_file import open_world
 from pa_console.station.assembly import SessionSites
 
 
 @dataclass(frozen=True)
 class OpenedLog:
-    """A recording with what the screen needs beside it; `note` is what is not as it was then."""
+    """A recording with what its screens need; without its world it has no map.
 
-    player: Player
-    world: World
-    rules: dict[str, Rule]
+    `note` is what is not as it was then.
+    """
+
+    name: str
+    recording: Recording
+    world: World | None
+    rules: Mapping[str, Rule]
     note: str = ""
+
+    @property
+    def how_to_see(self) -> str:
+        """Return the remedy if the world of a recording is not here."""
+        return f"pa-console replay {self.name} --world FILE shows it with its map"
 
 
 @dataclass(frozen=True)
-class ComparedLog:
-    """The same of a recording that stands beside another one; without a world it has no map."""
+class PlayableLog(OpenedLog):
+    """A recording whose world is here."""
 
-    player: Player
-    world: World | None
-    rules: dict[str, Rule]
-    note: str = ""
+    world: World
 
 
 class KnownWorld(NamedTuple):
@@ -67,62 +74,51 @@ def log_of_run(name: str, folder: Path) -> Path:
     return log
 
 
-def open_run(log: Path, folder: Path, progress: Progress | None = None) -> OpenedLog:
-    """Open the log of a run in the evaluation's `folder`, wound to its end.
-
-    Raises what `open_log` does.
-    """
-    opened = open_log(log, folder, progress=progress)
-    opened.player.seek(opened.player.duration)
-    return opened
-
-
-def open_log(log: Path, worlds: Path | None = None, progress: Progress | None = None) -> OpenedLog:
+def open_log(
+    log: Path, worlds: Path | None = None, progress: Progress | None = None
+) -> PlayableLog:
     """Open a session log at its beginning, with the world and the rules that it names.
 
     Its world is found by its hash below the folder `worlds`, where generated ones are, or by its
     name. `progress` is told how many bytes of a log were read whose index was not kept. Raises
     DocumentError for a log or world that cannot be read, ValueError without a world.
     """
-    player, started = _open(log, progress)
+    recording = Recording.read(log, progress, cache=index_folder())
+    started = recording.started
     world = _world(started, worlds)
     if world is None:
         known = "is not installed here"
         if worlds is not None:
             known = f"is neither installed nor below {worlds}; copy its world.yaml there"
         raise ValueError(f"{log}: its world “{started.world}” {known}")
-    rules, notes = _rules(player, started)
-    return OpenedLog(player, world, rules, "; ".join(notes))
+    rules, notes = _rules(recording, started)
+    return PlayableLog(log.name, recording, world, rules, "; ".join(notes))
 
 
-def open_compared(log: Path, known: KnownWorld, progress: Progress | None = None) -> ComparedLog:
+def open_compared(log: Path, known: KnownWorld, progress: Progress | None = None) -> OpenedLog:
     """Open a session log to be compared with another one, that of the world `known`.
 
     Its world is the known one if it has its hash, else that of an evaluation around the log, else
     what is installed under its name; without any, the log is compared all the same. Raises
     DocumentError for a log or world that cannot be read.
     """
-    player, started = _open(log, progress)
-    rules, notes = _rules(player, started)
+    recording = Recording.read(log, progress, cache=index_folder())
+    started = recording.started
+    rules, notes = _rules(recording, started)
     if started.world_sha256 == known.sha256:
-        return ComparedLog(player, known.world, rules, "; ".join(notes))
+        return OpenedLog(log.name, recording, known.world, rules, "; ".join(notes))
     file = SessionSites().world_file(started, log)
     world = _world(started, None) if file is None else open_world(str(file))[0]
     if world is None:
         notes.insert(0, f"its world “{started.world}” is not here")
     elif file is None:
         notes.insert(0, f"its world “{started.world}” has changed since")
-    return ComparedLog(player, world, rules, "; ".join(notes))
+    return OpenedLog(log.name, recording, world, rules, "; ".join(notes))
 
 
-def _open(log: Path, progress: Progress | None) -> tuple[Player, SessionStarted]:
-    player = Player.open(log, index_folder(), progress)
-    return player, player.recording.started
-
-
-def _rules(player: Player, started: SessionStarted) -> tuple[dict[str, Rule], list[str]]:
+def _rules(recording: Recording, started: SessionStarted) -> tuple[dict[str, Rule], list[str]]:
     """Return the rules of a session, and their changes since."""
-    notes = [str(player.recording.problem)] if player.recording.problem is not None else []
+    notes = [str(recording.problem)] if recording.problem is not None else []
     try:
         book = load_rules(find_data("rules", started.rules, "rules.yaml"))
     except (DocumentError, OSError):

@@ -1,1 +1,0 @@
-"""Helps to write an order: names that complete, slots, orders that are given often."""

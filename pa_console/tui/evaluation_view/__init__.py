@@ -1,1 +1,0 @@
-"""The content of the evaluation screen: runs, filters, details and tables as rows."""

@@ -1,1 +1,0 @@
-"""Recorded sessions in the console: opened, driven, and compared."""

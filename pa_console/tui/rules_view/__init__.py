@@ -1,1 +1,0 @@
-"""The content of the policy browser and the rule editor, and their tools."""
