@@ -23,6 +23,11 @@ def word_lists(section: str) -> Mapping[str, tuple[str, ...]]:
     return _entries(_lexicon()[section])
 
 
+def any_of(section: str, name: str) -> str:
+    """Return the regular expression for any entry of a list, each one itself, as whole words."""
+    return rf"\b(?:{'|'.join(word_lists(section)[name])})\b"
+
+
 @cache
 def _lexicon() -> dict[str, Any]:
     """Return the sections of the file: lists by their names, or groups of lists."""

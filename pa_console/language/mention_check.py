@@ -7,12 +7,13 @@ reading has to be in the words, or follow from them by the picture.
 """
 
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from pa_console.language.clauses import ASKED, NOTHING, NOWHERE, OTHERS_STAY
 from pa_console.language.exclusions import excluded_names
 from pa_console.language.facts import is_free, sole_covers
+from pa_console.language.lexicon import any_of
 from pa_console.language.mentions import Mention, Sort, find_mentions
 from pa_console.language.name_linking import WORD, link_names
 from pa_console.language.order import KIND_FOR, TASK_OF, Ask, Reading, Task, Who
@@ -23,33 +24,23 @@ from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
 
 _STAYS: frozenset[Verb] = frozenset(("hold", "report"))
-_KIND_WORDS: dict[AssetKind, re.Pattern[str]] = {
-    "uav": re.compile(r"\b(?:air\w*|aerial|fl(?:y|ies|ying|ight|ier)|sky|wings?|birds?|eyes?)\b"),
-    "ugv": re.compile(
-        r"\b(?:ground|wheel\w*|driving|rolling|driverless|autonomous|robotic cars?)\b"
-    ),
-    "robot": re.compile(r"\b(?:robot\w*|legs?|legged|walk\w*|mechanical|human\w*|machines?)\b"),
+
+
+def _any_of(name: str) -> re.Pattern[str]:
+    return re.compile(any_of("mention_check", name))
+
+
+_KIND_WORDS: Mapping[AssetKind, re.Pattern[str]] = {
+    kind: _any_of(f"of_{kind}") for kind in PLAIN_KINDS
 }
 """The words for a kind without naming it, in lower case."""
-_SOMEBODY = re.compile(
-    r"\b(?:vehicles?|cars?|trucks?|lorr(?:y|ies)|vans?|bus|bike|motorcycle|persons?|people|man|men"
-    r"|woman|women|guy|driver|visitors?|intruders?|strangers?|individuals?|tracks?|contacts?|it|him"
-    r"|her|them|he|she|they|somebody|someone|something|threat|suspect|subject|figure)\b"
-)
-_BARE = re.compile(
-    r"\b(?:uncovered|unguarded|empty|open|gap|hole|nobody|no guard|without|lacks?|lost|missing"
-    r"|vacant|unmanned)\b"
-)
-_LOW = re.compile(r"\b(?:low|batter(?:y|ies)|charge|recharge|power|flat|drained|juice)\b")
-_DOWN = re.compile(
-    r"\b(?:fail(?:ed|ure)?|down|broken?|broke|dead|lost|defect(?:ive)?|out|crashed|offline)\b"
-)
-_EVERY = re.compile(
-    r"\b(?:all|every|each|whole|everybody|everyone|everything|rest|as many|whatever|entire|full"
-    r"|set|max\w*|no one|nothing|single|units|team|lot|both|number)\b"
-)
-_PAIR = re.compile(r"\b(?:both|couple|pair|two|twin|2)\b")
-_GATES = re.compile(r"\b(?:gates|everywhere|anywhere|somewhere)\b")
+_SOMEBODY = _any_of("somebody")
+_BARE = _any_of("bare")
+_LOW = _any_of("low")
+_DOWN = _any_of("down")
+_EVERY = _any_of("every")
+_PAIR = _any_of("pair")
+_GATES = _any_of("gates")
 """The words for places without their names, in lower case."""
 _NAME = re.compile(r"[A-Za-z0-9_]+")
 _CORRECTING = frozenset(

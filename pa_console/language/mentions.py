@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Literal, NamedTuple
 
-from pa_console.language.lexicon import find_verbs, word_lists
+from pa_console.language.lexicon import any_of, find_verbs, word_lists
 from pa_console.language.name_linking import GATE, NUMBERS, WORD, WorldNames, link_names
 from pa_console.language.order import Task
 from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
@@ -28,14 +28,7 @@ ASSETS = frozenset(("asset", "unit", "machine", "device", "platform"))
 """The words for any asset."""
 _ALL = frozenset(("all", "every", "each", "both", "everyone", "everybody", "everything"))
 _NAMES = frozenset(("place", "asset", "track", "kind"))
-_OF_SITES = re.compile(
-    r"\b(?:assets?|units?|machines?|platforms?|team|fleet|everyone|everybody|everything|nobody"
-    r"|gates?|posts?|guards?|unguarded|uncovered|gaps?|cover|relief|perimeter|positions|base"
-    r"|checkpoint|site|fence"
-    r"|boundary|walls?|vehicles?|cars?|trucks?|vans?|lorr(?:y|ies)|person|people|intruders?"
-    r"|strangers?|visitors?|tracks?|birds?|aerial|scouts?|cameras?|battery|batteries"
-    r"|(?:all|each|every one) of (?:you|them)|[a-z]{1,3}-?\d{1,2})\b"
-)
+_OF_SITES = re.compile(any_of("mentions", "of_sites"))
 """Parts of sites under any name, in lower case."""
 _LONGEST = 3
 """Words of a name that are looked at together."""
@@ -50,21 +43,8 @@ _CAR = re.compile(r"(?:cars?|trucks?|vehicles?)")
 _WORD = re.compile(r"[^\W_][\w-]*", re.UNICODE)
 _QUOTED = re.compile(r"\"[^\"]*\"|“[^”]*”|```.*?```|(?<!\w)'[^']{3,}'(?!\w)|<[^<>]*>")
 _CLAUSE = re.compile(r"[^.!?;,\n]+(?:\.(?=\w)[^.!?;,\n]*)*")
-_TOLD = re.compile(
-    r"\b(?:am|is|was|were|are|been|has|had|have|did|does|got|gave|will|says?|said|asked|reported"
-    r"|came|went|stood|forgot|lost|took|made|ran|met|fell|broke|bought|(?!un)[a-z]+(?<!e)ed|left|passed|turned|looks|looked|seems|seemed|likes|prefers|trusts|swears"
-    r"|belongs|wrote|heard|saw|knows?|thinks?|thought|spoke|talked|told|used|can|fine|ok|okay|quiet"
-    r"|calm|normal|clear|settled|gone|urgent|checked|idle|yesterday|today|tomorrow|tonight|earlier"
-    r"|always|planned|unchanged|affected|covered|completed?|closed|over|done|serviced|needed|reports"
-    r"|calling|writing|on post|as briefed|nothing|no change|not|never|in order|wet|dry|icy|foggy"
-    r"|busy|new)\b|['’](?:s|re|ve)\b",
-    re.IGNORECASE,
-)
-_REQUEST = re.compile(
-    r"\b(?:please|pls|should|must|shall|needs?|wants?|let|would like|would be|required|has to"
-    r"|have to|is to|are to|going to|get|time)\b|['’]d like",
-    re.IGNORECASE,
-)
+_TOLD = re.compile(any_of("mentions", "told") + r"|['’](?:s|re|ve)\b", re.IGNORECASE)
+_REQUEST = re.compile(any_of("mentions", "request") + r"|['’]d like", re.IGNORECASE)
 _RULED_OUT = re.compile(
     r"(?:\b(?:not|never|no|nobody|without|instead of|rather than|except|forget|ignore|disregard)"
     r"|n['’]t)\b(?:(?!\b(?:but|and|only|then|just)\b).)*$",

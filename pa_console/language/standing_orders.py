@@ -359,20 +359,8 @@ _TIMES = {"once": 1, "one": 1, "two": 2, "twice": 2, "three": 3, "four": 4, "fiv
           "ten": 10, "twelve": 12}  # fmt: skip
 _MOST_LIMIT = 60
 
-_SUBJECTS: dict[SubjectKind, tuple[str, ...]] = {
-    "asset": ("that one", "this one", "that drone", "that robot", "that asset", "that unit",
-              "that vehicle", "that ugv", "that uav", "the drone", "the robot", "the asset",
-              "the unit", "the ugv", "the uav", "the ground vehicle", "it", "him", "her"),
-    "gate": ("that gate", "this gate", "the gate", "that one", "this one", "it"),
-    "track": ("that vehicle", "this vehicle", "the vehicle", "that car", "the car", "that person",
-              "the person", "the visitor", "that visitor", "the intruder", "that one", "this one",
-              "it", "him", "her", "them"),
-}  # fmt: skip
-_PLACES: dict[SubjectKind, tuple[str, ...]] = {
-    "asset": ("its gate", "its post", "its place", "that gate", "the gate"),
-    "gate": (),
-    "track": ("that gate", "its gate", "the gate"),
-}
+_SUBJECTS = word_lists("standing_subjects")
+_PLACES = word_lists("standing_places")
 _THERE = _WORDS["there"]
 _LEADS = frozenset(_WORDS["leads"])
 _STRAY = frozenset(_WORDS["stray"])
@@ -464,7 +452,7 @@ def _with_slots(each: SubjectKind, order: str) -> str | Unclear:
 
 def _slot(each: SubjectKind, reader: Reader, tokens: tuple[Token, ...], at: int) -> str:
     """Read words that stand for the subject or its gate; '' where none are here."""
-    if reader.take(*_PLACES[each]):
+    if reader.take(*_PLACES.get(each, ())):
         return PLACE
     if reader.take(*_SUBJECTS[each]):
         return SUBJECT
