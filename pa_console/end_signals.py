@@ -62,12 +62,21 @@ class EndableRun:
     def __init__(self) -> None:
         self.ended_by = 0
         """The signal that `end` was called for, 0 for none."""
-        self._cancel: Callable[[], object] = _interrupt
+        self.cancel: Callable[[], object] = lambda: None
+        """Ends what is running; a session may put its own way of ending there."""
         self._asking = False
 
-    def run(self, session: Coroutine[None, None, T]) -> T:
-        """Return what comes of `session`; after `end` CancelledError or KeyboardInterrupt."""
-        return asyncio.run(self._main(session))
+    def run(
+        self, session: Coroutine[None, None, T], loop: asyncio.Runner | None = None
+    ) -> T | None:
+        """Return the result of `session`, in `loop` or one of its own; None if `end` ended it."""
+        try:
+            main = self._main(session)
+            return asyncio.run(main) if loop is None else loop.run(main)
+        except (asyncio.CancelledError, KeyboardInterrupt):
+            if not self.ended_by:
+                raise
+            return None
 
     @contextmanager
     def asking(self) -> Generator[None]:
@@ -95,16 +104,18 @@ class EndableRun:
         self.ended_by = number
         if self._asking:
             _interrupt()
-        self._cancel()
+        self.cancel()
 
     async def _main(self, session: Coroutine[None, None, T]) -> T:
         loop, task = asyncio.get_running_loop(), asyncio.current_task()
         assert task is not None
-        self._cancel = lambda: loop.call_soon_threadsafe(task.cancel)
+        self.cancel = lambda: loop.call_soon_threadsafe(task.cancel)
+        if self.ended_by:  # before the session began
+            task.cancel()
         try:
             return await session
         finally:
-            self._cancel = lambda: None
+            self.cancel = lambda: None
 
 
 def _interrupt() -> None:

@@ -80,13 +80,8 @@ def _defaults(loaded: Loaded) -> dict[str, Any]:
     site = {"world": values.world, "rules": values.rules}
     model = {"model": values.model} if values.model else {}
     log = {"witness": values.witness}
-    observed = {
-        "traces": values.traces,
-        "metrics_port": values.metrics_port,
-        "tak": values.tak,
-        "tak_origin": values.tak_origin,
-        "tak_contacts": values.tak_contacts,
-    }
+    names = ("traces", "metrics_port", "tak", "tak_origin", "tak_contacts")
+    observed = {name: getattr(values, name) for name in names}
     tls = {
         "tls_cert": values.tak_certificate,
         "tls_key": values.tak_key,

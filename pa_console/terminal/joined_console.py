@@ -3,15 +3,13 @@
 import asyncio
 import re
 from collections.abc import Callable
-from contextlib import aclosing
-from time import monotonic
 
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
-from pa_console.session.state import MissionTrace, SessionState
+from pa_console.session.state import MissionTrace
 from pa_console.station.joined_station import JoinedStation
 from pa_console.terminal.session_lines import SessionLines
-from pa_console.terminal.typed_lines import AskedLines, is_stop, read_answer, reason_of
+from pa_console.terminal.typed_lines import read_answer, reason_of
 
 HELP = """\
 This is the session of {station}: it is commanded there, and what you ask is answered here.
@@ -30,8 +28,8 @@ _SIGN = re.compile(r"(?is)\s*(sign|countersign|approve)\b(.*)")
 _TAKE = re.compile(r"(?i)\s*take\s+(command|over)\s*[.!]*\s*")
 
 
-class JoinedConsole:
-    """Shows the events of a joined session, and carries out typed lines."""
+class JoinedConsole(SessionLines):
+    """The console of a joined session as lines."""
 
     def __init__(
         self,
@@ -46,41 +44,13 @@ class JoinedConsole:
     ) -> None:
         """Open the console.
 
-        `show_plan` and `show_trace` print rows. A signature within `hold_s` seconds of its plan is
-        not accepted: the plan cannot have been read. `called` is called when the person here is
-        waited for. `command_question` is the question before taking command, for a commander; None
-        for others.
+        `command_question` is the question before taking command, for a commander; None for others.
         """
-        self._station, self._say, self._called = station, say, called
-        self._told = SessionLines(say, show_plan, show_trace, called)
-        self._hold_s, self._command_question = hold_s, command_question
-        self._confirming: Callable[[], None] | None = None
-        self._reason, self._shown_at = "", 0.0
+        super().__init__(station, say, show_plan, show_trace, hold_s=hold_s, called=called)
+        self._station, self._command_question = station, command_question
         self._closing: asyncio.Task[None] | None = None
-        self._asked = AskedLines(station, say)
         self.takes_command = False
         """True if the session was left to take command."""
-
-    @property
-    def state(self) -> SessionState:
-        """The session as far as it has come here."""
-        return self._told.state
-
-    async def run(
-        self, lines: asyncio.Queue[str | None], forget: Callable[[], None] = lambda: None
-    ) -> None:
-        """Follow the session until it ends or is left; `forget` drops what was typed too early."""
-        self._forget = forget
-        self._begin()
-        listening = asyncio.create_task(self._listen(lines))
-        try:
-            async with aclosing(self._station.run()) as events:
-                async for event in events:
-                    self._take(event)
-                    await asyncio.sleep(0)
-        finally:
-            listening.cancel()
-            await asyncio.gather(listening, return_exceptions=True)
 
     def interrupted(self) -> None:
         """Leave at Ctrl-C; the session goes on."""
@@ -91,11 +61,11 @@ class JoinedConsole:
     def _begin(self) -> None:
         """Show the state of the session; its past events are not repeated."""
         for event in self._station.take_before():
-            self._told.fold(event)
+            self.fold(event)
         self._say(f"Joined the session of {self._station.station}. {self._why}")
         self._say("help says what can be done here.")
-        self._told.look("status")
-        if (request := self._told.request) is not None:
+        self.look("status")
+        if (request := self.request) is not None:
             self._ask(request)
 
     @property
@@ -110,8 +80,7 @@ class JoinedConsole:
             f"{' or '.join(may)}."
         )
 
-    def _take(self, event: ev.Event) -> None:
-        self._told.take(event)
+    def _heed(self, event: ev.Event) -> None:
         match event.data:
             case ev.ApprovalRequested():
                 self._ask(event.data)
@@ -119,19 +88,16 @@ class JoinedConsole:
                 self._say(f"signed by {', '.join(decision.signatures)}")
             case _:
                 pass
-        self._told.tell_notice(event)
 
     def _ask(self, request: ev.ApprovalRequested) -> None:
         self._reason, self._confirming = "", None
         self._show(request)
         if not self._refusal(request):
-            self._forget()
-            self._shown_at = monotonic()
-            self._called()
+            self._await_answer()
 
     def _show(self, request: ev.ApprovalRequested) -> None:
         how = self._refusal(request) or "to countersign it: sign; to read it again: show"
-        self._told.show(request, self._station.station, how[:1].upper() + how[1:])
+        self.show(request, self._station.station, how[:1].upper() + how[1:])
 
     def _refusal(self, request: ev.ApprovalRequested) -> str:
         """Return why nothing is signed here, '' where something may be."""
@@ -150,38 +116,28 @@ class JoinedConsole:
 
     # What is typed
 
-    async def _listen(self, lines: asyncio.Queue[str | None]) -> None:
-        while (line := await lines.get()) is not None:
-            if line.strip():
-                self._do(line.strip())
+    async def _no_more_lines(self) -> None:
         self._say("no more lines can come: the session is followed until it ends, or until Ctrl-C")
 
-    def _do(self, line: str) -> None:
-        """Carry out one line; what is wrong with it is said."""
-        confirming, self._confirming = self._confirming, None
-        word = line.casefold()
-        try:
-            if is_stop(line):
-                self._station.stop_all()
-                self._say(f"{self._station.station} was asked to stop everybody")
-            elif confirming is not None and word == "yes":
-                confirming()
-            elif confirming is not None and word == "no":
-                self._say("left as it is")
-            elif _TAKE.fullmatch(line):
-                self._take_command()
-            elif word in ("help", "?"):
-                self._say(HELP.format(station=self._station.station))
-            elif word in ("quit", "exit"):
-                self._leave()
-            elif not self._told.look(word) and not self._asked.take(line):
-                self._answer(line)
-        except ValueError as error:
-            self._say(str(error))
+    def _stop(self) -> None:
+        self._station.stop_all()
+        self._say(f"{self._station.station} was asked to stop everybody")
 
-    def _answer(self, line: str) -> None:
+    def _command(self, line: str) -> bool:
+        word = line.casefold()
+        if _TAKE.fullmatch(line):
+            self._take_command()
+        elif word in ("help", "?"):
+            self._say(HELP.format(station=self._station.station))
+        elif word in ("quit", "exit"):
+            self._leave()
+        else:
+            return False
+        return True
+
+    def _answer_or_order(self, line: str) -> None:
         """Take a line as an answer to the plan that waits; nothing else is taken here."""
-        request = self._told.request
+        request = self.request
         signs = _SIGN.fullmatch(line)
         if signs is None and line.casefold() != "show" and not reason_of(line):
             self._say(f"{self._why} help says what can be done here.")
@@ -198,7 +154,7 @@ class JoinedConsole:
     def _countersign(self, request: ev.ApprovalRequested, rest: str) -> None:
         if refusal := self._refusal(request):
             self._say(refusal)
-        elif monotonic() - self._shown_at < self._hold_s:
+        elif self._too_early:
             self._say("the plan had just been shown: read it, and answer again")
         elif (answer := read_answer(f"approve {rest}", request, self._reason)) is not None:
             decision = answer.decision
@@ -223,10 +179,6 @@ class JoinedConsole:
     def _go(self) -> None:
         self.takes_command = True
         self._leave()
-
-    def _confirm(self, question: str, do: Callable[[], None]) -> None:
-        self._confirming = do
-        self._say(question)
 
     def _leave(self) -> None:
         self._closing = asyncio.create_task(self._station.close())

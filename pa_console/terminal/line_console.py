@@ -2,22 +2,21 @@
 
 import asyncio
 import re
-from collections.abc import Callable
-from contextlib import aclosing, suppress
+from collections.abc import Callable, Coroutine, Sequence
+from contextlib import suppress
 from time import monotonic
 
+from pa_console.language.questions import Question
 from pa_console.observability import Observer, unobserved
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
-from pa_console.session.state import MissionTrace, SessionState
+from pa_console.session.state import MissionTrace
 from pa_console.station.station import Station
 from pa_console.terminal.session_lines import SessionLines
 from pa_console.terminal.typed_lines import (
     HOW,
     Answer,
-    AskedLines,
     is_answer,
-    is_stop,
     read_answer,
     reason_of,
 )
@@ -51,8 +50,8 @@ _REVOKE = re.compile(r"(?i)\s*revoke\s+(\S+)\s*")
 _MISSION = re.compile(r"(?is)\s*mission\b[\s:]+(\S.*)")
 
 
-class LineConsole:
-    """Shows a station's events through `say`, and carries out typed lines."""
+class LineConsole(SessionLines):
+    """The console of a station as lines."""
 
     def __init__(
         self,
@@ -66,49 +65,11 @@ class LineConsole:
         called: Callable[[], None] = lambda: None,
         observer: Observer = unobserved,
     ) -> None:
-        """Open the console.
-
-        `show_plan` and `show_trace` print rows. An approval within `hold_s` seconds of its plan is
-        not accepted: the plan cannot have been read. `called` is called when the operator is waited
-        for; `observer` is given every event.
-        """
-        self._station, self._say = station, say
-        self._told = SessionLines(say, show_plan, show_trace, called)
-        self.waiting, self._hold_s, self._called = waiting, hold_s, called
-        self._observe = observer
-        self._confirming: Callable[[], None] | None = None
-        self._reason = ""
-        self._shown_at = 0.0
+        """Open the console; `observer` is given every event."""
+        super().__init__(station, say, show_plan, show_trace, hold_s=hold_s, called=called)
+        self._station, self.waiting, self._observe = station, waiting, observer
         self._closing: asyncio.Task[None] | None = None
         self._input_ended = False
-        self._asked = AskedLines(station, say, self._tell_waits)
-
-    @property
-    def state(self) -> SessionState:
-        """The session as it stands."""
-        return self._told.state
-
-    @property
-    def request(self) -> ev.ApprovalRequested | None:
-        """The plan that waits for a decision."""
-        return self._told.request
-
-    async def run(
-        self, lines: asyncio.Queue[str | None], forget: Callable[[], None] = lambda: None
-    ) -> None:
-        """Carry the session on until it is closed; `forget` drops what was typed too early."""
-        self._forget = forget
-        self._say("Type a mission in plain words, and Enter. help says what else there is.")
-        work = [asyncio.create_task(self._listen(lines)), asyncio.create_task(self._tell_waiting())]
-        try:
-            async with aclosing(self._station.run()) as events:
-                async for event in events:
-                    self._take(event)
-                    await asyncio.sleep(0)
-        finally:
-            for task in work:
-                task.cancel()
-            await asyncio.gather(*work, return_exceptions=True)
 
     def interrupted(self) -> None:
         """Answer Ctrl-C, which stops nothing by itself."""
@@ -117,13 +78,17 @@ class LineConsole:
 
     # What happens
 
-    def _take(self, event: ev.Event) -> None:
+    def _begin(self) -> None:
+        self._say("Type a mission in plain words, and Enter. help says what else there is.")
+
+    def _work(self, lines: asyncio.Queue[str | None]) -> Sequence[Coroutine[None, None, None]]:
+        return (*super()._work(lines), self._tell_waiting())
+
+    def _heed(self, event: ev.Event) -> None:
         self._observe(event)
-        self._told.take(event)
         self.waiting.take(event, self.state, monotonic())
         if isinstance(event.data, ev.ApprovalRequested):
             self._ask(event.data)
-        self._told.tell_notice(event)
 
     def _ask(self, request: ev.ApprovalRequested) -> None:
         """Show the plan that waits, and ask."""
@@ -137,12 +102,10 @@ class LineConsole:
         if self._input_ended:
             self._reject_unanswered(request)
             return
-        self._forget()
-        self._shown_at = monotonic()
-        self._called()
+        self._await_answer()
 
     def _show_request(self, request: ev.ApprovalRequested) -> None:
-        self._told.show(request, "you", f"Your answer: {HOW}")
+        self.show(request, "you", f"Your answer: {HOW}")
 
     async def _tell_waiting(self) -> None:
         """Show the present wait now and then."""
@@ -153,13 +116,10 @@ class LineConsole:
 
     # What is typed
 
-    async def _listen(self, lines: asyncio.Queue[str | None]) -> None:
-        while (line := await lines.get()) is not None:
-            if line.strip():
-                self._do(line.strip())
+    async def _no_more_lines(self) -> None:
         self._say("no more lines can come: the session ends when nothing is under way")
         self._input_ended = True
-        await self._asked.all_answered()
+        await asyncio.gather(*self._answering)
         if self.request is not None:
             self._reject_unanswered(self.request)
         await self._station.settled()
@@ -170,28 +130,13 @@ class LineConsole:
         decision = Decision(kind="reject", reason=reason, request_id=request.request_id)
         self._answer(Answer(decision))
 
-    def _do(self, line: str) -> None:
-        """Carry out one line; what is wrong with it is said."""
-        confirming, self._confirming = self._confirming, None
-        try:
-            if is_stop(line):
-                self._station.stop_all()
-            elif confirming is not None and line.casefold() == "yes":
-                confirming()
-            elif confirming is not None and line.casefold() == "no":
-                self._say("left as it is")
-            elif not self._simple(line) and not self._asked.take(line):
-                self._answer_or_order(line)
-        except ValueError as error:
-            self._say(str(error))
+    def _stop(self) -> None:
+        self._station.stop_all()
 
-    def _simple(self, line: str) -> bool:
-        """Carry out a line of one word, or `speed`; return whether it was one."""
+    def _command(self, line: str) -> bool:
         word = line.casefold()
         speed, revoke = _SPEED.fullmatch(line), _REVOKE.fullmatch(line)
-        if self._told.look(word):
-            pass
-        elif word in ("help", "?"):
+        if word in ("help", "?"):
             self._say(HELP)
         elif word == "cancel":
             self._station.cancel()
@@ -209,8 +154,8 @@ class LineConsole:
             return False
         return True
 
-    def _tell_waits(self) -> None:
-        """Show, after an answer, that a plan still waits."""
+    async def _tell_answer(self, question: Question) -> None:
+        await super()._tell_answer(question)
         if self.request is not None:
             self._say(f"The plan still waits: {HOW}")
 
@@ -233,7 +178,7 @@ class LineConsole:
         answer = read_answer(line, request, self._reason)
         if answer is None:
             self._say(f"A plan waits: {HOW}. To give another mission now: mission TEXT")
-        elif answer.decision is not None and monotonic() - self._shown_at < self._hold_s:
+        elif answer.decision is not None and self._too_early:
             self._say("the plan had just been shown: read it, and answer again")
         else:
             self._answer(answer)
@@ -248,10 +193,6 @@ class LineConsole:
             self._confirm(answer.confirm, lambda: self._station.decide(decision))
         elif decision is not None:
             self._station.decide(decision)
-
-    def _confirm(self, question: str, do: Callable[[], None]) -> None:
-        self._confirming = do
-        self._say(question)
 
     def _submit(self, text: str) -> None:
         mission = self._station.submit(text)

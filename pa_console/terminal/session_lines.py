@@ -1,13 +1,21 @@
-"""A session as lines: what happens in it is said, and how it stands when that is asked for."""
+"""A session as lines: its events, its state, and the lines that are typed."""
 
-from collections.abc import Callable
+import asyncio
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Coroutine, Sequence
+from contextlib import aclosing
+from time import monotonic
 
 from pa_console.language.plain_words import plain_reading
+from pa_console.language.questions import Question
 from pa_console.schema.events import event as ev
 from pa_console.schema.text import clock_text, count
 from pa_console.session.state import MissionTrace, Notice, SessionState
 from pa_console.session.wording import order_in_words
+from pa_console.station.joined_station import JoinedStation
+from pa_console.station.station import Station
 from pa_console.terminal.mission import step_line
+from pa_console.terminal.typed_lines import is_stop
 from pa_console.views.event_words import standing_in_words
 from pa_console.views.status_words import status_of
 from pa_console.views.trace_layout import progress
@@ -95,30 +103,159 @@ _TABLES = {"status": status_lines, "assets": asset_lines, "alarms": alarm_lines,
            "queue": queue_lines, "standing": standing_lines}  # fmt: skip
 
 
-class SessionLines:
-    """Folds the events of a session, its own or another station's, and shows them a line each."""
+class SessionLines(ABC):
+    """A console as lines: shows the events of a session, and carries out typed lines."""
 
     def __init__(
         self,
+        station: Station | JoinedStation,
         say: Callable[[str], None],
         show_plan: Callable[[MissionTrace, int], None],
         show_trace: Callable[[MissionTrace], None],
+        *,
+        hold_s: float,
         called: Callable[[], None],
     ) -> None:
-        """Open the session.
+        """Open the console.
 
-        `show_plan` and `show_trace` print rows. `called` is called when the operator is waited for.
+        `show_plan` and `show_trace` print rows. An answer within `hold_s` seconds of its plan is
+        not accepted: the plan cannot have been read. `called` is called when the operator is waited
+        for.
         """
+        self._conversing = station
         self._say, self._show_plan, self._show_trace = say, show_plan, show_trace
-        self._called = called
+        self._hold_s, self._called = hold_s, called
         self.state = SessionState()
+        """The session as far as it has come here."""
         self._last_notice: Notice | None = None
+        self._confirming: Callable[[], None] | None = None
+        self._reason, self._shown_at = "", 0.0
+        self._answering: set[asyncio.Task[None]] = set()
 
     @property
     def request(self) -> ev.ApprovalRequested | None:
         """The plan that waits for a decision."""
         current = self.state.current
         return current.approval if current is not None else None
+
+    async def run(
+        self, lines: asyncio.Queue[str | None], forget: Callable[[], None] = lambda: None
+    ) -> None:
+        """Carry on until the session ends or is left; `forget` drops what was typed too early."""
+        self._forget = forget
+        self._begin()
+        work = [asyncio.create_task(each) for each in self._work(lines)]
+        try:
+            async with aclosing(self._conversing.run()) as events:
+                async for event in events:
+                    self._take(event)
+                    await asyncio.sleep(0)
+        finally:
+            for task in work:
+                task.cancel()
+            await asyncio.gather(*work, return_exceptions=True)
+
+    @abstractmethod
+    def interrupted(self) -> None:
+        """Answer Ctrl-C."""
+
+    # What a console of its kind does
+
+    @abstractmethod
+    def _begin(self) -> None:
+        """Say the first lines."""
+
+    @abstractmethod
+    def _heed(self, event: ev.Event) -> None:
+        """Do what an event that was shown asks for here."""
+
+    @abstractmethod
+    async def _no_more_lines(self) -> None:
+        """Go on without lines."""
+
+    @abstractmethod
+    def _stop(self) -> None:
+        """Stop everybody."""
+
+    @abstractmethod
+    def _command(self, line: str) -> bool:
+        """Carry out a line that is a command of this console; return whether it is one."""
+
+    @abstractmethod
+    def _answer_or_order(self, line: str) -> None:
+        """Take a line that is nothing else."""
+
+    # What happens
+
+    def _work(self, lines: asyncio.Queue[str | None]) -> Sequence[Coroutine[None, None, None]]:
+        """Return what goes on beside the events."""
+        return (self._listen(lines),)
+
+    def _take(self, event: ev.Event) -> None:
+        """Show an event, and heed it; then its lines in the event list."""
+        self.take(event)
+        self._heed(event)
+        self.tell_notice(event)
+
+    def _await_answer(self) -> None:
+        """Call the operator to the plan that was just shown."""
+        self._forget()
+        self._shown_at = monotonic()
+        self._called()
+
+    @property
+    def _too_early(self) -> bool:
+        """True as long as the plan that waits cannot have been read."""
+        return monotonic() - self._shown_at < self._hold_s
+
+    # What is typed
+
+    async def _listen(self, lines: asyncio.Queue[str | None]) -> None:
+        while (line := await lines.get()) is not None:
+            if line.strip():
+                self._do(line.strip())
+        await self._no_more_lines()
+
+    def _do(self, line: str) -> None:
+        """Carry out one line; what is wrong with it is said."""
+        confirming, self._confirming = self._confirming, None
+        word = line.casefold()
+        try:
+            if is_stop(line):
+                self._stop()
+            elif confirming is not None and word == "yes":
+                confirming()
+            elif confirming is not None and word == "no":
+                self._say("left as it is")
+            elif not self.look(word) and not self._command(line) and not self._asks(line):
+                self._answer_or_order(line)
+        except ValueError as error:
+            self._say(str(error))
+
+    def _confirm(self, question: str, do: Callable[[], None]) -> None:
+        self._confirming = do
+        self._say(question)
+
+    def _asks(self, line: str) -> bool:
+        """Have a question about the record answered; return whether the line is one.
+
+        The lines that follow do not wait for the answer.
+        """
+        question = self._conversing.question_in(line)
+        if question is None:
+            return False
+        task = asyncio.create_task(self._tell_answer(question))
+        self._answering.add(task)
+        task.add_done_callback(self._answering.discard)
+        return True
+
+    async def _tell_answer(self, question: Question) -> None:
+        """Show the answer line by line; a waiting plan goes on waiting."""
+        told = await self._conversing.answer(question)
+        for line in told.lines:
+            self._say(f"{line.about}: {line.said}")
+
+    # What is shown
 
     def fold(self, event: ev.Event) -> None:
         """Take in an event without showing it."""

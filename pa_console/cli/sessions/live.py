@@ -1,7 +1,9 @@
-"""The command-line options of a console."""
+"""Opens the session of every front end: its site, its station, its log; new, or going on."""
 
 import sys
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,8 +11,11 @@ import typer
 from rich.text import Text
 
 from pa_console.cli.sessions.fleet import find_fleet, load_authority
+from pa_console.cli.sessions.log import open_log, warn
+from pa_console.cli.sessions.options import SessionOptions
+from pa_console.end_signals import end_signals
 from pa_console.llm.local.engine import Engine
-from pa_console.llm.remote.servers import NO_SERVERS, Servers, SessionModels, session_models
+from pa_console.llm.remote.servers import NO_SERVERS, Servers
 from pa_console.policy.pinned_rules import RefusedRulesError, RulesPins
 from pa_console.schema.document import DocumentError
 from pa_console.schema.incident import Scenario
@@ -20,7 +25,7 @@ from pa_console.session.log.writer import LogWriter, default_folder
 from pa_console.settings.schema import Settings
 from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.station.assembly import Site, load_site, open_station
-from pa_console.station.clock import RealTimeClock
+from pa_console.station.clock import RealTimeClock, SteppedClock
 from pa_console.station.earlier_session import (
     NotResumableError,
     ResumedSession,
@@ -30,7 +35,7 @@ from pa_console.station.earlier_session import (
 )
 from pa_console.station.rules_in_force import RulesWatch
 from pa_console.station.station import Station
-from pa_console.terminal.output import errors
+from pa_console.terminal.output import errors, warn_of_altered
 
 if TYPE_CHECKING:
     from pa_console.fleets.station_authority import StationAuthority
@@ -38,128 +43,125 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What a console was started with; `resume` is None where the operator is to be asked."""
-
-    world: str
-    rules: str
-    scenario: str | None
-    seed: int
-    alarms: bool
-    readonly: bool
-    unsigned: bool
-    accept_rules: bool
-    resume: bool | None
-    fleet: str = ""
-    certificates: Path | None = None
-
-
-def chosen_models(model: str | None, settings: Settings) -> SessionModels:
-    """Return the models that `model` (else the settings) and the settings name."""
-    return session_models(model, settings.judge_server, settings.second_reader)
-
-
-def open_servers(chosen: SessionModels, settings: Settings) -> Servers:
-    """Return the engines of the servers that were named; nothing is sent yet.
-
-    Raises ModelError for an address that is none, or that words may not be sent to.
-    """
-    return Servers.open(
-        chosen.named, plain=settings.plain_servers, patience_s=settings.server_patience_s
-    )
-
-
-@dataclass(frozen=True)
 class LiveSession:
-    """A station in real time; `log` is that of a session that goes on, None for a new one.
+    """A session that is about to begin: a station with its model, and where its log goes."""
 
-    `authority` signs there, None where a site has no keys.
-    """
-
+    options: SessionOptions
+    settings: Settings
     site: Site
     station: Station
-    log: Path | None
-    fleet: "MqttFleet | None" = None
+    engine: Engine
+    duration_s: float
+    """Simulated seconds that its scenario lasts; 0 without one."""
+    resumed_log: Path | None
+    """The log of a session that goes on, None for a new one."""
+    fleet: "MqttFleet | None"
     """The fleet on a message bus, if there is one."""
-    authority: "StationAuthority | None" = None
+    authority: "StationAuthority | None"
+    """The keys that sign its approvals and commands, None where a site has none."""
 
-    def share(self, writer: LogWriter) -> None:
-        """Share the session that `writer` logs with others on the bus, where the site has keys."""
-        if self.fleet is None or self.authority is None or not self.authority.name:
-            return
-        from pa_console.fleets.vda5050.sharing import SharedSession  # noqa: PLC0415 - on a bus
+    def open_log(self, on_error: Callable[[LogError], None] = warn) -> LogWriter:
+        """Open the log, and share it with others on the bus; raises LogError if that fails.
 
+        A script's session ends with its mission and is not shared.
+        """
+        writer = open_log(
+            self.settings,
+            self.station.session,
+            on_error,
+            self.resumed_log or self.options.log,
+            self.options.witness,
+            resumed=self.resumed_log is not None,
+        )
         authority = self.authority
-        shared = SharedSession(writer.session, authority.name, writer.path, authority.vouch)
-        writer.on_record = shared.add
-        self.fleet.share(shared)
+        shares = authority is not None and authority.name and not self.options.stepped
+        if self.fleet is not None and authority is not None and shares:
+            from pa_console.fleets.vda5050.sharing import SharedSession  # noqa: PLC0415 - on a bus
+
+            shared = SharedSession(writer.session, authority.name, writer.path, authority.vouch)
+            writer.on_record = shared.add
+            self.fleet.share(shared)
+        return writer
+
+    @contextmanager
+    def logged(self, writer: LogWriter, end: Callable[[int], None]) -> Generator[None]:
+        """Log the session in the block to `writer`; `end` is given a signal that ends it."""
+        with end_signals(end), writer:
+            self.station.write_to(writer)
+            yield
 
 
 def open_live(
-    asked: Asked,
+    options: SessionOptions,
     settings: Settings,
-    engine: Engine,
+    engine: Callable[[], Engine],
     servers: Servers = NO_SERVERS,
     authority: "StationAuthority | None" = None,
 ) -> LiveSession:
     """Open the session for the options; raises DocumentError or ValueError if it cannot be opened.
 
-    `authority` has the keys to sign with, if they were loaded before. Rules that are refused, and a
-    session that was not closed, are shown and asked about on the terminal.
+    `engine` is called for the model once the site is loaded. `authority` has the keys to sign with,
+    if they were loaded before. Rules that are refused, and a session that was not closed, are shown
+    and asked about on the terminal.
     """
+    on_bus = find_fleet(
+        options.fleet, options.certificates, options.world, settings, options.scenario
+    )
     pins, deadline_s = RulesPins(), settings.check_deadline_ms / 1000.0
-    on_bus = find_fleet(asked.fleet, asked.certificates, asked.world, settings, asked.scenario)
-    site = _open_site(replace(asked, world=on_bus.world), pins, deadline_s)
+    site = _open_site(on_bus.world, options, pins, deadline_s)
     watch = None
-    if site.rules_path is not None:
+    if options.stepped:
+        warn_of_altered(options.rules, site.rulebook.seal)
+    elif site.rules_path is not None:
         watch = RulesWatch(
-            site.rules_path, unsigned=asked.unsigned, pins=pins, deadline_s=deadline_s
+            site.rules_path, unsigned=options.unsigned, pins=pins, deadline_s=deadline_s
         )
-    played = None
-    if asked.scenario:
-        played = open_scenario(site.world, site.world_path, asked.scenario)
-    chosen = None
-    if not asked.readonly and not asked.fleet:
+    scenario = options.scenario
+    played = open_scenario(site.world, site.world_path, scenario) if scenario else None
+    model, chosen = engine(), None
+    if not options.readonly and not options.fleet:
         folder = settings.logs or default_folder()
-        chosen = choose_session(folder, site, engine.model.sha256, asked.scenario, asked.resume)
+        chosen = choose_session(folder, site, model.model.sha256, scenario, options.resume)
     resumed, log = chosen if chosen is not None else (None, None)
     authority = authority or load_authority()
     fleet = on_bus.drive(site, authority)
     station = open_station(
         site,
-        engine,
-        on_bus.clock(RealTimeClock()),
-        seed=asked.seed,
-        readonly=asked.readonly,
+        model,
+        on_bus.clock(SteppedClock() if options.stepped else RealTimeClock()),
+        seed=options.seed,
+        readonly=options.readonly,
         scenario=played,
-        respond=asked.alarms,
+        respond=options.alarms if options.alarms is not None else played is not None,
         watch=watch,
         resumed=resumed,
         authority=authority,
         fleet=fleet,
         servers=servers,
     )
-    station.rate = settings.speed
-    return LiveSession(site, station, log, fleet, authority)
+    if not options.stepped:
+        station.rate = settings.speed
+    duration_s = played.scenario.duration_s if played is not None else 0.0
+    return LiveSession(options, settings, site, station, model, duration_s, log, fleet, authority)
 
 
-def _open_site(asked: Asked, pins: RulesPins, deadline_s: float) -> Site:
+def _open_site(world: str, options: SessionOptions, pins: RulesPins, deadline_s: float) -> Site:
     """Load world and rules; those that are refused are offered to the operator on the terminal."""
 
     def load(*, accept: bool) -> Site:
         return load_site(
-            asked.world,
-            asked.rules,
-            unsigned=asked.unsigned,
+            world,
+            options.rules,
+            unsigned=options.unsigned,
             pins=pins,
             accept=accept,
             deadline_s=deadline_s,
         )
 
     try:
-        return load(accept=asked.accept_rules)
+        return load(accept=options.accept_rules)
     except RefusedRulesError as error:
-        if not _accepted(error):
+        if options.stepped or not _accepted(error):
             raise
         return load(accept=True)
 

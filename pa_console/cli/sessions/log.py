@@ -9,14 +9,13 @@ from pa_console.private_files import nearest_existing
 from pa_console.session.log.signed_head import URLS, Witness
 from pa_console.session.log.writer import LogError, LogWriter, default_folder, open_session_log
 from pa_console.settings.schema import Settings
-from pa_console.signing import Signer
+from pa_console.signing import load_signer
 from pa_console.terminal.output import errors
 
 
 def open_log(
     settings: Settings,
     session: str,
-    signer: Signer,
     on_error: Callable[[LogError], None],
     path: Path | None = None,
     witness: str = "",
@@ -34,7 +33,7 @@ def open_log(
         warn_of_witness(f"the witness {target} is on the same disk as the log")
     return open_session_log(
         session,
-        signer,
+        load_signer(),
         path=path,
         folder=folder,
         on_error=on_error,
@@ -58,6 +57,11 @@ def witness_target(given: str) -> str:
 def warn_of_witness(text: str) -> None:
     """Report on stderr the problem of a witness."""
     errors.print_line(f"warning: {text}", style="yellow")
+
+
+def warn(error: LogError) -> None:
+    """Report at once that the log, or its index, cannot be written."""
+    errors.print_line(f"warning: {error}", style="bold red")
 
 
 def usual_file() -> Path:

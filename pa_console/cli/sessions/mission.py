@@ -2,7 +2,6 @@
 
 import errno
 import signal
-from asyncio import CancelledError
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,15 +10,15 @@ from time import monotonic
 import typer
 from pydantic import TypeAdapter, ValidationError
 
-from pa_console.cli.sessions.fleet import find_fleet, load_authority
-from pa_console.cli.sessions.live import chosen_models, open_servers
-from pa_console.cli.sessions.log import open_log, tell_of_witness, usual_file
-from pa_console.end_signals import EndableRun, end_signals, exit_code_of, leave_terminal
+from pa_console.cli.sessions.live import open_live
+from pa_console.cli.sessions.log import tell_of_witness, usual_file
+from pa_console.cli.sessions.observing import Beside
+from pa_console.cli.sessions.options import SessionOptions, chosen_models, open_servers
+from pa_console.end_signals import EndableRun, exit_code_of, leave_terminal
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.mission.approval import ApprovalMode, standing_approver
-from pa_console.observability import Observer, unobserved
-from pa_console.policy.pinned_rules import RulesPins
+from pa_console.observability import Observer
 from pa_console.schema.document import Document
 from pa_console.schema.events.event import (
     ApprovalRequested,
@@ -33,90 +32,53 @@ from pa_console.session.log.chain import LogError
 from pa_console.session.log.writer import LogWriter
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.session.state import SessionState
-from pa_console.settings.sources import Loaded
-from pa_console.signing import load_signer
-from pa_console.sim.worlds.scenario_file import open_scenario
-from pa_console.station.assembly import load_site, open_station
-from pa_console.station.clock import SteppedClock
+from pa_console.settings.schema import Settings
 from pa_console.station.headless import exit_code, run_missions
-from pa_console.station.notices import Outside
 from pa_console.station.station import Station
 from pa_console.terminal.approval import ask_decision, show_request
 from pa_console.terminal.mission import print_answer, print_trace, step_line
-from pa_console.terminal.output import BAD_INPUT, errors, out, print_json, warn_of_altered
+from pa_console.terminal.output import BAD_INPUT, errors, out, print_json
 from pa_console.views.waiting import Waiting, load_usual, save_usual
 
 
-def run_session(
-    settings: Loaded,
+def run_mission(
+    options: SessionOptions,
+    settings: Settings,
+    model: str | None,
+    beside: Beside,
     text: str | None,
     *,
-    world: str,
-    rules: str,
-    model: str | None,
     standing: ApprovalMode | None,
     override_reason: str,
     setup: Sequence[str],
-    scenario: str | None,
-    alarms: bool | None,
-    seed: int,
-    fleet: str,
-    certificates: Path | None,
-    log: Path | None,
-    witness: str,
-    unsigned: bool,
-    accept_rules: bool,
     json: bool,
-    observer: Observer = unobserved,
-    outside: Outside | None = None,
 ) -> None:
     """Carry out what the verb was asked for, `setup` as YAML; raises Exit with the exit code.
 
     Without a `standing` approval the plan is put to whoever sits at the terminal.
     """
-    if text is None and scenario is None:
+    if text is None and options.scenario is None:
         raise ValueError("give a mission in plain language, or --scenario NAME, or both")
     incidents = [read_event(number, told) for number, told in enumerate(setup, start=1)]
-    found = find_fleet(fleet, certificates, world, settings.values, scenario)
-    site = load_site(
-        found.world,
-        rules,
-        unsigned=unsigned,
-        pins=RulesPins(),
-        accept=accept_rules,
-        deadline_s=settings.values.check_deadline_ms / 1000.0,
+    chosen = chosen_models(model, settings)
+    opened = open_live(
+        options,
+        settings,
+        lambda: Engine(find_model(chosen.own, second_reader=chosen.second_reader)),
+        open_servers(chosen, settings),
     )
-    warn_of_altered(rules, site.rulebook.seal)
-    played = open_scenario(site.world, site.world_path, scenario) if scenario else None
-    signer = load_signer()
-    chosen = chosen_models(model, settings.values)
-    servers = open_servers(chosen, settings.values)
-    engine = Engine(find_model(chosen.own, second_reader=chosen.second_reader))
-    authority = load_authority()
-    station = open_station(
-        site,
-        engine,
-        found.clock(SteppedClock()),
-        seed=seed,
-        scenario=played,
-        respond=alarms if alarms is not None else played is not None,
-        authority=authority,
-        fleet=found.drive(site, authority),
-        servers=servers,
-    )
-    writer = open_log(settings.values, station.session, signer, _cannot_write, log, witness)
+    station, writer = opened.station, opened.open_log()
     endable = EndableRun()
-    progress = _Progress(station, writer, endable, engine.model.sha256, observer)
+    progress = _Progress(station, writer, endable, opened.engine.model.sha256, beside.observer)
     approver = (
         progress.ask
         if standing is None
-        else standing_approver(standing, override_reason, least=settings.values.standing_confidence)
+        else standing_approver(standing, override_reason, least=settings.standing_confidence)
     )
     unlogged: LogError | None = None
     try:
-        with end_signals(endable.end), writer, progress:
-            station.write_to(writer)
-            station.listen_to(outside)
+        with opened.logged(writer, endable.end), progress:
+            station.listen_to(beside.outside)
             endable.run(
                 run_missions(
                     station,
@@ -124,25 +86,22 @@ def run_session(
                     approver,
                     progress.show,
                     incidents,
-                    duration_s=played.scenario.duration_s if played else 0.0,
+                    duration_s=opened.duration_s,
                 )
             )
     except LogError as error:
         unlogged = error
-    except (CancelledError, KeyboardInterrupt):
-        if not endable.ended_by:
-            raise
     except OSError as error:
         if not endable.ended_by and error.errno != errno.EIO:  # the terminal is gone
             raise
         endable.ended_by = endable.ended_by or signal.SIGHUP
         leave_terminal()
-    path, traces = writer.path, progress.traces
+    path, single = writer.path, options.scenario is None
     if endable.ended_by:
         errors.print_line(f"the session was ended; log: {path}")
         raise typer.Exit(exit_code_of(endable.ended_by))
     tell_of_witness(writer)
-    _tell_end(traces, progress.answers, path, unlogged, single=played is None, json=json)
+    _tell_end(progress.traces, progress.answers, path, unlogged, single=single, json=json)
 
 
 def _tell_end(
@@ -183,11 +142,6 @@ def read_event(number: int, text: str) -> Incident:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         raise document.error(first["loc"], first["msg"]) from error
-
-
-def _cannot_write(error: LogError) -> None:
-    """Report at once that the log, or its index, cannot be written."""
-    errors.print_line(f"warning: {error}", style="bold red")
 
 
 class _Progress:

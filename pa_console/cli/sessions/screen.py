@@ -5,41 +5,28 @@ from asyncio import Runner
 from collections.abc import Callable
 
 from pa_console.cli.sessions.live import LiveSession
-from pa_console.cli.sessions.log import open_log, tell_of_witness, usual_file
-from pa_console.end_signals import end_signals
-from pa_console.llm.local.engine import Engine
+from pa_console.cli.sessions.log import tell_of_witness, usual_file
 from pa_console.observability import Observer
 from pa_console.session.log.chain import LogError
 from pa_console.settings.sources import Loaded
-from pa_console.signing import load_signer
 from pa_console.terminal.output import out
 from pa_console.tui.app import ConsoleApp
 from pa_console.views.waiting import load_usual, save_usual
 
 
 def run_screen(
-    opened: LiveSession, engine: Engine, settings: Loaded, witness: str, observer: Observer
+    opened: LiveSession, settings: Loaded, observer: Observer
 ) -> Callable[[Runner], int]:
     """Open the log; return what runs the screen and returns the signal that ended it, 0 for none.
 
     Raises LogError when the log cannot be opened.
     """
-    site, station, model = opened.site, opened.station, engine.model.sha256
+    site, station, model = opened.site, opened.station, opened.engine.model.sha256
 
     def cannot_write(error: LogError) -> None:
         app.notify(str(error), title="Session log", severity="error", timeout=30, markup=False)
 
-    signer = load_signer()
-    writer = open_log(
-        settings.values,
-        station.session,
-        signer,
-        cannot_write,
-        opened.log,
-        witness,
-        resumed=opened.log is not None,
-    )
-    opened.share(writer)
+    writer = opened.open_log(cannot_write)
     app = ConsoleApp(
         site.world,
         station,
@@ -54,8 +41,7 @@ def run_screen(
 
     def run(loop: Runner) -> int:
         leaving = app.controllers.leaving
-        with end_signals(leaving.end), writer:
-            station.write_to(writer)
+        with opened.logged(writer, leaving.end):
             keep_loaded()
             loop.run(app.run_async(mouse=settings.values.mouse))
             save_usual(usual_file(), model, app.feed.waiting.usual)

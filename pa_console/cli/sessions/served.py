@@ -3,14 +3,14 @@
 import asyncio
 import signal
 from asyncio import Runner
-from collections.abc import Callable
 from contextlib import aclosing
 
-from pa_console.cli.sessions.live import Asked, LiveSession, open_live
-from pa_console.cli.sessions.log import open_log, tell_of_witness
+from pa_console.cli.sessions.live import LiveSession, open_live
+from pa_console.cli.sessions.log import tell_of_witness
 from pa_console.cli.sessions.observing import observing
+from pa_console.cli.sessions.options import SessionOptions
 from pa_console.cli.sessions.tokens import this_user, token_book
-from pa_console.end_signals import end_signals, exit_code_of
+from pa_console.end_signals import EndableRun, exit_code_of
 from pa_console.http.connections import Listening, listen
 from pa_console.http.http_app import serving
 from pa_console.http.served_session import ServedSession
@@ -18,17 +18,13 @@ from pa_console.http.tokens import TokenBook
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.observability import Observer
-from pa_console.session.log.chain import LogError
 from pa_console.session.log.writer import LogWriter
 from pa_console.session.state import SessionState
 from pa_console.settings.sources import Loaded
-from pa_console.signing import load_signer
 from pa_console.terminal.output import FAILED, errors, out
 
 
-def serve_session(
-    asked: Asked, settings: Loaded, model: str | None, port: int, witness: str
-) -> int:
+def serve_session(options: SessionOptions, settings: Loaded, model: str | None, port: int) -> int:
     """Serve a new session until Ctrl-C, SIGTERM or its own end; return the exit code.
 
     Raises DocumentError or ValueError for what cannot be opened, LogError for a log that cannot be.
@@ -36,43 +32,27 @@ def serve_session(
     values = settings.values
     with (
         listen(port) as listening,
-        observing(values, asked.world, live=True) as beside,
+        observing(values, options.world, live=True) as beside,
         Runner() as loop,
     ):
         engine = Engine(find_model(model, second_reader=values.second_reader))
         try:
-            opened = open_live(asked, values, engine)
+            opened = open_live(options, values, lambda: engine)
             tokens = token_book(opened.authority.trust if opened.authority else None)
-            writer = open_log(
-                values, opened.station.session, load_signer(), _cannot_write, None, witness
-            )
+            writer = opened.open_log()
         except BaseException:
             loop.run(engine.close())
             raise
-        ending = _Ending()
-        opened.share(writer)
-        with end_signals(ending.end), writer:
-            opened.station.write_to(writer)
+        endable = EndableRun()
+        with opened.logged(writer, endable.end):
             opened.station.listen_to(beside.outside)
-            loop.run(_serve(opened, writer, tokens, listening, beside.observer, ending))
+            endable.run(_serve(opened, writer, tokens, listening, beside.observer, endable), loop)
         tell_of_witness(writer)
         out.print_line(f"session log: {writer.path}")
     if opened.station.failure:
         errors.print_line(opened.station.failure, style="bold red")
         return FAILED
-    return exit_code_of(ending.ended_by) if ending.ended_by else 0
-
-
-class _Ending:
-    """Ends the session because of a signal; any thread may call `end`."""
-
-    def __init__(self) -> None:
-        self.ended_by = 0
-        self.close: Callable[[], object] = lambda: None
-
-    def end(self, number: int) -> None:
-        self.ended_by = number
-        self.close()
+    return exit_code_of(endable.ended_by) if endable.ended_by else 0
 
 
 async def _serve(
@@ -81,7 +61,7 @@ async def _serve(
     tokens: TokenBook,
     listening: Listening,
     observer: Observer,
-    ending: _Ending,
+    endable: EndableRun,
 ) -> None:
     station, loop = opened.station, asyncio.get_running_loop()
     state = SessionState()
@@ -94,9 +74,7 @@ async def _serve(
     def interrupted() -> None:
         close("closed by Ctrl-C")
 
-    ending.close = lambda: loop.call_soon_threadsafe(close, "closed by a signal")
-    if ending.ended_by:
-        close("closed by a signal")
+    endable.cancel = lambda: loop.call_soon_threadsafe(close, "closed by a signal")
     loop.add_signal_handler(signal.SIGINT, interrupted)
     try:
         async with (
@@ -110,7 +88,6 @@ async def _serve(
                 observer(event)
                 await asyncio.sleep(0)
     finally:
-        ending.close = lambda: None
         loop.remove_signal_handler(signal.SIGINT)
         await asyncio.gather(*closing)
 
@@ -126,10 +103,6 @@ def _greet(address: str, tokens: TokenBook) -> None:
             f"is not shown again:\n{token}"
         )
     errors.print("Ctrl-C ends the session: what moves goes to safety, the log is closed.")
-
-
-def _cannot_write(error: LogError) -> None:
-    errors.print_line(f"warning: {error}", style="bold red")
 
 
 def _failed(error: Exception) -> None:

@@ -29,7 +29,7 @@ from pa_console.cli.options import (
     WitnessOption,
     WorldOption,
 )
-from pa_console.cli.sessions.live import Asked, chosen_models, open_servers
+from pa_console.cli.sessions.options import SessionOptions, chosen_models, open_servers
 from pa_console.cli.settings_defaults import settings_of
 from pa_console.end_signals import exit_code_of
 from pa_console.llm.local.engine import Engine
@@ -116,18 +116,19 @@ def console(
         tak_origin=tak_origin,
         tak_contacts=tak_contacts,
     )
-    asked = Asked(
-        world,
-        rules,
-        scenario,
-        seed,
-        alarms,
-        readonly,
-        unsigned,
-        accept_rules,
-        resume,
-        fleet,
-        certificates,
+    options = SessionOptions(
+        world=world,
+        rules=rules,
+        scenario=scenario,
+        seed=seed,
+        alarms=alarms,
+        unsigned=unsigned,
+        accept_rules=accept_rules,
+        fleet=fleet,
+        certificates=certificates,
+        witness=witness,
+        readonly=readonly,
+        resume=resume,
     )
     if join:
         if fleet or scenario or readonly:
@@ -140,17 +141,15 @@ def console(
             if not joined.show(settings, plain=plain):
                 return
             with joined.told_unless_taken():
-                asked = replace(asked, fleet=join)
-                _open(asked, model, settings, witness, plain=plain, joined=joined)
+                _open(replace(options, fleet=join), model, settings, plain=plain, joined=joined)
         return
-    _open(asked, model, settings, witness, plain=plain)
+    _open(options, model, settings, plain=plain)
 
 
 def _open(
-    asked: Asked,
+    options: SessionOptions,
     model: str | None,
     settings: Loaded,
-    witness: str,
     *,
     plain: bool,
     joined: "JoinedSession | None" = None,
@@ -168,12 +167,12 @@ def _open(
             from pa_console.cli.sessions.live import open_live  # noqa: PLC0415 - meanwhile
             from pa_console.cli.sessions.observing import observing  # noqa: PLC0415
 
-            beside = observes.enter_context(observing(settings.values, asked.world))
+            beside = observes.enter_context(observing(settings.values, options.world))
             engine = Engine(found.result())
         loop.run(engine.start())
         try:
             authority = joined.succession.authority if joined is not None else None
-            opened = open_live(asked, settings.values, engine, servers, authority)
+            opened = open_live(options, settings.values, lambda: engine, servers, authority)
             opened.station.listen_to(beside.outside)
             if plain:
                 from pa_console.cli.sessions.plain import run_plain as run  # noqa: PLC0415
@@ -182,7 +181,7 @@ def _open(
                     from pa_console.cli.sessions.screen import run_screen as run  # noqa: PLC0415
 
                 require_keys("use 'pa-console mission' in scripts, or --plain")
-            prepared = run(opened, engine, settings, witness, beside.observer)
+            prepared = run(opened, settings, beside.observer)
             if joined is not None:
                 joined.take_command(opened)
         except BaseException:

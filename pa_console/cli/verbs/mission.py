@@ -24,6 +24,7 @@ from pa_console.cli.options import (
     WitnessOption,
     WorldOption,
 )
+from pa_console.cli.sessions.options import SessionOptions
 from pa_console.cli.settings_defaults import settings_of
 
 
@@ -83,9 +84,23 @@ def mission(
     json: JsonOption = False,
 ) -> None:
     """Plan, check, rehearse, judge, decide, execute and verify one mission, or a situation's."""
-    from pa_console.cli.sessions.mission import run_session  # noqa: PLC0415 - no help waits for it
+    from pa_console.cli.sessions.mission import run_mission  # noqa: PLC0415 - no help waits for it
     from pa_console.cli.sessions.observing import observing  # noqa: PLC0415
 
+    options = SessionOptions(
+        world=world,
+        rules=rules,
+        scenario=scenario,
+        seed=seed,
+        alarms=alarms,
+        unsigned=unsigned,
+        accept_rules=accept_rules,
+        fleet=fleet,
+        certificates=certificates,
+        witness=witness,
+        log=log,
+        stepped=True,
+    )
     settings = settings_of(
         context,
         traces=traces,
@@ -93,27 +108,16 @@ def mission(
         tak=tak,
         tak_origin=tak_origin,
         tak_contacts=tak_contacts,
-    )
-    with observing(settings.values, world, live=True) as beside:
-        run_session(
+    ).values
+    with observing(settings, world, live=True) as beside:
+        run_mission(
+            options,
             settings,
+            model,
+            beside,
             text,
-            world=world,
-            rules=rules,
-            model=model,
             standing=None if approve is Approve.ask else approve.value,
             override_reason=override_reason,
             setup=event or (),
-            scenario=scenario,
-            alarms=alarms,
-            seed=seed,
-            fleet=fleet,
-            certificates=certificates,
-            log=log,
-            witness=witness,
-            unsigned=unsigned,
-            accept_rules=accept_rules,
             json=json,
-            observer=beside.observer,
-            outside=beside.outside,
         )

@@ -24,8 +24,8 @@ from pa_console.cli.options import (
     WitnessOption,
     WorldOption,
 )
-from pa_console.cli.sessions.live import Asked
 from pa_console.cli.sessions.log import witness_target
+from pa_console.cli.sessions.options import SessionOptions
 from pa_console.cli.settings_defaults import given_words, settings_of
 
 PORT = 8765
@@ -107,18 +107,17 @@ def serve(
         tak_origin=tak_origin,
         tak_contacts=tak_contacts,
     )
-    asked = Asked(
-        world,
-        rules,
-        scenario,
-        seed,
-        alarms,
-        readonly=False,
+    options = SessionOptions(
+        world=world,
+        rules=rules,
+        scenario=scenario,
+        seed=seed,
+        alarms=alarms,
         unsigned=unsigned,
         accept_rules=accept_rules,
-        resume=False,
         fleet=fleet,
         certificates=certificates,
+        witness=witness,
     )
     try:
         if web:
@@ -128,7 +127,7 @@ def serve(
         else:
             from pa_console.cli.sessions.served import serve_session  # noqa: PLC0415 - FastAPI
 
-            code = serve_session(asked, settings, model, port, witness)
+            code = serve_session(options, settings, model, port)
     except ModuleNotFoundError as error:
         needed = f"this needs a library that is not installed ({error.name})"
         raise ValueError(f"{needed}: pip install 'pa-console[serve]'") from error

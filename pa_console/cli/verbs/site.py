@@ -1,6 +1,5 @@
 """`pa-console site`: run the simulated checkpoint on a bus, and make the files that this needs."""
 
-import asyncio
 import hashlib
 import time
 from collections.abc import Callable
@@ -99,11 +98,7 @@ def site(
         errors.print_line(
             f"{loaded.title}: {count(len(loaded.assets), 'asset')} at {address}; Ctrl-C ends it"
         )
-        try:
-            endable.run(SimulatedSite(checkpoint, address, options).run())
-        except (asyncio.CancelledError, KeyboardInterrupt):
-            if not endable.ended_by:
-                raise
+        endable.run(SimulatedSite(checkpoint, address, options).run())
     if endable.ended_by:
         raise typer.Exit(exit_code_of(endable.ended_by))
 
