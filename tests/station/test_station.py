@@ -9,6 +9,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import Decision
 from pa_console.session.state import SessionState
+from pa_console.station import intake
 from pa_console.station.assembly import open_station
 from pa_console.station.clock import RealTimeClock, SteppedClock
 from tests.rig import MISSION, Rig
@@ -157,3 +158,19 @@ async def test_closing_ends_the_stream_with_a_last_event(rig: Rig) -> None:
     assert kinds[0] == "session_started"
     assert kinds[-1] == "session_ended"
     assert kinds.count("session_ended") == 1
+
+
+def test_a_text_is_read_once_though_it_might_have_been_a_question(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: list[str] = []
+
+    def read_words(text: str, *_: object) -> str:
+        read.append(text)
+        return text
+
+    monkeypatch.setattr(intake, "read_words", read_words)
+    station = rig.station(ScriptedEngine([SPARE]))
+    assert station.question_in(MISSION) is None
+    assert station.submit(MISSION).text == MISSION
+    assert read == [MISSION]
