@@ -5,8 +5,8 @@ machines have no owner's key; they get the signed messages from the site.
 """
 
 import re
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Generator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -167,7 +167,8 @@ class KeyFolder:
         """Make the key of one more person of the site, and enrol it."""
         with self._locked():
             owner, roster = self._owner(), self.trust().roster
-            _free(name, roster.people)
+            if name in roster.people:
+                raise ValueError(f"{name} is in the roster already; see pa-console keys list")
             made = Person(public_of(self._make("person", name, passphrase)), role)
             self._sign(owner, replace(roster, people={**roster.people, name: made}))
 
@@ -379,31 +380,22 @@ class KeyFolder:
     def _file(self, name: str) -> Path:
         return self.path / name
 
-    def _locked(self) -> "_Lock":
-        return _Lock(self.path)
-
-
-class _Lock:
-    """Holds the folder, which is made where it is not there, while its keys are changed."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._lock = FileLock(folder / ".lock", timeout=LOCK_SECONDS, mode=FILE_MODE)
-
-    def __enter__(self) -> None:
+    @contextmanager
+    def _locked(self) -> Generator[None]:
+        """Hold the folder, which is made where it is not there, while its keys are changed."""
+        lock = FileLock(self.path / ".lock", timeout=LOCK_SECONDS, mode=FILE_MODE)
         try:
-            make_private_folder(self._folder)
-            self._lock.acquire()
+            make_private_folder(self.path)
+            lock.acquire()
         except Timeout as error:
-            raise SigningError(
-                f"{self._folder}: somebody else changes the keys; try again"
-            ) from error
+            raise SigningError(f"{self.path}: somebody else changes the keys; try again") from error
         except OSError as error:
             problem = f"cannot keep keys there: {error.strerror or error}"
-            raise SigningError(f"{self._folder}: {problem}") from error
-
-    def __exit__(self, *_: object) -> None:
-        self._lock.release()
+            raise SigningError(f"{self.path}: {problem}") from error
+        try:
+            yield
+        finally:
+            lock.release()
 
 
 def _pem(kind: str, name: str) -> str:
@@ -413,11 +405,6 @@ def _pem(kind: str, name: str) -> str:
 def _named(name: str) -> None:
     if _NAME.fullmatch(name) is None:
         raise ValueError(f"{name!r} is no name for a key: letters, digits, - and _, at most 64")
-
-
-def _free(name: str, people: Mapping[str, object]) -> None:
-    if name in people:
-        raise ValueError(f"{name} is in the roster already; see pa-console keys list")
 
 
 def _key_of(name: str, roster: Roster) -> str:

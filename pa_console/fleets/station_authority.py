@@ -75,7 +75,7 @@ class StationAuthority:
         self._commanded = set(commanded)
         self._plan: tuple[frozenset[str], Grounds] | None = None
         self._sent: OrderedDict[str, Grounds] = OrderedDict()
-        self._session, self._head = "", _no_head
+        self._session, self._head = "", str
         self.now: Callable[[], float] = _no_time
         """The clock that vehicles go by, in seconds since 1970."""
 
@@ -328,10 +328,6 @@ class Vehicles:
     def verify(self, token: str | None, command: DeviceCommand) -> str:
         """Return why the command's agent refuses it with that token, '' when it is taken."""
         return self._verifiers[command.agent].verify(token, command)
-
-
-def _no_head() -> str:
-    return ""
 
 
 def _no_time() -> float:

@@ -23,9 +23,9 @@ from pa_console.llm.backend import Completed, PullError, Request
 from pa_console.llm.local.confinement import try_out
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models import fetching
-from pa_console.llm.models.cache import CACHE_VARIABLE, hash_file
+from pa_console.llm.models.cache import CACHE_VARIABLE, hash_file, silent
 from pa_console.llm.models.catalogue import HubSource, LocalModel, PackageSource
-from pa_console.llm.models.preparing import Preparation, prepare, silent
+from pa_console.llm.models.preparing import Preparation, prepare
 from pa_console.signing import KEY_VARIABLE
 from pa_console.tui.terminal import edit_outside, editor_command
 from tests.cli.inside import caller

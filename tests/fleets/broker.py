@@ -5,10 +5,11 @@ import socket
 import subprocess
 import tempfile
 import time
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Protocol
 
-from pa_console.fleets.vda5050.broker import LOOPBACK, BrokerAddress, EmbeddedBroker
+from pa_console.fleets.vda5050.broker import LOOPBACK, BrokerAddress, run_broker
 
 UP_S = 10.0
 
@@ -75,11 +76,11 @@ class Embedded:
 
     def __init__(self, port: int = 0) -> None:
         self.port = port or free_port()
-        self._broker: EmbeddedBroker | None = None
+        self._broker: AbstractContextManager[None] | None = None
 
     def start(self) -> None:
         """Let it listen."""
-        self._broker = EmbeddedBroker(self.port)
+        self._broker = run_broker(self.port)
         self._broker.__enter__()
 
     def kill(self) -> None:

@@ -33,8 +33,8 @@ from pa_console.cli.sessions.options import SessionOptions, chosen_models, open_
 from pa_console.cli.settings_defaults import settings_of
 from pa_console.end_signals import exit_code_of
 from pa_console.llm.local.engine import Engine
+from pa_console.llm.models.cache import Progress
 from pa_console.llm.models.catalogue import find_model
-from pa_console.llm.models.preparing import Progress
 from pa_console.settings.sources import Loaded
 from pa_console.terminal.output import DRIVER, FAILED, errors, require_keys
 

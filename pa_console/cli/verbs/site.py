@@ -20,7 +20,7 @@ from pa_console.fleets.vda5050.broker import (
     PORTS,
     BrokerAddress,
     Credentials,
-    EmbeddedBroker,
+    run_broker,
 )
 from pa_console.fleets.vda5050.simulated_site import SimulatedSite, SiteOptions
 from pa_console.fleets.vda5050.site_files import RESERVED, Machines, default_hosts, write_site
@@ -93,7 +93,7 @@ def site(
     endable = EndableRun()
     with (
         end_signals(endable.end),
-        EmbeddedBroker(address.port) if embedded_broker else nullcontext(),
+        run_broker(address.port) if embedded_broker else nullcontext(),
     ):
         errors.print_line(
             f"{loaded.title}: {count(len(loaded.assets), 'asset')} at {address}; Ctrl-C ends it"

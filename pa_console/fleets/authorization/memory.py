@@ -4,9 +4,7 @@ import sqlite3
 from pathlib import Path
 from typing import Literal
 
-from pa_console.fleets.authorization.messages import (
-    MOST_USED,
-)
+from pa_console.fleets.authorization.messages import MOST_USED
 
 
 class Memory:

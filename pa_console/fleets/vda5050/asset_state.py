@@ -102,7 +102,7 @@ def telemetry_of(
     speed = math.hypot(velocity.vx or 0.0, velocity.vy or 0.0)
     status = _status(state)
     at = terrain.frame_at(place.x, place.y)
-    running = next((a for a in reversed(state.action_states) if _runs(a)), None)
+    running = next((a for a in reversed(state.action_states) if a.action_status not in ENDED), None)
     return AssetTelemetry.of_valid(
         {
             "id": name,
@@ -134,10 +134,6 @@ def _status(state: State) -> AssetStatus:
     if not able or stopped or levels & {"CRITICAL", "FATAL"}:
         return "failed"
     return "degraded" if "URGENT" in levels else "ok"
-
-
-def _runs(action: ActionState) -> bool:
-    return action.action_status not in ENDED
 
 
 def _post(state: State, terrain: Terrain) -> str | None:

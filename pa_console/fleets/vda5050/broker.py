@@ -12,11 +12,10 @@ import logging
 import socket
 import ssl
 import tempfile
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, BinaryIO, Self
 from urllib.parse import urlsplit
 
@@ -329,41 +328,29 @@ next_connection_delay_ms = 1
 """
 
 
-class EmbeddedBroker:
-    """An MQTT 5 broker on a port of this machine, while the block that it is entered with lasts."""
+@contextmanager
+def run_broker(port: int) -> Generator[None]:
+    """Run an MQTT 5 broker on a `port` of this machine while the block lasts.
 
-    def __init__(self, port: int) -> None:
-        self.port = port
-
-    def __enter__(self) -> Self:
-        """Start it; raises ValueError without its library, or when the port is taken."""
+    Raises ValueError without its library, or when the port is taken. It has no certificates, so
+    only this machine can reach it.
+    """
+    try:
+        from iotcore import Broker  # noqa: PLC0415 - an extra
+    except ImportError:
+        raise ValueError(
+            "the embedded broker needs iotcore: pip install 'pa-console[fleet]', "
+            "or use Mosquitto: 'pa-console site init FOLDER'"
+        ) from None
+    with tempfile.TemporaryDirectory(prefix="pa-console-broker-") as folder:
+        file = Path(folder) / "broker.toml"
+        file.write_text(_CONFIGURATION.format(host=LOOPBACK, port=port), "utf-8")
+        broker = Broker(config_path=str(file))
         try:
-            from iotcore import Broker  # noqa: PLC0415 - an extra
-        except ImportError:
-            raise ValueError(
-                "the embedded broker needs iotcore: pip install 'pa-console[fleet]', "
-                "or use Mosquitto: 'pa-console site init FOLDER'"
-            ) from None
-        self._folder = tempfile.TemporaryDirectory(prefix="pa-console-broker-")
-        file = Path(self._folder.name) / "broker.toml"
-        file.write_text(_CONFIGURATION.format(host=LOOPBACK, port=self.port), "utf-8")
-        self._broker = Broker(config_path=str(file))
-        try:
-            self._broker.start()
+            broker.start()
         except (OSError, RuntimeError) as error:
-            self._folder.cleanup()
-            raise ValueError(f"no broker can be started on port {self.port}: {error}") from None
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._broker.stop()
-        self._folder.cleanup()
-
-    def address(self, site: str) -> BrokerAddress:
-        """Return the address of a site on this broker."""
-        return BrokerAddress(LOOPBACK, self.port, site)
+            raise ValueError(f"no broker can be started on port {port}: {error}") from None
+        try:
+            yield
+        finally:
+            broker.stop()

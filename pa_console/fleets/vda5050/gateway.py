@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from pa_console.fleets.vda5050.additions import MANUFACTURER, Detections
+from pa_console.fleets.vda5050.additions import MANUFACTURER
 from pa_console.fleets.vda5050.asset_state import state_of
 from pa_console.fleets.vda5050.broker import BrokerAddress, BusClient, Credentials, Received, Sent
 from pa_console.fleets.vda5050.messages import (
@@ -39,7 +39,7 @@ from pa_console.fleets.vda5050.vehicle import (
 from pa_console.fleets.vda5050.wire import Header, Identity, Numbers, Topic, UnreadableError
 from pa_console.schema.command import COMMANDS, CommandReply, DeviceCommand, Verb
 from pa_console.schema.telemetry import AssetTelemetry
-from pa_console.schema.world import AssetKind, Platform, World
+from pa_console.schema.world import AssetKind, World
 
 AT_ONCE: tuple[str, ...] = (PAUSE, RESUME, CANCEL, "report")
 ACCELERATION_MPS2 = 1.0
@@ -54,7 +54,11 @@ def offers(kind: AssetKind) -> frozenset[Verb]:
 def factsheet_of(kind: AssetKind, world: World, header: dict[str, Any]) -> Factsheet:
     """Return the factsheet of an asset of `kind` in `world`."""
     platform = world.platforms[kind]
-    moves = tuple(_offered(verb, "NODE") for verb in COMMANDS if _goes(verb, kind))
+    moves = tuple(
+        _offered(verb, "NODE")
+        for verb in COMMANDS
+        if verb not in ("hold", "report") and kind in COMMANDS[verb].kinds
+    )
     at_once = tuple(_offered(action, "INSTANT") for action in AT_ONCE)
     return Factsheet(
         **header,
@@ -67,7 +71,16 @@ def factsheet_of(kind: AssetKind, world: World, header: dict[str, Any]) -> Facts
             navigation_types=("AUTONOMOUS",),
             supported_zones=("BLOCKED",),
         ),
-        physical_parameters=_physical(platform),
+        physical_parameters=PhysicalParameters(
+            minimum_speed=0.0,
+            maximum_speed=platform.speed_mps,
+            maximum_acceleration=ACCELERATION_MPS2,
+            maximum_deceleration=ACCELERATION_MPS2,
+            minimum_height=HEIGHT_M,
+            maximum_height=HEIGHT_M,
+            width=2 * platform.radius_m,
+            length=2 * platform.radius_m,
+        ),
         protocol_limits=ProtocolLimits(
             timing=Timing(
                 minimum_order_interval=0.0,
@@ -82,10 +95,6 @@ def factsheet_of(kind: AssetKind, world: World, header: dict[str, Any]) -> Facts
     )
 
 
-def _goes(verb: Verb, kind: AssetKind) -> bool:
-    return verb not in ("hold", "report") and kind in COMMANDS[verb].kinds
-
-
 def _offered(action: str, scope: Scope) -> OfferedAction:
     keys = (TARGET, AUTHORIZATION) if scope == "NODE" else ()
     return OfferedAction(
@@ -97,19 +106,6 @@ def _offered(action: str, scope: Scope) -> OfferedAction:
         ),
         pause_allowed=True,
         cancel_allowed=True,
-    )
-
-
-def _physical(platform: Platform) -> PhysicalParameters:
-    return PhysicalParameters(
-        minimum_speed=0.0,
-        maximum_speed=platform.speed_mps,
-        maximum_acceleration=ACCELERATION_MPS2,
-        maximum_deceleration=ACCELERATION_MPS2,
-        minimum_height=HEIGHT_M,
-        maximum_height=HEIGHT_M,
-        width=2 * platform.radius_m,
-        length=2 * platform.radius_m,
     )
 
 
@@ -275,11 +271,3 @@ class Gateway(Speaker):
     def _reject(self, topic: str, why: str) -> None:
         self.vehicle.reject(f"{topic}: {why}")
         self.tell()
-
-
-class CameraSpeaker(Speaker):
-    """Speaks for a camera, which has a wire."""
-
-    def see(self, seen: Detections) -> None:
-        """Publish what the camera sees now."""
-        self.say(seen)

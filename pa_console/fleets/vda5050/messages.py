@@ -135,7 +135,7 @@ class EdgeState(Wire):
 
 
 class ControlPoint(Wire):
-    """A point of a trajectory, metres."""
+    """A point of a trajectory, or a corner of a zone, metres."""
 
     x: Finite
     y: Finite
@@ -258,19 +258,12 @@ class State(Header):
         return self.driving or speed_mps > STANDS_MPS
 
 
-class Vertex(Wire):
-    """A corner of a zone, metres."""
-
-    x: Finite
-    y: Finite
-
-
 class Zone(Wire):
     """An area with a meaning; BLOCKED: not to be entered."""
 
     zone_id: Id
     zone_type: Literal["BLOCKED"]
-    vertices: Items[Vertex] = Field(min_length=3, max_length=MOST_ITEMS)
+    vertices: Items[ControlPoint] = Field(min_length=3, max_length=MOST_ITEMS)
 
 
 class Zones(Wire):

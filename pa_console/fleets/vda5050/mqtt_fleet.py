@@ -498,7 +498,7 @@ def zone_set(world: World, header: dict[str, Any]) -> messages.ZoneSet:
         messages.Zone(
             zone_id=name,
             zone_type="BLOCKED",
-            vertices=tuple(messages.Vertex(x=x, y=y) for x, y in zone.polygon),
+            vertices=tuple(messages.ControlPoint(x=x, y=y) for x, y in zone.polygon),
         )
         for name, zone in world.zones.items()
     )

@@ -218,7 +218,8 @@ class ReportedPicture:
 
     def _break_link(self, name: str) -> None:
         heard = self._scene.station.heard[name]
-        self._scene.station.heard[name] = heard._replace(stamp=min(heard.stamp, self._lost_stamp()))
+        lost = self._scene.tick - math.ceil(self.world.link_lost_s / self.world.dt_s)
+        self._scene.station.heard[name] = heard._replace(stamp=min(heard.stamp, lost))
 
     def detect(self, sensor: str, stamp: int, seen: Detections) -> tuple[SetAside, ...]:
         """Take in what an asset or a camera detected at tick `stamp`; return what was set aside.
@@ -337,10 +338,6 @@ class ReportedPicture:
     def forecast(self) -> Checkpoint:
         """Return a simulation of what the picture shows, built from it and the world alone."""
         return Checkpoint.ahead_of(self.terrain, self.picture())
-
-    def _lost_stamp(self) -> int:
-        """Return the latest tick of a report whose link counts as lost now."""
-        return self._scene.tick - math.ceil(self.world.link_lost_s / self.world.dt_s)
 
     def _seen(self) -> Mapping[str, Point]:
         """Return where other sensors recognise assets now."""

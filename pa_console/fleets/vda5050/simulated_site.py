@@ -29,10 +29,9 @@ from pa_console.fleets.vda5050.additions import (
     Told,
 )
 from pa_console.fleets.vda5050.broker import BrokerAddress, Credentials, Received, say_nothing
-from pa_console.fleets.vda5050.gateway import CameraSpeaker, Gateway, OnBus, Speaker
+from pa_console.fleets.vda5050.gateway import Gateway, OnBus, Speaker
 from pa_console.fleets.vda5050.vehicle import Verify, anybody
 from pa_console.fleets.vda5050.wire import Header, Numbers, Topic, UnreadableError, in_milliseconds
-from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events.event import IncidentHappened, Noticed
 from pa_console.schema.incident import Incident
 from pa_console.schema.telemetry import AssetTelemetry, Weather
@@ -79,14 +78,11 @@ class SimulatedSite:
 
         bus = OnBus(address, self._numbers, self.now, options.credentials)
         self.robots = {
-            name: Gateway(name, bus, self._world, self._forward, options.verify)
+            name: Gateway(name, bus, self._world, checkpoint.send, options.verify)
             for name in self._world.assets
         }
-        self._cameras = {name: CameraSpeaker(name, bus) for name in self._world.cameras}
-        self._site = _SiteSpeaker(SITE.serial_number, bus)
-        self._site.arrived = self._describe
-        self._site.listener = self._ask
-        self._site.signed = self._hear_signed
+        self._cameras = {name: Speaker(name, bus) for name in self._world.cameras}
+        self._site = _SiteSpeaker(bus, self._describe, self._ask, self._hear_signed)
 
     def now(self) -> datetime:
         """Return what time it is at the site (UTC)."""
@@ -202,7 +198,7 @@ class SimulatedSite:
         for name, speaker in self._cameras.items():
             works = cameras[name].works
             spec = self._world.cameras[name]
-            speaker.see(
+            speaker.say(
                 Detections(
                     **speaker.header(Detections.TOPIC),
                     works=works,
@@ -299,9 +295,6 @@ class SimulatedSite:
         with suppress(UnreadableError):
             self._options.take(SignedMessage.read(received.payload).message)
 
-    def _forward(self, command: DeviceCommand) -> None:
-        self.checkpoint.send(command)
-
     def _ask(self, message: Header) -> None:
         self._asked.append(message)
         self._news.set()
@@ -322,12 +315,16 @@ class _SiteSpeaker(Speaker):
     """
 
     HEARS = (ClockMessage, IncidentMessage)
-    listener: Callable[[Header], None] | None = None
-    arrived: Callable[[], None] | None = None
-    signed: Callable[[Received], None] | None = None
 
-    def __init__(self, name: str, bus: OnBus) -> None:
-        super().__init__(name, bus)
+    def __init__(
+        self,
+        bus: OnBus,
+        arrived: Callable[[], None],
+        asked: Callable[[Header], None],
+        signed: Callable[[Received], None],
+    ) -> None:
+        super().__init__(SITE.serial_number, bus)
+        self._arrived, self._asked, self._signed = arrived, asked, signed
         trust = [str(Topic(bus.address.site, TRUST, kind.TOPIC)) for kind in SIGNED]
         self.client.topics = (*self.client.topics, *trust)
 
@@ -335,13 +332,8 @@ class _SiteSpeaker(Speaker):
         topic = Topic.of(received.topic)
         if topic is None or topic.identity != TRUST:
             super()._heard(received)
-        elif self.signed is not None:
-            self.signed(received)
-
-    def _arrived(self) -> None:
-        if self.arrived is not None:
-            self.arrived()
+        else:
+            self._signed(received)
 
     def _take(self, message: Header) -> None:
-        if self.listener is not None:
-            self.listener(message)
+        self._asked(message)

@@ -326,14 +326,11 @@ class Vehicle:
         if action.action_id in self._told:
             self._told.remove(action.action_id)
         self._told.append(action.action_id)
-        ended = [told for told in self._told if self._has_ended(told)]
+        known_told = ((told, self._known.get(told)) for told in self._told)
+        ended = [t for t, k in known_told if k is None or k.state.action_status in ENDED]
         for told in ended[:-MOST_TOLD]:
             self._told.remove(told)
         del self._told[:-MOST_OPEN]
-
-    def _has_ended(self, action_id: str) -> bool:
-        known = self._known.get(action_id)
-        return known is None or known.state.action_status in ENDED
 
     def _remember(self, action_id: str, known: _Known | None) -> None:
         self._known[action_id] = known

@@ -78,31 +78,13 @@ def _allow_reading(library: ctypes.CDLL, ruleset: int, path: str | os.PathLike[s
         os.close(parent)
 
 
-KEPT_VARIABLES = frozenset(
-    (
-        "PATH",
-        "HOME",
-        "LANG",
-        "LC_ALL",
-        "LC_CTYPE",
-        "LD_LIBRARY_PATH",
-        "DYLD_LIBRARY_PATH",
-        "SYSTEMROOT",
-        "PYTHONPATH",
-        "PYTHONHOME",
-        "PYTHONUSERBASE",
-        "PYTHONNOUSERSITE",
-        "PYTHONDONTWRITEBYTECODE",
-        "PYTHONPYCACHEPREFIX",
-        "OMP_NUM_THREADS",
-        "OMP_PLACES",
-        "OMP_PROC_BIND",
-        "OMP_WAIT_POLICY",
-        "GOMP_CPU_AFFINITY",
-        "GOMP_SPINCOUNT",
-        "OPENBLAS_NUM_THREADS",
-    )
-)
+KEPT_VARIABLES = frozenset((
+    "PATH", "HOME", "LANG", "LC_ALL", "LC_CTYPE", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH",
+    "SYSTEMROOT", "PYTHONPATH", "PYTHONHOME", "PYTHONUSERBASE", "PYTHONNOUSERSITE",
+    "PYTHONDONTWRITEBYTECODE", "PYTHONPYCACHEPREFIX", "OMP_NUM_THREADS", "OMP_PLACES",
+    "OMP_PROC_BIND", "OMP_WAIT_POLICY", "GOMP_CPU_AFFINITY", "GOMP_SPINCOUNT",
+    "OPENBLAS_NUM_THREADS",
+))  # fmt: skip
 """The environment variables for Python, its libraries, language and thread placement: nothing
 secret."""
 
@@ -119,24 +101,10 @@ BINDING = frozenset(("OMP_PLACES", "OMP_PROC_BIND", "GOMP_CPU_AFFINITY"))
 """Variables that ask for threads that are bound to cores."""
 STATUS, MAPS = Path("/proc/self/status"), Path("/proc/self/maps")
 OF_THE_SYSTEM = (
-    "/lib",
-    "/lib64",
-    "/usr/lib",
-    "/usr/lib64",
-    "/usr/local/lib",
-    "/usr/share/zoneinfo",
-    "/etc/ld.so.cache",
-    "/etc/localtime",
-    "/dev/null",
-    "/dev/urandom",
-    "/proc/self",
-    "/proc/stat",
-    "/proc/cpuinfo",
-    "/proc/meminfo",
-    "/proc/sys",
-    "/sys/devices/system",
-    "/sys/fs/cgroup",
-)
+    "/lib", "/lib64", "/usr/lib", "/usr/lib64", "/usr/local/lib", "/usr/share/zoneinfo",
+    "/etc/ld.so.cache", "/etc/localtime", "/dev/null", "/dev/urandom", "/proc/self", "/proc/stat",
+    "/proc/cpuinfo", "/proc/meminfo", "/proc/sys", "/sys/devices/system", "/sys/fs/cgroup",
+)  # fmt: skip
 """Files of the system that Python and the C library read while the model computes."""
 TRIAL_LIMIT_S = 30.0
 

@@ -369,7 +369,7 @@ class Decoder:
             if self._candidates is not None:
                 self._candidates.close()
             self._room = max(self._room, -(-tokens // STEP) * STEP)
-            shared = self._runtime.shared_context(max(count, AT_ONCE), self._room)
+            shared = SharedContext(self._runtime, max(count, AT_ONCE), self._room)
             self._candidates = Candidates(self._runtime, shared, self._tokenizer, self._ends)
         return self._candidates
 

@@ -52,8 +52,13 @@ def _load_adapter(model: Any, path: str) -> Any:
     return adapter
 
 
-SHARED_CHUNK = 16
-"""Tokens of all continuations together that are evaluated at once."""
+CHUNK, SHARED_CHUNK = 64, 16
+"""Tokens of a prompt, or of several continuations of one, that are evaluated at once. The cache is
+reused in whole chunks, so that every batch has the same shape as in a fresh context and an answer
+never depends on what was asked before."""
+
+ROOM = 512
+"""The context of a sequence is a multiple of this number of tokens, as it fills memory."""
 
 WHOLE_ATTENTION = llama_cpp.LLAMA_FLASH_ATTN_TYPE_DISABLED
 """Flash attention splits long contexts among the threads, so that the logits of a single token
@@ -63,70 +68,120 @@ slower here (135M weights, two cores: 23 ms a token, 0.32 s instead of 0.41 s fo
 ABORTED = 2
 """The result of llama_decode after the abort callback stopped it."""
 
-
 State = ctypes.Array[ctypes.c_uint8]
 """The state of a sequence in a context; it is megabytes, and never copied."""
 
 Piece = tuple[int, int, Sequence[int]]
 """Number of the continuation, position of its first new token, the new tokens."""
 
+Placed = tuple[int, int, int, bool]
+"""A token to evaluate: its sequence, its position, itself, and whether its logits are wanted."""
+
+
+@_api.llama_log_callback
+def _no_log(_level: int, _text: bytes, _data: object) -> None:
+    """Swallow llama.cpp's own log."""
+
 
 class InterruptedEvaluationError(Exception):
     """The evaluation was stopped by the `stopped` callback."""
 
 
-class SharedContext:
-    """One more context of a loaded `model`, with room for a prompt and `width` short answers."""
+class _Context:
+    """A context of `model`, with room for `n_ctx` tokens; raises ValueError without memory."""
 
-    def __init__(  # noqa: PLR0917
-        self,
-        model: Any,
-        n_ctx: int,
-        width: int,
-        n_vocabulary: int,
-        cores: FreeCores,
-        stopped: Callable[[], bool],
-        adapters: AdapterSwitch,
-    ) -> None:
-        """Raises ValueError when there is no memory for `n_ctx` tokens."""
-        self.width = width
-        self._stopped, self._n_vocabulary = stopped, n_vocabulary
-        self._cores = cores
-        self._adapters = adapters
-        self._abort = _api.ggml_abort_callback(self._should_abort)
+    def __init__(self, runtime: "Runtime", n_ctx: int, chunk: int, sequences: int = 1) -> None:
+        self.n_ctx = n_ctx
+        self._stopped, self._cores = runtime.stopped, runtime.cores
+        self._n_vocabulary = runtime.n_vocabulary
+
+        def should_abort(_data: object) -> bool:
+            return self._stopped()
+
+        self._abort = _api.ggml_abort_callback(should_abort)
         parameters = _api.llama_context_default_params()
         parameters.n_ctx = n_ctx
-        parameters.n_batch = parameters.n_ubatch = SHARED_CHUNK
-        parameters.n_seq_max = width
-        parameters.kv_unified = True
+        parameters.n_batch = parameters.n_ubatch = chunk
+        parameters.n_seq_max = sequences
+        parameters.kv_unified = sequences > 1
         parameters.swa_full = True
         parameters.flash_attn_type = WHOLE_ATTENTION
         parameters.abort_callback = self._abort
-        self.context = _api.llama_init_from_model(model, parameters)
-        if not self.context:
+        self.handle = _api.llama_init_from_model(runtime.model, parameters)
+        if not self.handle:
             raise ValueError(f"no memory for a context of {n_ctx} tokens")
-        self._memory = _api.llama_get_memory(self.context)
-        self._batch = _api.llama_batch_init(SHARED_CHUNK, 0, 1)
+        self.memory = _api.llama_get_memory(self.handle)
+        self._batch = _api.llama_batch_init(chunk, 0, 1)
+
+    def free(self) -> None:
+        """Give the memory back; the context must not be used afterwards."""
+        _api.llama_batch_free(self._batch)
+        _api.llama_free(self.handle)
+
+    def evaluate(self, tokens: Sequence[Placed]) -> None:
+        """Evaluate one batch; raises InterruptedEvaluationError, or RuntimeError if it cannot."""
+        batch = self._batch
+        batch.n_tokens = len(tokens)
+        for index, (sequence, position, token, wanted) in enumerate(tokens):
+            batch.token[index] = token
+            batch.pos[index] = position
+            batch.n_seq_id[index] = 1
+            batch.seq_id[index][0] = sequence
+            batch.logits[index] = wanted
+        if self._stopped():
+            raise InterruptedEvaluationError
+        with self._cores.evaluating(len(tokens)) as threads:
+            _api.llama_set_n_threads(self.handle, threads, threads)
+            code = _api.llama_decode(self.handle, batch)
+        if code == ABORTED:
+            raise InterruptedEvaluationError
+        if code != 0:
+            raise RuntimeError(f"llama.cpp could not evaluate {len(tokens)} tokens (code {code})")
+
+    def logits(self, index: int = -1) -> NDArray[np.float32]:
+        """Return the logits after a token of the last batch; the next one overwrites them."""
+        row = _api.llama_get_logits_ith(self.handle, index)
+        return np.ctypeslib.as_array(row, shape=(self._n_vocabulary,))
+
+    def state(self) -> State:
+        """Return what was evaluated in its first sequence."""
+        size = _api.llama_state_seq_get_size(self.handle, 0)
+        buffer = (ctypes.c_uint8 * size)()
+        _api.llama_state_seq_get_data(self.handle, buffer, size, 0)
+        return buffer
+
+    def restore(self, state: State, problem: str) -> None:
+        """Go on from `state` in its first sequence; raises ValueError with the `problem`."""
+        if not _api.llama_state_seq_set_data(self.handle, state, len(state), 0):
+            raise ValueError(problem)
+
+
+class SharedContext:
+    """A context with room for a prompt and `width` short answers, evaluated together."""
+
+    def __init__(self, runtime: "Runtime", width: int, n_ctx: int) -> None:
+        """Raises ValueError when there is no memory for `n_ctx` tokens."""
+        self.width, self._adapters = width, runtime.adapters
+        self._context = _Context(runtime, n_ctx, SHARED_CHUNK, width)
 
     def close(self) -> None:
         """Give the memory back; the context must not be used afterwards."""
-        _api.llama_batch_free(self._batch)
-        self._adapters.forget(self.context)
-        _api.llama_free(self.context)
+        self._adapters.forget(self._context.handle)
+        self._context.free()
 
     def adopt(self, state: State, lengths: Sequence[int], sequence: int) -> None:
         """Begin continuations of what `sequence` evaluated, `state`: each of its first tokens.
 
         `lengths` says of how many, continuation by continuation.
         """
-        self._adapters.use(self.context, sequence)
-        _api.llama_memory_clear(self._memory, False)
-        if not _api.llama_state_seq_set_data(self.context, state, len(state), 0):
-            raise ValueError("the prompt does not fit into the context for several answers")
+        memory = self._context.memory
+        self._adapters.use(self._context.handle, sequence)
+        _api.llama_memory_clear(memory, False)
+        self._context.restore(state, "the prompt does not fit into the context for several answers")
         for number in range(1, len(lengths)):
-            _api.llama_memory_seq_cp(self._memory, 0, number, -1, -1)
+            _api.llama_memory_seq_cp(memory, 0, number, -1, -1)
         for number, length in enumerate(lengths):
-            _api.llama_memory_seq_rm(self._memory, number, length, -1)
+            _api.llama_memory_seq_rm(memory, number, length, -1)
 
     def extend(self, pieces: Sequence[Piece]) -> list[NDArray[np.float32]]:
         """Evaluate the new tokens of every piece; return the logits after each one's last token.
@@ -141,51 +196,11 @@ class SharedContext:
         rows: dict[int, NDArray[np.float32]] = {}
         for start in range(0, len(flat), SHARED_CHUNK):
             chunk = flat[start : start + SHARED_CHUNK]
-            self._decode(chunk)
+            self._context.evaluate(chunk)
             for index, (number, _, _, last) in enumerate(chunk):
                 if last:
-                    rows[number] = self._logits(index)
+                    rows[number] = self._context.logits(index).copy()
         return [rows[number] for number, _, _ in pieces]
-
-    def _should_abort(self, _data: object) -> bool:
-        return self._stopped()
-
-    def _decode(self, chunk: Sequence[tuple[int, int, int, bool]]) -> None:
-        batch = self._batch
-        batch.n_tokens = len(chunk)
-        for index, (number, position, token, last) in enumerate(chunk):
-            batch.token[index] = token
-            batch.pos[index] = position
-            batch.n_seq_id[index] = 1
-            batch.seq_id[index][0] = number
-            batch.logits[index] = last
-        if self._stopped():
-            raise InterruptedEvaluationError
-        with self._cores.evaluating(len(chunk)) as threads:
-            _api.llama_set_n_threads(self.context, threads, threads)
-            code = _api.llama_decode(self.context, batch)
-        if code == ABORTED:
-            raise InterruptedEvaluationError
-        if code != 0:
-            raise ValueError(f"llama.cpp could not evaluate {len(chunk)} tokens (code {code})")
-
-    def _logits(self, index: int) -> NDArray[np.float32]:
-        row = _api.llama_get_logits_ith(self.context, index)
-        return np.ctypeslib.as_array(row, shape=(self._n_vocabulary,)).copy()
-
-
-CHUNK = 64
-"""Prompt tokens evaluated at once. The cache is reused in whole chunks, so that every batch has
-the same shape as in a fresh context and an answer never depends on what was asked before."""
-
-
-@_api.llama_log_callback
-def _no_log(_level: int, _text: bytes, _data: object) -> None:
-    """Swallow llama.cpp's own log."""
-
-
-ROOM = 512
-"""The context of a sequence is a multiple of this number of tokens, as it fills memory."""
 
 
 class Runtime:
@@ -213,35 +228,32 @@ class Runtime:
         _api.llama_log_set(_no_log, None)
         _api.llama_backend_init()
         model_parameters = _api.llama_model_default_params()
-        self._model = _api.llama_model_load_from_file(path.encode(), model_parameters)
-        if not self._model:
+        self.model = _api.llama_model_load_from_file(path.encode(), model_parameters)
+        if not self.model:
             raise ValueError(f"{path}: not a GGUF model that this version of llama.cpp can load")
-        self._adapters = AdapterSwitch(self._model, adapters or {})
-        self.n_ctx = min(n_ctx, _api.llama_model_n_ctx_train(self._model))
-        self._stopped, self.cores = stopped, cores
-        self._abort = _api.ggml_abort_callback(self._should_abort)
-        self._contexts: dict[int, Any] = {}
-        self._room: dict[int, int] = {}
-        self._context(0)
-        self.vocabulary = _api.llama_model_get_vocab(self._model)
+        self.adapters = AdapterSwitch(self.model, adapters or {})
+        self.n_ctx = min(n_ctx, _api.llama_model_n_ctx_train(self.model))
+        self.stopped, self.cores = stopped, cores
+        self.vocabulary = _api.llama_model_get_vocab(self.model)
         self.n_vocabulary: int = _api.llama_vocab_n_tokens(self.vocabulary)
-        self._batch = _api.llama_batch_init(CHUNK, 0, 1)
+        self._contexts: dict[int, _Context] = {}
         self._cached: dict[int, list[int]] = {}
+        self._context(0)
 
     @property
     def description(self) -> str:
         """llama.cpp's own words for the model."""
         buffer = ctypes.create_string_buffer(256)
-        _api.llama_model_desc(self._model, buffer, len(buffer))
+        _api.llama_model_desc(self.model, buffer, len(buffer))
         return buffer.value.decode("utf-8", "replace")
 
     def metadata(self, key: str) -> str | None:
         """Return a GGUF metadata value as text, None when the file has no such key."""
-        size = _api.llama_model_meta_val_str(self._model, key.encode(), None, 0)
+        size = _api.llama_model_meta_val_str(self.model, key.encode(), None, 0)
         if size < 0:
             return None
         buffer = ctypes.create_string_buffer(size + 1)
-        _api.llama_model_meta_val_str(self._model, key.encode(), buffer, len(buffer))
+        _api.llama_model_meta_val_str(self.model, key.encode(), buffer, len(buffer))
         return buffer.value.decode("utf-8", "replace")
 
     def token_text(self, token: int) -> str:
@@ -295,7 +307,7 @@ class Runtime:
                 break
             common += 1
         kept = common // CHUNK * CHUNK
-        memory = self._memory(sequence)
+        memory = self._context(sequence).memory
         if not _api.llama_memory_seq_rm(memory, 0, kept, -1):
             _api.llama_memory_clear(memory, False)
             kept = 0
@@ -304,7 +316,7 @@ class Runtime:
             chunk = prompt[start : start + CHUNK]
             self._decode(sequence, start, chunk)
             self._cached[sequence].extend(chunk)
-        return self._logits(sequence), kept
+        return self._context(sequence).logits(), kept
 
     def extend(
         self, sequence: int, position: int, tokens: Sequence[int], rows: int = 1
@@ -318,34 +330,18 @@ class Runtime:
         for start in range(0, early, CHUNK):
             self._decode(sequence, position + start, tokens[start : min(start + CHUNK, early)], 0)
         self._decode(sequence, position + early, tokens[early:], rows)
-        return np.stack([self._logits(sequence, row - rows) for row in range(rows)])
+        return np.stack([self._context(sequence).logits(row - rows) for row in range(rows)])
 
     def keep(self, sequence: int, tokens: int, trim: bool) -> None:
         """Forget the evaluated tokens of `sequence` after the first `tokens`."""
         if trim:
-            _api.llama_memory_seq_rm(self._memory(sequence), 0, tokens, -1)
+            _api.llama_memory_seq_rm(self._context(sequence).memory, 0, tokens, -1)
 
     def state(self, sequence: int) -> State:
         """Return the evaluated state of `sequence`, for another context."""
-        context = self._context(sequence)
-        size = _api.llama_state_seq_get_size(context, 0)
-        buffer = (ctypes.c_uint8 * size)()
-        _api.llama_state_seq_get_data(context, buffer, size, 0)
-        return buffer
+        return self._context(sequence).state()
 
-    def shared_context(self, width: int, n_ctx: int) -> SharedContext:
-        """Return a context of the same model for `width` answers at once, `n_ctx` tokens in all."""
-        return SharedContext(
-            self._model,
-            n_ctx,
-            width,
-            self.n_vocabulary,
-            self.cores,
-            self._stopped,
-            self._adapters,
-        )
-
-    def _context(self, sequence: int) -> Any:
+    def _context(self, sequence: int) -> _Context:
         """Return the context of `sequence`; raises ValueError when there is no memory for it."""
         if sequence not in self._contexts:
             self._make_room(sequence, ROOM)
@@ -354,58 +350,19 @@ class Runtime:
     def _make_room(self, sequence: int, tokens: int) -> None:
         """Let the context of `sequence` hold `tokens`; what was evaluated in it stays."""
         room = min(-(-tokens // ROOM) * ROOM, self.n_ctx)
-        if room <= self._room.get(sequence, 0):
-            return
-        context = self._new_context(room)
-        self._adapters.use(context, sequence)
         old = self._contexts.get(sequence)
+        if old is not None and room <= old.n_ctx:
+            return
+        context = _Context(self, room, CHUNK)
+        self.adapters.use(context.handle, sequence)
         if old is not None:
-            state = self.state(sequence)
-            if not _api.llama_state_seq_set_data(context, state, len(state), 0):
-                raise ValueError("what was evaluated does not fit into a larger context")
-            self._adapters.forget(old)
-            _api.llama_free(old)
-        self._contexts[sequence], self._room[sequence] = context, room
-
-    def _new_context(self, tokens: int) -> Any:
-        parameters = _api.llama_context_default_params()
-        parameters.n_ctx = tokens
-        parameters.n_batch = parameters.n_ubatch = CHUNK
-        parameters.n_seq_max = 1
-        parameters.swa_full = True
-        parameters.flash_attn_type = WHOLE_ATTENTION
-        parameters.abort_callback = self._abort
-        context = _api.llama_init_from_model(self._model, parameters)
-        if not context:
-            raise ValueError(f"no memory for a context of {tokens} tokens")
-        return context
-
-    def _memory(self, sequence: int) -> Any:
-        return _api.llama_get_memory(self._context(sequence))
-
-    def _should_abort(self, _data: object) -> bool:
-        return self._stopped()
+            context.restore(old.state(), "what was evaluated does not fit into a larger context")
+            self.adapters.forget(old.handle)
+            old.free()
+        self._contexts[sequence] = context
 
     def _decode(self, sequence: int, position: int, tokens: Sequence[int], rows: int = 1) -> None:
-        batch = self._batch
-        batch.n_tokens = len(tokens)
-        for index, token in enumerate(tokens):
-            batch.token[index] = token
-            batch.pos[index] = position + index
-            batch.n_seq_id[index] = 1
-            batch.seq_id[index][0] = 0
-            batch.logits[index] = index >= len(tokens) - rows
-        if self._stopped():
-            raise InterruptedEvaluationError
-        context = self._context(sequence)
-        with self.cores.evaluating(len(tokens)) as threads:
-            _api.llama_set_n_threads(context, threads, threads)
-            code = _api.llama_decode(context, batch)
-        if code == ABORTED:
-            raise InterruptedEvaluationError
-        if code != 0:
-            raise RuntimeError(f"llama.cpp could not evaluate {len(tokens)} tokens (code {code})")
-
-    def _logits(self, sequence: int, index: int = -1) -> NDArray[np.float32]:
-        row = _api.llama_get_logits_ith(self._context(sequence), index)
-        return np.ctypeslib.as_array(row, shape=(self.n_vocabulary,))
+        first = len(tokens) - rows
+        self._context(sequence).evaluate(
+            [(0, position + index, token, index >= first) for index, token in enumerate(tokens)]
+        )

@@ -52,90 +52,44 @@ class Call(NamedTuple):
 
 
 THREADS = (
-    Call("futex", 202, 98),
-    Call("sched_yield", 24, 124),
-    Call("sched_getaffinity", 204, 123),
-    Call("getcpu", 309, 168),
-    Call("set_robust_list", 273, 99),
-    Call("rseq", 334, 293),
-    Call("membarrier", 324, 283),
-    Call("gettid", 186, 178),
-    Call("exit", 60, 93),
+    Call("futex", 202, 98), Call("sched_yield", 24, 124), Call("sched_getaffinity", 204, 123),
+    Call("getcpu", 309, 168), Call("set_robust_list", 273, 99), Call("rseq", 334, 293),
+    Call("membarrier", 324, 283), Call("gettid", 186, 178), Call("exit", 60, 93),
     Call("exit_group", 231, 94),
-)
+)  # fmt: skip
 MEMORY = (
-    Call("munmap", 11, 215),
-    Call("mremap", 25, 216),
-    Call("madvise", 28, 233),
+    Call("munmap", 11, 215), Call("mremap", 25, 216), Call("madvise", 28, 233),
     Call("brk", 12, 214),
-)
+)  # fmt: skip
 FILES = (
-    Call("read", 0, 63),
-    Call("readv", 19, 65),
-    Call("pread64", 17, 67),
-    Call("preadv", 295, 69),
-    Call("write", 1, 64),
-    Call("writev", 20, 66),
-    Call("lseek", 8, 62),
-    Call("close", 3, 57),
-    Call("close_range", 436, 436),
-    Call("dup", 32, 23),
-    Call("dup2", 33, None),
-    Call("dup3", 292, 24),
-    Call("stat", 4, None),
-    Call("lstat", 6, None),
-    Call("fstat", 5, 80),
-    Call("newfstatat", 262, 79),
-    Call("statx", 332, 291),
-    Call("statfs", 137, 43),
-    Call("fstatfs", 138, 44),
-    Call("access", 21, None),
-    Call("faccessat", 269, 48),
-    Call("faccessat2", 439, 439),
-    Call("readlink", 89, None),
-    Call("readlinkat", 267, 78),
-    Call("getdents64", 217, 61),
-    Call("getcwd", 79, 17),
-    Call("fadvise64", 221, 223),
-)
+    Call("read", 0, 63), Call("readv", 19, 65), Call("pread64", 17, 67), Call("preadv", 295, 69),
+    Call("write", 1, 64), Call("writev", 20, 66), Call("lseek", 8, 62), Call("close", 3, 57),
+    Call("close_range", 436, 436), Call("dup", 32, 23), Call("dup2", 33, None),
+    Call("dup3", 292, 24), Call("stat", 4, None), Call("lstat", 6, None), Call("fstat", 5, 80),
+    Call("newfstatat", 262, 79), Call("statx", 332, 291), Call("statfs", 137, 43),
+    Call("fstatfs", 138, 44), Call("access", 21, None), Call("faccessat", 269, 48),
+    Call("faccessat2", 439, 439), Call("readlink", 89, None), Call("readlinkat", 267, 78),
+    Call("getdents64", 217, 61), Call("getcwd", 79, 17), Call("fadvise64", 221, 223),
+)  # fmt: skip
 WAITING = (
-    Call("poll", 7, None),
-    Call("ppoll", 271, 73),
-    Call("select", 23, None),
-    Call("pselect6", 270, 72),
-    Call("epoll_create1", 291, 20),
-    Call("epoll_ctl", 233, 21),
-    Call("epoll_wait", 232, None),
-    Call("epoll_pwait", 281, 22),
-    Call("nanosleep", 35, 101),
-    Call("clock_nanosleep", 230, 115),
-    Call("clock_gettime", 228, 113),
-    Call("clock_getres", 229, 114),
-    Call("gettimeofday", 96, 169),
-    Call("time", 201, None),
+    Call("poll", 7, None), Call("ppoll", 271, 73), Call("select", 23, None),
+    Call("pselect6", 270, 72), Call("epoll_create1", 291, 20), Call("epoll_ctl", 233, 21),
+    Call("epoll_wait", 232, None), Call("epoll_pwait", 281, 22), Call("nanosleep", 35, 101),
+    Call("clock_nanosleep", 230, 115), Call("clock_gettime", 228, 113),
+    Call("clock_getres", 229, 114), Call("gettimeofday", 96, 169), Call("time", 201, None),
     Call("times", 100, 153),
-)
+)  # fmt: skip
 SIGNALS = (
-    Call("rt_sigaction", 13, 134),
-    Call("rt_sigprocmask", 14, 135),
-    Call("rt_sigreturn", 15, 139),
-    Call("rt_sigpending", 127, 136),
-    Call("sigaltstack", 131, 132),
+    Call("rt_sigaction", 13, 134), Call("rt_sigprocmask", 14, 135), Call("rt_sigreturn", 15, 139),
+    Call("rt_sigpending", 127, 136), Call("sigaltstack", 131, 132),
     Call("restart_syscall", 219, 128),
-)
+)  # fmt: skip
 ITSELF = (
-    Call("getpid", 39, 172),
-    Call("getppid", 110, 173),
-    Call("getuid", 102, 174),
-    Call("geteuid", 107, 175),
-    Call("getgid", 104, 176),
-    Call("getegid", 108, 177),
-    Call("uname", 63, 160),
-    Call("sysinfo", 99, 179),
-    Call("getrusage", 98, 165),
-    Call("getpriority", 140, 141),
-    Call("getrandom", 318, 278),
-)
+    Call("getpid", 39, 172), Call("getppid", 110, 173), Call("getuid", 102, 174),
+    Call("geteuid", 107, 175), Call("getgid", 104, 176), Call("getegid", 108, 177),
+    Call("uname", 63, 160), Call("sysinfo", 99, 179), Call("getrusage", 98, 165),
+    Call("getpriority", 140, 141), Call("getrandom", 318, 278),
+)  # fmt: skip
 ALLOWED = THREADS + MEMORY + FILES + WAITING + SIGNALS + ITSELF
 
 OPEN, OPENAT = Call("open", 2, None), Call("openat", 257, 56)

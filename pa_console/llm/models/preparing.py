@@ -7,33 +7,30 @@ catalogue pins the SHA-256 of what it asks for. Where it has no pin, a JSON file
 is in another folder. A prepared file that does not fit the pin or the record is made again.
 """
 
-import errno
 import shutil
-from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 from filelock import FileLock
 from pydantic import Field, ValidationError
 
 from pa_console.llm.backend import PullError
 from pa_console.llm.models.cache import (
-    CACHE_VARIABLE,
+    Progress,
+    disk_problem,
     hash_file,
     models_folder,
     partial_folder,
     require_room,
     run_watched,
+    silent,
 )
 from pa_console.schema.base import StrictModel
 from pa_console.signing import SigningError, fingerprint, is_signature, known_keys, load_signer
 
 Quantisation = Literal["f16", "bf16", "q8_0", "q4_0"]
-Progress = Callable[[int, int, str], None]
-"""Called with bytes done, bytes in all (estimated) and the present step; may raise to stop."""
-
 COMMAND = ("-m", "pa_console.llm.models.gguf_conversion")
 LLAMA_CPP = "llama-cpp-python"
 PURPOSE = b"pa-console prepared weights\n"
@@ -99,16 +96,11 @@ class Origin(StrictModel):
         return PURPOSE + self.model_dump_json(exclude={"signature"}).encode()
 
 
-@dataclass(frozen=True)
-class Prepared:
+class Prepared(NamedTuple):
     """A prepared file that was checked."""
 
     path: Path
     sha256: str
-
-
-def silent(_done: int, _total: int, _text: str) -> None:
-    """Report nothing."""
 
 
 def prepared_path(name: str, how: Preparation) -> Path:
@@ -167,7 +159,7 @@ def prepare(
                 found = _make(path, folder, how, source, source_sha256, progress, pin)
             return found
     except OSError as error:
-        raise PullError(_explain(error, folder)) from error
+        raise PullError(disk_problem(error, folder)) from error
 
 
 def _make(  # noqa: PLR0917
@@ -241,9 +233,3 @@ def _prepared_name(name: str, how: Preparation) -> str:
 
 def _origin_path(path: Path) -> Path:
     return path.with_suffix(".json")
-
-
-def _explain(error: OSError, folder: Path) -> str:
-    if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return f"the disk of {folder} is full: free some space, or set {CACHE_VARIABLE}"
-    return f"{error.filename or folder}: {error.strerror or error}"

@@ -81,7 +81,11 @@ class ServerClient:
         told = {"logprobs": True, "top_logprobs": 1} if chances else {}
         body: dict[str, Any] = {
             "model": self.address.name,
-            "messages": _messages(system, user),
+            "messages": [
+                {"role": role, "content": content}
+                for role, content in (("system", system), ("user", user))
+                if content
+            ],
             "max_tokens": max_tokens,
             "temperature": 0.0,
             "seed": 0,
@@ -190,8 +194,3 @@ class ServerClient:
         )
         _ = client.chat.completions  # loaded here, not by the first question
         return client
-
-
-def _messages(system: str, user: str) -> list[dict[str, str]]:
-    messages = [{"role": "system", "content": system}, {"role": "user", "content": user}]
-    return [message for message in messages if message["content"]]

@@ -22,7 +22,7 @@ from typing import Any, Literal, cast
 
 from pa_console.llm.backend import BackendOptions, Chance, Completed, Request, ServerError
 from pa_console.llm.remote.address import KEY_VARIABLES, ServerAddress, ServerKey
-from pa_console.llm.remote.client import MOST_TOLD, ServerClient
+from pa_console.llm.remote.client import MOST_TOLD, Piece, ServerClient
 from pa_console.llm.roles.grammar import Schema
 from pa_console.schema.events.event import ServerState
 from pa_console.schema.finding import Usage
@@ -33,18 +33,14 @@ Way = Literal[
 """A way to constrain a server's answer; see WAYS."""
 
 
-def _json_schema(schema: Schema) -> Schema:
-    named = {"name": "answer", "strict": True, "schema": schema}
-    return {"response_format": {"type": "json_schema", "json_schema": named}}
-
-
-def _json_object(schema: Schema) -> Schema:
-    return {"response_format": {"type": "json_object", "schema": schema}}
-
-
 WAYS: dict[Way, Callable[[Schema], Schema]] = {
-    "json_schema": _json_schema,
-    "json_object": _json_object,
+    "json_schema": lambda schema: {
+        "response_format": {
+            "type": "json_schema",
+            "json_schema": {"name": "answer", "strict": True, "schema": schema},
+        }
+    },
+    "json_object": lambda schema: {"response_format": {"type": "json_object", "schema": schema}},
     "structured_outputs": lambda schema: {"structured_outputs": {"json": schema}},
     "guided_json": lambda schema: {"guided_json": schema},
     "format": lambda schema: {"format": schema},
@@ -70,7 +66,9 @@ def _rule(schema: Schema, name: str, rules: dict[str, str]) -> str:
     """Return what stands for `schema`; rules that it needs are added under names after `name`."""
     match schema:
         case {"anyOf": ways}:
-            kinds = [_rule(way, f"{name}-{n}", rules) for n, way in enumerate(_several(ways))]
+            kinds = [
+                _rule(way, f"{name}-{n}", rules) for n, way in enumerate(cast(list[Schema], ways))
+            ]
             return f"({' | '.join(kinds)})"
         case {"enum": words}:
             return f"({' | '.join(_literal(json.dumps(word)) for word in cast(list[str], words))})"
@@ -95,10 +93,6 @@ def _items(item: str, least: int, most: int) -> str:
         return '"[]"'
     more = f'{item} (", " {item}){{{max(least - 1, 0)},{most - 1}}}'
     return f'"[" {more} "]"' if least else f'"[" ({more})? "]"'
-
-
-def _several(ways: Any) -> list[Schema]:
-    return cast(list[Schema], ways)
 
 
 def _literal(text: str) -> str:
@@ -158,7 +152,8 @@ async def probe(client: ServerClient, within_s: float = PROBE_S) -> ProbeReport:
 
 
 async def _tried(client: ServerClient, way: Way, within_s: float) -> str:
-    key, word = _random_word(), _random_word()
+    random = secrets.SystemRandom()
+    key, word = ("".join(random.choices(string.ascii_lowercase, k=WORD)) for _ in range(2))
     schema: Schema = {
         "type": "object",
         "properties": {key: {"type": "string", "enum": [word]}},
@@ -198,10 +193,6 @@ async def _asked(
         if not refused_too or error.status not in REFUSES:
             raise
     return told
-
-
-def _random_word() -> str:
-    return "".join(secrets.choice(string.ascii_lowercase) for _ in range(WORD))
 
 
 AGAIN_S = 15.0
@@ -302,10 +293,10 @@ class ServerEngine:
             for number in range(TRIES):
                 written = _Written(began)
                 async with aclosing(self._ask(request, limit - clock(), wrong)) as pieces:
-                    async for text, chances, finish in pieces:
-                        written.add(text, chances, finish, clock())
-                        if text and not number:
-                            yield text
+                    async for piece in pieces:
+                        written.add(piece, clock())
+                        if piece.text and not number:
+                            yield piece.text
                 answer, wrong = read_answer(written.text, request.schema)
                 if not wrong:
                     yield written.completed(answer, clock())
@@ -328,9 +319,7 @@ class ServerEngine:
         if not self.usable:
             raise ServerError(self.detail)
 
-    async def _ask(
-        self, request: Request, within_s: float, wrong: str
-    ) -> AsyncGenerator[tuple[str, tuple[Chance, ...], str]]:
+    def _ask(self, request: Request, within_s: float, wrong: str) -> AsyncGenerator[Piece]:
         way, schema, user = self.report.way, request.schema, request.user
         extra: Schema = {}
         if schema is not None and way is not None:
@@ -340,12 +329,9 @@ class ServerEngine:
         if wrong:
             user += f"\n\nYour last answer could not be read: {wrong}"
         chances = self._chances and self.report.chances
-        asked = self._client.ask(
+        return self._client.ask(
             request.system, user, request.max_tokens, within_s, extra, chances=chances
         )
-        async with aclosing(asked) as pieces:
-            async for piece in pieces:
-                yield piece.text, piece.chances, piece.finish
 
     def _doubt(self, why: str) -> None:
         """Ask nothing more before the server was looked at again."""
@@ -378,16 +364,15 @@ class _Written:
     """An answer as it comes."""
 
     def __init__(self, began: float) -> None:
-        self.text, self._chances, self._finish = "", list[Chance](), ""
+        self.text, self._chances = "", list[Chance]()
         self._began, self._first, self._pieces = began, 0.0, 0
 
-    def add(self, text: str, chances: tuple[Chance, ...], finish: str, now: float) -> None:
-        if text and not self._pieces:
+    def add(self, piece: Piece, now: float) -> None:
+        if piece.text and not self._pieces:
             self._first = now - self._began
-        self.text += text
-        self._chances += chances
-        self._finish = finish
-        self._pieces += bool(text)
+        self.text += piece.text
+        self._chances += piece.chances
+        self._pieces += bool(piece.text)
 
     def completed(self, answer: str, now: float) -> Completed:
         """Return the end; chances count for the text as it was written only."""

@@ -121,7 +121,11 @@ def reading_prompt(
     """
     text = link_names(world, mission.text)
     lines = ["Orders elsewhere"]
-    lines += [line for order in nearest_orders(text, SHOWN) for line in _example(order)]
+    lines += [
+        line
+        for order in nearest_orders(text, SHOWN)
+        for line in (mission_line(order.text), json.dumps({"reason": f"{ASKED}{order.clauses}"}))
+    ]
     lines += ["The order to read", mission_line(text)]
     if repair:
         lines.append(f"Previous answer: {previous}")
@@ -152,10 +156,6 @@ def _there(world: World, digest: Digest) -> Iterator[str]:
             yield f"{PLAIN_KINDS[kind].capitalize()}s: {', '.join(names)}"
     for track in tracks_of_digest(digest.tracks):
         yield f"{track.kind.capitalize()}: {track.id} at {track.gate}"
-
-
-def _example(order: TaughtOrder) -> tuple[str, str]:
-    return mission_line(order.text), json.dumps({"reason": f"{ASKED}{order.clauses}"})
 
 
 DEADLINE_S = 60.0

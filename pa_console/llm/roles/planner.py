@@ -1,7 +1,7 @@
 """The planner role: a prompt in, text as it comes, then a plan or why there is none."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from json import JSONDecoder
 
 from pydantic import ValidationError
@@ -60,15 +60,7 @@ class Planner:
 
         A model on a server is held to `schema`, as far as it can be, and not to `grammar`.
         """
-        request = Request(
-            "planner",
-            prompt.system,
-            prompt.user,
-            grammar,
-            self._max_tokens,
-            self._deadline_s,
-            schema=schema,
-        )
+        request = self._request(prompt, grammar, schema=schema)
         answer = await ask_model(self._engine, request, on_text)
         if answer.error:
             return Proposal(answer.text, None, answer.error, answer.fatal, answer.usage)
@@ -85,16 +77,7 @@ class Planner:
         They begin as the most likely answer does, as far as `begun` says. The usage is of all of
         them together; that of each Proposal is empty. Never raises EngineError.
         """
-        request = Request(
-            "planner",
-            prompt.system,
-            prompt.user,
-            grammar,
-            self._max_tokens,
-            self._deadline_s,
-            count,
-            begun=begun,
-        )
+        request = self._request(prompt, grammar, count=count, begun=begun)
         answer = await ask_model(self._engine, request)
         plans: dict[tuple[Action, ...], Proposal] = {}
         for text in answer.texts:
@@ -112,20 +95,27 @@ class Planner:
         one, which they leave before the end of its beginning `within`. Each reading in them is
         given once, in its canonical words. Never raises EngineError.
         """
-        request = Request(
-            "planner",
-            prompt.system,
-            prompt.user,
-            reason_grammar(reasons),
-            min(self._max_tokens, REASON_TOKENS),
-            self._deadline_s,
-            count,
-            within=within,
-            stop=READ,
-        )
+        asked = self._request(prompt, reason_grammar(reasons), count=count)
+        most = min(self._max_tokens, REASON_TOKENS)
+        request = replace(asked, max_tokens=most, within=within, stop=READ)
         answer = await ask_model(self._engine, request)
         found = (asked_words(begun_reason(text)) for text in answer.texts)
-        return list(dict.fromkeys(asked.rstrip("; ") for asked in found if asked)), answer.usage
+        return list(dict.fromkeys(words.rstrip("; ") for words in found if words)), answer.usage
+
+    def _request(
+        self,
+        prompt: Prompt,
+        grammar: str,
+        *,
+        count: int = 1,
+        begun: str = "",
+        schema: Schema | None = None,
+    ) -> Request:
+        most, within_s = self._max_tokens, self._deadline_s
+        return Request(
+            "planner", prompt.system, prompt.user, grammar, most, within_s, count,
+            begun=begun, schema=schema,
+        )  # fmt: skip
 
 
 def read_plan(text: str) -> tuple[Plan | None, str]:

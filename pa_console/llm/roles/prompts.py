@@ -338,7 +338,7 @@ def outcome_prompt(
         *frames(world, digest),
         picture_facts(digest),
         mission_line(mission.text),
-        f"Plan: {_plan(plan)}",
+        f"Plan: {json.dumps(plan.model_dump(mode='json'), ensure_ascii=False)}",
         verification_facts(verification),
     ]
     return Prompt(fixed_part("outcome", world), "\n".join(user))
@@ -355,11 +355,6 @@ def _rules(rules: Sequence[Rule]) -> str:
 def mission_line(text: str) -> str:
     """Return the mission's words as one line that nothing in them can end."""
     return f"Mission: {json.dumps(' '.join(text.split()), ensure_ascii=False)}"
-
-
-def _plan(plan: Plan) -> str:
-    """Return `plan` spaced as the planner writes it."""
-    return json.dumps(plan.model_dump(mode="json"), ensure_ascii=False)
 
 
 SYSTEM = "You are the decision engine of a checkpoint's edge command center."
