@@ -21,6 +21,7 @@ from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.world_file import load_world
 from tests.fleets.broker import Broker, address_of, any_broker
+from tests.fleets.intruder import Intruder, intruder
 
 SHA = "0" * 64
 
@@ -113,3 +114,14 @@ def joined(
         yield fleet
     finally:
         fleet.close()
+
+
+@contextmanager
+def overheard(world: World, address: BrokerAddress) -> Generator[tuple[Intruder, MqttFleet]]:
+    """Yield an intruder and the fleet of a paced site that both are on."""
+    with (
+        intruder(address) as ear,
+        running(world, address, paced=True),
+        joined(world, address) as fleet,
+    ):
+        yield ear, fleet

@@ -27,8 +27,7 @@ from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.world_file import load_world
 from pa_console.station.alarms import MOST_ALIKE
 from pa_console.station.intake import MOST_FROM_ALARMS, Intake
-from tests.fleets.conftest import joined, running
-from tests.fleets.intruder import intruder
+from tests.fleets.conftest import overheard
 
 WORLD = load_world(find_data("worlds", "checkpoint", "world.yaml"))
 HOME = Checkpoint(WORLD, 1, None).picture().assets
@@ -206,11 +205,7 @@ def test_a_sensor_whose_place_is_not_known_opens_no_track() -> None:
 def test_a_message_of_900_contacts_on_the_bus_is_told_in_one_line(
     world: World, address: BrokerAddress
 ) -> None:
-    with (
-        intruder(address) as evil,
-        running(world, address, paced=True),
-        joined(world, address) as fleet,
-    ):
+    with overheard(world, address) as (evil, fleet):
         for _ in range(20):
             fleet.step()
         x, y = fleet.picture().assets["Drone_T03"].position

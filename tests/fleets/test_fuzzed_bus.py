@@ -15,9 +15,8 @@ from pa_console.fleets.vda5050.station_link import StationLink
 from pa_console.schema.events import event as ev
 from pa_console.schema.world import World
 from pa_console.station.assembly import Site, load_site, open_station
-from tests.fleets.conftest import joined, running
+from tests.fleets.conftest import overheard
 from tests.fleets.hostile import absurd, draw
-from tests.fleets.intruder import intruder
 from tests.scripted import ScriptedEngine
 
 MESSAGES = int(os.environ.get("PA_FUZZED_MESSAGES", "10000"))
@@ -67,11 +66,7 @@ class Steps:
 
 def true_messages(world: World, address: BrokerAddress) -> dict[str, bytes]:
     """What a site sends, by topic."""
-    with (
-        intruder(address) as ear,
-        running(world, address, paced=True),
-        joined(world, address) as fleet,
-    ):
+    with overheard(world, address) as (ear, fleet):
         for _ in range(20):
             fleet.step()
         return dict(ear.heard)

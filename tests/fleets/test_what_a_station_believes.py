@@ -19,7 +19,7 @@ from pa_console.schema.events.event import Noticed
 from pa_console.schema.world import World
 from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.sim.worlds.world_file import open_world
-from tests.fleets.conftest import joined, running
+from tests.fleets.conftest import joined, overheard, running
 from tests.fleets.hostile import draw
 from tests.fleets.intruder import Intruder, intruder
 from tests.fleets.schemas import TOPICS, problems
@@ -46,11 +46,7 @@ def later(payload: bytes, seconds: float) -> str:
 def test_every_message_on_the_bus_is_valid_by_its_official_schema(
     world: World, address: BrokerAddress
 ) -> None:
-    with (
-        intruder(address) as ear,
-        running(world, address, paced=True),
-        joined(world, address) as fleet,
-    ):
+    with overheard(world, address) as (ear, fleet):
         go = DeviceCommand(command_id="c1", agent="Drone_T04", verb="observe", target="EastGate")
         stop = DeviceCommand(command_id="c2", agent="Drone_T04", verb="hold")
         again = go.model_copy(update={"command_id": "c3"})
@@ -71,11 +67,7 @@ def test_a_message_that_cannot_be_believed_is_told_and_changes_nothing(
     case: str, world: World, address: BrokerAddress
 ) -> None:
     twin = SimulatedFleet.start(world, seed=1)
-    with (
-        intruder(address) as evil,
-        running(world, address, paced=True),
-        joined(world, address) as fleet,
-    ):
+    with overheard(world, address) as (evil, fleet):
         told(fleet, 20)
         topic = evil.topic(*STATE)
         true = evil.heard[topic]
@@ -123,11 +115,7 @@ def test_a_state_that_the_broker_kept_is_none_of_now(world: World, address: Brok
 def test_a_forged_last_will_makes_an_asset_lost_until_it_reports_again(
     world: World, address: BrokerAddress
 ) -> None:
-    with (
-        intruder(address) as evil,
-        running(world, address, paced=True),
-        joined(world, address) as fleet,
-    ):
+    with overheard(world, address) as (evil, fleet):
         told(fleet, 9)
         topic = evil.topic("Drone_T01", "connection")
         evil.send(topic, changed(evil.heard[topic], connectionState="CONNECTION_BROKEN"))
@@ -194,11 +182,7 @@ def until_tracked(fleet: MqttFleet) -> list[Noticed]:
 def test_a_contact_that_was_seen_an_hour_ago_and_now_ends_no_session(
     world: World, address: BrokerAddress
 ) -> None:
-    with (
-        intruder(address) as evil,
-        running(world, address, paced=True),
-        joined(world, address) as fleet,
-    ):
+    with overheard(world, address) as (evil, fleet):
         told(fleet, 20)
         true = evil.heard[evil.topic(*STATE)]
         seen = {"signature": "x", "kind": "vehicle", "x": 0.0, "y": 60.0, "sigmaM": 1.0}
@@ -237,11 +221,7 @@ def flood(world: World, address: BrokerAddress, count: int, seed: int) -> int:
     """Send `count` hostile messages; return how many lines told of them. The picture stays true."""
     random, lines = Random(seed), 0
     twin = SimulatedFleet.start(world, seed=1)
-    with (
-        intruder(address) as evil,
-        running(world, address, paced=True),
-        joined(world, address) as fleet,
-    ):
+    with overheard(world, address) as (evil, fleet):
         assert isinstance(fleet, Simulated)
         lines += len(told(fleet, 20))
         true = dict(evil.heard)
