@@ -204,10 +204,11 @@ async def ask_model(
 ) -> ModelAnswer:
     """Return the whole answer, which `on_text` gets in pieces; EngineError becomes its `error`.
 
+    What the request has `begun` with is not given again.
     When the model's process dies in the middle it is started again and asked once more; what was
     given before is not given twice (decoding is greedy: it comes again).
     """
-    given, again = 0, False
+    given, again = len(request.begun), False
     while True:
         text = ""
         whole = ModelAnswer(text, Usage(), "the model ended without an answer", fatal=True)

@@ -78,20 +78,6 @@ class Reach(NamedTuple):
         return math.dist(self.at, at) <= self.range_m + self.doubt_m
 
 
-def beyond(sensor: str, reach: Reach, number: int) -> SetAside:
-    """Return that `number` detections are of places beyond the reach of the sensor."""
-    text = (
-        f"reports {count(number, 'detection')} from beyond its range of {reach.range_m:.0f} m: "
-        "set aside"
-    )
-    return SetAside(sensor, text, "beyond range")
-
-
-def without_place(sensor: str) -> SetAside:
-    """Return that a sensor has not reported the place that its contacts are seen from."""
-    return SetAside(sensor, "reports contacts but not where it is: set aside", "no place")
-
-
 def within_share(
     files: dict[str, TrackFile], sensor: str, found: Sequence[Detection]
 ) -> tuple[list[Detection], list[SetAside]]:
@@ -242,7 +228,8 @@ class ReportedPicture:
             if heard.trust.suspect:
                 return ()
             if heard.stamp <= self._never:
-                return (without_place(sensor),) if seen.contacts else ()
+                text = "reports contacts but not where it is: set aside"
+                return (SetAside(sensor, text, "no place"),) if seen.contacts else ()
             reach = Reach.of_asset(world, sensor, heard, stamp)
         team = [robot for robot in seen.team if reach.covers((robot.x, robot.y))]
         for robot in team:
@@ -253,7 +240,10 @@ class ReportedPicture:
         taken, aside = within_share(scene.sensing.files, sensor, near)
         tracker.receive(self.terrain, scene, sensor, stamp, tuple(taken))
         far = len(seen.team) - len(team) + len(found) - len(near)
-        return (*aside, beyond(sensor, reach, far)) if far else tuple(aside)
+        if not far:
+            return tuple(aside)
+        text = f"reports {count(far, 'detection')} from beyond its range of {reach.range_m:.0f} m"
+        return (*aside, SetAside(sensor, f"{text}: set aside", "beyond range"))
 
     def carried(self, name: str) -> None:
         """Note that an asset was carried elsewhere: its new position is no forgery."""

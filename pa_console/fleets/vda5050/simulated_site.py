@@ -214,7 +214,9 @@ class SimulatedSite:
         if not robot.client.connected or (not found and kind != "uav"):
             return
         sees = self._world.platforms[kind].sensor_range_m / 2
-        team = self._team(self._truth()[name].position, sees) if kind == "uav" else ()
+        team = (
+            self._team(self.checkpoint.truth().assets[name].position, sees) if kind == "uav" else ()
+        )
         header = robot.header(Detections.TOPIC, sent)
         robot.say(Detections(**header, contacts=self._contacts(found), team=team))
 
@@ -222,12 +224,9 @@ class SimulatedSite:
         """Return the assets that a sensor at `at` recognises."""
         return tuple(
             SeenRobot(name=name, x=asset.position[0], y=asset.position[1])
-            for name, asset in self._truth().items()
+            for name, asset in self.checkpoint.truth().assets.items()
             if math.dist(at, asset.position) <= within_m
         )
-
-    def _truth(self) -> dict[str, AssetTelemetry]:
-        return self.checkpoint.truth().assets
 
     def _contacts(self, found: Iterable[Detection]) -> tuple[SeenContact, ...]:
         return tuple(

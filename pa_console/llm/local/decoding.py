@@ -170,36 +170,30 @@ class _Answer:
 
 
 class Candidates:
-    """Writes other likely answers."""
+    """Writes as many other likely answers as `request` wants."""
 
     def __init__(
-        self, runtime: Runtime, shared: SharedContext, tokenizer: Any, ends: frozenset[int]
+        self,
+        runtime: Runtime,
+        shared: SharedContext,
+        tokenizer: Any,
+        ends: frozenset[int],
+        request: Request,
     ) -> None:
         """`shared` is asked to hold the copies of a sequence of `runtime`."""
-        self._runtime, self._shared = runtime, shared
+        self._runtime, self._shared, self._request = runtime, shared, request
         self._tokenizer, self._ends = tokenizer, ends
-        self._stop: re.Pattern[str] | None = None
-
-    @property
-    def width(self) -> int:
-        """The number of answers that fit."""
-        return self._shared.width
-
-    def close(self) -> None:
-        """Give the memory of the copies back."""
-        self._shared.close()
+        self._stop = re.compile(request.stop) if request.stop else None
 
     def answers(
-        self, sequence: int, likeliest: Written, begun: int, request: Request
+        self, sequence: int, likeliest: Written, begun: int
     ) -> tuple[list[str], Finish, Usage]:
-        """Write as many answers as `request` wants to the prompt of the `likeliest` one.
+        """Write answers to the prompt of the `likeliest` one.
 
         They keep its first `begun` tokens, and end where the request's regular expression `stop`
         is found, if there is one. Those that are not complete are left out. Raises ValueError when
         there is no room.
         """
-        self._stop = re.compile(request.stop) if request.stop else None
-        grammar, max_tokens = request.grammar, request.max_tokens
         prompt, answer = likeliest.prompt, likeliest.tokens
         started = perf_counter()
         texts: list[str] = []
@@ -210,13 +204,12 @@ class Candidates:
             logits, cached = self._runtime.begin(sequence, prompt)
             first = perf_counter() - started
             rows = self._rows(sequence, len(prompt), answer, logits.copy())
-            found = branch_points(
-                self._matcher(grammar), self._tokenizer, answer, rows, begun, request.count
-            )
-            answers = [self._begun(grammar, answer, branch, max_tokens) for branch in found]
+            count = self._request.count
+            found = branch_points(self._matcher(), self._tokenizer, answer, rows, begun, count)
+            answers = [self._begun(answer, branch) for branch in found]
             lengths = [len(prompt) + branch.kept for branch in found]
             self._shared.adopt(self._runtime.state(sequence), lengths, sequence)
-            self._write(answers, len(prompt), max_tokens)
+            self._write(answers, len(prompt))
             texts = [self._text(answer) for answer in answers if answer.complete]
         except InterruptedEvaluationError:
             finish = "cancelled"
@@ -233,8 +226,8 @@ class Candidates:
             ),
         )
 
-    def _matcher(self, grammar: str) -> LLMatcher:
-        return LLMatcher(self._tokenizer, grammar, log_level=0)
+    def _matcher(self) -> LLMatcher:
+        return LLMatcher(self._tokenizer, self._request.grammar, log_level=0)
 
     def _rows(
         self, sequence: int, start: int, answer: Sequence[int], logits: NDArray[np.float32]
@@ -247,15 +240,13 @@ class Candidates:
             yield from after[:-1]
             logits = after[-1]
 
-    def _begun(
-        self, grammar: str, answer: Sequence[int], branch: BranchPoint, max_tokens: int
-    ) -> _Answer:
-        begun = _Answer(self._matcher(grammar), list(answer[: branch.kept]))
+    def _begun(self, answer: Sequence[int], branch: BranchPoint) -> _Answer:
+        begun = _Answer(self._matcher(), list(answer[: branch.kept]))
         begun.matcher.consume_tokens([*begun.tokens, branch.token])
-        self._take([branch.token, *forced_tokens(begun.matcher)], begun, max_tokens)
+        self._take([branch.token, *forced_tokens(begun.matcher)], begun)
         return begun
 
-    def _write(self, answers: list[_Answer], start: int, max_tokens: int) -> None:
+    def _write(self, answers: list[_Answer], start: int) -> None:
         """Let every open answer take its next tokens, all of them evaluated at once."""
         while running := [(n, answer) for n, answer in enumerate(answers) if answer.open]:
             rows = self._shared.extend(
@@ -269,14 +260,14 @@ class Candidates:
                 if not tokens:
                     tokens = [likeliest(answer.matcher, row), *forced_tokens(answer.matcher)]
                     answer.sampled += 1
-                self._take(tokens, answer, max_tokens)
+                self._take(tokens, answer)
 
-    def _take(self, tokens: list[int], answer: _Answer, max_tokens: int) -> None:
+    def _take(self, tokens: list[int], answer: _Answer) -> None:
         answer.pending = tokens
         answer.tokens += tokens
         found = self._stop is not None and self._stop.search(self._text(answer)) is not None
         answer.complete = found or answer.matcher.is_stopped()
-        answer.open = not answer.complete and len(answer.tokens) < max_tokens
+        answer.open = not answer.complete and len(answer.tokens) < self._request.max_tokens
 
     def _text(self, answer: _Answer) -> str:
         data = readable(self._tokenizer, answer.tokens, self._ends)
@@ -298,7 +289,7 @@ class Decoder:
         self._ends = frozenset(runtime.end_tokens)
         vocabulary: Any = runtime.vocabulary
         self._tokenizer = lltokenizer_from_vocab(vocabulary, eos_token=sorted(self._ends))
-        self._candidates: Candidates | None = None
+        self._shared: SharedContext | None = None
         self._room = 0
         self._last: dict[int, Written] = {}
         self.written: tuple[int, ...] = ()
@@ -360,18 +351,18 @@ class Decoder:
         kept = last.within(begun, self._tokenizer) if last.text.startswith(begun) else 0
         if within and last.text.startswith(within):
             last = replace(last, tokens=last.tokens[: last.within(within, self._tokenizer)])
-        candidates = self._room_for(request.count, len(prompt) + request.count * request.max_tokens)
-        return candidates.answers(sequence, last, kept, request)
+        shared = self._room_for(request.count, len(prompt) + request.count * request.max_tokens)
+        several = Candidates(self._runtime, shared, self._tokenizer, self._ends, request)
+        return several.answers(sequence, last, kept)
 
-    def _room_for(self, count: int, tokens: int) -> Candidates:
-        """Return what writes `count` answers at once, `tokens` together with their prompt."""
-        if self._candidates is None or self._candidates.width < count or self._room < tokens:
-            if self._candidates is not None:
-                self._candidates.close()
+    def _room_for(self, count: int, tokens: int) -> SharedContext:
+        """Return a context for `count` answers at once, `tokens` together with their prompt."""
+        if self._shared is None or self._shared.width < count or self._room < tokens:
+            if self._shared is not None:
+                self._shared.close()
             self._room = max(self._room, -(-tokens // STEP) * STEP)
-            shared = SharedContext(self._runtime, max(count, AT_ONCE), self._room)
-            self._candidates = Candidates(self._runtime, shared, self._tokenizer, self._ends)
-        return self._candidates
+            self._shared = SharedContext(self._runtime, max(count, AT_ONCE), self._room)
+        return self._shared
 
     def _fits(self, prompt: Sequence[int], max_tokens: int) -> None:
         room = self._runtime.n_ctx - max_tokens

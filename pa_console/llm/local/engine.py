@@ -207,18 +207,6 @@ class ModelInfo:
     description: str
     adapters: dict[str, str] = field(default_factory=dict[str, str])
 
-    @classmethod
-    def of(cls, model: LocalModel, n_ctx: int) -> "ModelInfo":
-        """Return the facts of `model` in contexts of `n_ctx` tokens, before it is loaded."""
-        return cls(
-            model.name,
-            model.path,
-            model.sha256,
-            n_ctx,
-            model.description,
-            {adapter.path.name: adapter.sha256 for adapter in model.adapters},
-        )
-
 
 SAMPLER = "greedy seed=0"
 WARM_GRAMMAR = 'start: "{"'
@@ -255,7 +243,10 @@ class Engine:
         It reads ahead only while nobody waits for this one.
         """
         n_ctx = n_ctx or model.n_ctx
-        self.info = ModelInfo.of(model, n_ctx)
+        adapters = {adapter.path.name: adapter.sha256 for adapter in model.adapters}
+        self.info = ModelInfo(
+            model.name, model.path, model.sha256, n_ctx, model.description, adapters
+        )
         self.sampler = SAMPLER
         self.state: WorkerState = "unavailable"
         self.detail = "not started"

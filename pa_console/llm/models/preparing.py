@@ -192,7 +192,12 @@ def _make(  # noqa: PLR0917
         if pin is None:
             _record(path, folder, how, source_sha256, digest)
         elif digest != pin:
-            raise PullError(_not_as_pinned(how, source, digest, pin))
+            raise PullError(
+                f"{source}: the {how} weights made of it by {LLAMA_CPP} {version(LLAMA_CPP)} have "
+                f"the SHA-256 {digest}, the catalogue pins {pin}; they were deleted: install PA "
+                "Console again, or take `prepare` and `vocabulary` out of the model's entry in "
+                "models/catalog.yaml to run the fetched file as it is"
+            )
         partial.replace(path)
         progress(total, total, f"{how} weights are ready")
         return Prepared(path, digest)
@@ -216,15 +221,6 @@ def _record(path: Path, folder: Path, how: Preparation, source_sha256: str, dige
         _origin_path(path).unlink(missing_ok=True)
         return
     noted.replace(_origin_path(path))
-
-
-def _not_as_pinned(how: Preparation, source: Path, digest: str, pin: str) -> str:
-    return (
-        f"{source}: the {how} weights made of it by {LLAMA_CPP} {version(LLAMA_CPP)} have the "
-        f"SHA-256 {digest}, the catalogue pins {pin}; they were deleted: install PA Console again, "
-        "or take `prepare` and `vocabulary` out of the model's entry in models/catalog.yaml to run "
-        "the fetched file as it is"
-    )
 
 
 def _prepared_name(name: str, how: Preparation) -> str:

@@ -137,21 +137,18 @@ class ProbeReport:
 UNCONSTRAINED = "nothing holds answers to their form, so one that cannot be read is asked for again"
 
 
-async def probe(client: ServerClient, within_s: float = PROBE_S) -> ProbeReport:
-    """Try every way, and token probabilities; each try may take `within_s` seconds.
+async def probe(client: ServerClient) -> ProbeReport:
+    """Try every way, and token probabilities; each try may take PROBE_S seconds.
 
     Raises ServerError when the server cannot be reached, is too slow or refuses every question.
     """
-    chances = bool(await _asked(client, {}, within_s, chances=True, refused_too=True))
+    chances = await _reports_chances(client, asked_for=True)
     if not chances:
-        await _asked(client, {}, within_s)
-    found: dict[Way, str] = {}
-    for way in WAYS:
-        found[way] = await _tried(client, way, within_s)
-    return ProbeReport(found, chances)
+        await _reports_chances(client, asked_for=False)
+    return ProbeReport({way: await _tried(client, way) for way in WAYS}, chances)
 
 
-async def _tried(client: ServerClient, way: Way, within_s: float) -> str:
+async def _tried(client: ServerClient, way: Way) -> str:
     random = secrets.SystemRandom()
     key, word = ("".join(random.choices(string.ascii_lowercase, k=WORD)) for _ in range(2))
     schema: Schema = {
@@ -163,7 +160,7 @@ async def _tried(client: ServerClient, way: Way, within_s: float) -> str:
     held, text = f'{{"{key}":"{word}"}}', ""
     try:
         async with aclosing(
-            client.ask("", PROMPT, PROBE_TOKENS, within_s, WAYS[way](schema))
+            client.ask("", PROMPT, PROBE_TOKENS, PROBE_S, WAYS[way](schema))
         ) as pieces:
             async for piece in pieces:
                 text += "".join(piece.text.split())
@@ -176,23 +173,16 @@ async def _tried(client: ServerClient, way: Way, within_s: float) -> str:
     return HOLDS if text == held else IGNORED
 
 
-async def _asked(
-    client: ServerClient,
-    extra: Schema,
-    within_s: float,
-    *,
-    chances: bool = False,
-    refused_too: bool = False,
-) -> int:
-    """Ask for a few words; return of how many tokens the chance was told."""
-    told = 0
+async def _reports_chances(client: ServerClient, *, asked_for: bool) -> bool:
+    """Ask for a few words; return whether the probability of a token came with them."""
+    found = False
     try:
-        async for piece in client.ask("", PROMPT, 4, within_s, extra, chances=chances):
-            told += len(piece.chances)
+        async for piece in client.ask("", PROMPT, 4, PROBE_S, {}, chances=asked_for):
+            found = found or bool(piece.chances)
     except ServerError as error:
-        if not refused_too or error.status not in REFUSES:
+        if not asked_for or error.status not in REFUSES:
             raise
-    return told
+    return found
 
 
 AGAIN_S = 15.0

@@ -120,16 +120,7 @@ class Judge:
             schema=asked.schema,
             yields=asked.role == "outcome",
         )
-        text, given = "", len(begun)
-
-        def pass_on(piece: str) -> None:
-            nonlocal text, given
-            text += piece
-            if on_text is not None and len(text) > given:
-                on_text(text[given:])
-                given = len(text)
-
-        return await ask_model(self._engine, request, pass_on)
+        return await ask_model(self._engine, request, on_text)
 
 
 class _Opinion(StrictModel):
