@@ -137,18 +137,18 @@ class ProbeReport:
 UNCONSTRAINED = "nothing holds answers to their form, so one that cannot be read is asked for again"
 
 
-async def probe(client: ServerClient) -> ProbeReport:
-    """Try every way, and token probabilities; each try may take PROBE_S seconds.
+async def probe(client: ServerClient, within_s: float = PROBE_S) -> ProbeReport:
+    """Try every way, and token probabilities; each try may take `within_s` seconds.
 
     Raises ServerError when the server cannot be reached, is too slow or refuses every question.
     """
-    chances = await _reports_chances(client, asked_for=True)
+    chances = await _reports_chances(client, within_s, asked_for=True)
     if not chances:
-        await _reports_chances(client, asked_for=False)
-    return ProbeReport({way: await _tried(client, way) for way in WAYS}, chances)
+        await _reports_chances(client, within_s, asked_for=False)
+    return ProbeReport({way: await _tried(client, way, within_s) for way in WAYS}, chances)
 
 
-async def _tried(client: ServerClient, way: Way) -> str:
+async def _tried(client: ServerClient, way: Way, within_s: float) -> str:
     random = secrets.SystemRandom()
     key, word = ("".join(random.choices(string.ascii_lowercase, k=WORD)) for _ in range(2))
     schema: Schema = {
@@ -160,7 +160,7 @@ async def _tried(client: ServerClient, way: Way) -> str:
     held, text = f'{{"{key}":"{word}"}}', ""
     try:
         async with aclosing(
-            client.ask("", PROMPT, PROBE_TOKENS, PROBE_S, WAYS[way](schema))
+            client.ask("", PROMPT, PROBE_TOKENS, within_s, WAYS[way](schema))
         ) as pieces:
             async for piece in pieces:
                 text += "".join(piece.text.split())
@@ -173,11 +173,11 @@ async def _tried(client: ServerClient, way: Way) -> str:
     return HOLDS if text == held else IGNORED
 
 
-async def _reports_chances(client: ServerClient, *, asked_for: bool) -> bool:
+async def _reports_chances(client: ServerClient, within_s: float, *, asked_for: bool) -> bool:
     """Ask for a few words; return whether the probability of a token came with them."""
     found = False
     try:
-        async for piece in client.ask("", PROMPT, 4, PROBE_S, {}, chances=asked_for):
+        async for piece in client.ask("", PROMPT, 4, within_s, {}, chances=asked_for):
             found = found or bool(piece.chances)
     except ServerError as error:
         if not asked_for or error.status not in REFUSES:
