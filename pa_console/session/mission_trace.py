@@ -229,11 +229,6 @@ class MissionTrace:
         """The judge's last verdict on an outcome."""
         return self.verified[-1].verdict if self.verified else self.unasked_verdict
 
-    @property
-    def outcome_error(self) -> str:
-        """The reason that the judge gave no verdict on the last outcome."""
-        return self.verified[-1].error if self.verified else self.unasked_error
-
 
 def apply_to_mission(trace: MissionTrace, data: ev.EventPayload) -> None:
     """Apply one event of the mission; unrelated kinds of events change nothing."""

@@ -6,7 +6,6 @@ the log for a replay.
 
 import fcntl
 from collections import Counter
-from collections.abc import Collection
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -218,14 +217,11 @@ def is_held(log: Path) -> bool:
     return False
 
 
-def soundness(log: Path, known: Collection[str] | None = None) -> Soundness:
-    """Check chain, signatures and head of `log`.
-
-    `known` are the fingerprints of accepted keys, by default those of this machine.
-    """
+def soundness(log: Path) -> Soundness:
+    """Check chain, signatures and head of `log`; only keys of this machine are accepted."""
     try:
         running = is_held(log)
-        found = verify(log, known)
+        found = verify(log)
     except LogError as error:
         return Soundness("damaged", str(error))
     except OSError as error:

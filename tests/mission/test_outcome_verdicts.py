@@ -125,14 +125,14 @@ async def test_a_mission_that_is_cancelled_while_it_is_watched_says_that_none_co
     [told] = judged(rig)
     assert told.verdict is None
     assert "interrupted" in told.error
-    assert trace.outcome_error == told.error
+    assert trace.verified[-1].error == told.error
 
 
 async def test_a_model_that_fails_does_not_leave_an_outcome_without_a_word(rig: Rig) -> None:
     died = EngineDiedError("the model's process died")
     trace = await rig.run(BusyEngine(SUCCESS, died, died))
     assert trace.status == "verified"
-    assert "died" in trace.outcome_error
+    assert "died" in trace.verified[-1].error
 
 
 async def test_every_plan_has_its_own_verdict(rig: Rig) -> None:

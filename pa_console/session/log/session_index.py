@@ -11,7 +11,7 @@ import hashlib
 import json
 import os
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -137,13 +137,13 @@ def _number(line: bytes) -> int:
         return 0
 
 
-def _lock(file: int, sleep: Callable[[float], None] = time.sleep) -> None:
+def _lock(file: int) -> None:
     """Wait until no other console writes; raise BlockingIOError after LOCK_S."""
     for _ in range(round(LOCK_S / LOCK_STEP_S)):
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            sleep(LOCK_STEP_S)
+            time.sleep(LOCK_STEP_S)
         else:
             return
     raise BlockingIOError("another program holds the index of sessions")

@@ -179,13 +179,12 @@ class Witness:
         target: str,
         *,
         send: Send | None = None,
-        retry_s: float = RETRY_S,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """`target` is the path of a file, or an address with http:// or https://."""
         self.target, self.problem = target, ""
         self._send = send or (_to_url(target) if target.startswith(URLS) else _to_file(target))
-        self._clock, self._retry_s = clock, retry_s
+        self._clock = clock
         self._changed = threading.Condition()
         self._next: SignedHead | None = None
         self._closing = False
@@ -238,7 +237,7 @@ class Witness:
                 if last:
                     return
                 if self.problem and not self._closing:
-                    self._changed.wait(self._retry_s)
+                    self._changed.wait(RETRY_S)
 
 
 def _to_file(target: str) -> Send:
