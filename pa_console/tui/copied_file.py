@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from platformdirs import user_state_path
+
 from pa_console.private_files import make_private_folder, replace_private
 from pa_console.schema.text import visible
 from pa_console.session.mission_trace import MissionTrace
@@ -29,8 +31,6 @@ def plan_text(trace: MissionTrace) -> str:
 
 def export_folder() -> Path:
     """Return where copies are written for this user."""
-    from platformdirs import user_state_path  # noqa: PLC0415  (only when something is copied)
-
     return user_state_path("pa-console") / "copies"
 
 

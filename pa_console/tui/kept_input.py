@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+from platformdirs import user_state_path
 from pydantic import TypeAdapter
 
 from pa_console.policy.authoring.rule_save import OpenRule
@@ -14,13 +15,6 @@ from pa_console.private_files import make_private_folder, replace_private
 
 Draft = tuple[OpenRule, str]
 _SHAPE = TypeAdapter(dict[str, Draft])
-
-
-def drafts_folder() -> Path:
-    """Return where drafts are kept for this user."""
-    from platformdirs import user_state_path  # noqa: PLC0415 - only when rules can be edited
-
-    return user_state_path("pa-console") / "drafts"
 
 
 class Drafts(dict[str, Draft]):
@@ -33,7 +27,9 @@ class Drafts(dict[str, Draft]):
         if rules is None:
             return
         place = hashlib.sha256(os.fsencode(rules.resolve())).hexdigest()[:16]
-        self._file = (folder or drafts_folder()) / f"{rules.stem}-{place}.json"
+        self._file = (
+            folder or user_state_path("pa-console") / "drafts"
+        ) / f"{rules.stem}-{place}.json"
         with suppress(OSError, ValueError):
             for name, (opened, text) in _SHAPE.validate_json(self._file.read_bytes()).items():
                 self[name] = replace(opened, path=rules), text
@@ -62,8 +58,6 @@ HISTORY_KEPT = 200
 
 def history_file() -> Path:
     """Return where the history is kept for this user."""
-    from platformdirs import user_state_path  # noqa: PLC0415  (only when the prompt is first used)
-
     return user_state_path("pa-console") / "missions.txt"
 
 

@@ -74,7 +74,7 @@ async def test_a_value_is_checked_while_it_is_typed_and_saved_with_enter(
         assert file.read_text() == "# mine\nspeed: 2\napproval_delay_s: 1.5\n"
         assert "in force now" in note(screen)
         assert app.session.main is not None
-        assert app.session.main.query_one(ApprovalPanel).arming.delay_s == 1.5
+        assert app.session.main.query_one(ApprovalPanel).arm_delay_s == 1.5
         await pilot.press("delete")
         await settle(pilot)
         assert file.read_text() == "# mine\nspeed: 2\n"

@@ -1,7 +1,6 @@
 """The inputs for a decision, the decision that each makes, and the reason against Approve."""
 
-from collections.abc import Callable, Iterable, Sequence
-from typing import Literal
+from collections.abc import Iterable, Sequence
 
 from textual.app import ComposeResult
 from textual.containers import Horizontal, ItemGrid, Vertical, VerticalScroll
@@ -36,29 +35,6 @@ class DecisionButtons(Horizontal):
     def of(self, name: str) -> Button:
         """Return the button that `DECISION_KEYS` calls by this name."""
         return self.query_one(f"#{name}", Button)
-
-
-class Arming:
-    """The arming of decisions: after a quiet moment, and until one is sent.
-
-    So a key meant for another purpose decides nothing.
-    """
-
-    def __init__(self, clock: Callable[[], float], delay_s: float) -> None:
-        """It has to be quiet for `delay_s` seconds of `clock`."""
-        self._clock, self.delay_s = clock, delay_s
-        self._quiet_since = 0.0
-        self.sent = False
-        """True if a decision about the shown plan was sent."""
-
-    def disarm(self) -> None:
-        """Begin to wait, because something was typed or has appeared."""
-        self._quiet_since = self._clock()
-
-    @property
-    def armed(self) -> bool:
-        """True if a decision is accepted now."""
-        return not self.sent and self._clock() - self._quiet_since >= self.delay_s
 
 
 def is_free(key: str) -> bool:
@@ -204,29 +180,6 @@ def answering(request: ApprovalRequested, answer: str) -> Decision | None:
     if request.state != "not_understood":
         return None
     return Decision(kind="answer", request_id=request.request_id, asked=answer)
-
-
-FocusAt = Literal["panel", "reading", "approve", "within", "elsewhere"]
-"""The focus: the panel itself, a reading that is shown, Approve, another of its fields."""
-
-
-def next_key(focus: FocusAt, *, joined: bool, plays: bool) -> str:
-    """Return what the next key does, '' where that is plain to see.
-
-    `joined` says that a plan is signed here for another station, `plays` that there is a rehearsal
-    to be played.
-    """
-    match focus:
-        case "panel":
-            return "a goes to Countersign" if joined else "r, m or a goes to a button"
-        case "reading":
-            return "Enter reads the order so, Esc goes back to the plan"
-        case "approve":
-            return "Enter signs it" if joined else "Enter approves, r goes back to Reject"
-        case "within":
-            return "Space plays it, Alt+C compares plans" if plays else ""
-        case "elsewhere":
-            return ""
 
 
 def blocked_reason(request: ApprovalRequested, left: Sequence[str], reason: str) -> str:

@@ -1,6 +1,7 @@
 """The operator's decision on a plan: says what will happen, and cannot be hit by a stray key."""
 
 import time
+from dataclasses import dataclass
 
 from textual import events, on
 from textual.app import ComposeResult
@@ -16,9 +17,7 @@ from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.actions import READING_KEYS
 from pa_console.tui.approval.inputs import (
     DECISION_KEYS,
-    Arming,
     DecisionButtons,
-    FocusAt,
     GivenFields,
     ReasonField,
     answering,
@@ -26,7 +25,6 @@ from pa_console.tui.approval.inputs import (
     decision_of,
     is_free,
     may_modify,
-    next_key,
     not_to_sign,
     reading_of,
 )
@@ -68,12 +66,11 @@ class ApprovalPanel(Vertical, can_focus=True):
         Binding("shift+tab", "cycle(-1)", "Field before", show=False),
     ]
 
+    @dataclass
     class Decided(Message):
         """The operator decided."""
 
-        def __init__(self, decision: Decision) -> None:
-            super().__init__()
-            self.decision = decision
+        decision: Decision
 
     class ModifyAsked(Message):
         """The operator wants to change the plan."""
@@ -84,12 +81,11 @@ class ApprovalPanel(Vertical, can_focus=True):
     class CompareAsked(Message):
         """The operator wants to see other plans beside the waiting one."""
 
+    @dataclass
     class LookedAt(Message):
         """The operator looks at another reading of the order, or with '' at the plan again."""
 
-        def __init__(self, asked: str) -> None:
-            super().__init__()
-            self.asked = asked
+        asked: str
 
     def __init__(
         self,
@@ -103,7 +99,13 @@ class ApprovalPanel(Vertical, can_focus=True):
         super().__init__(id="approval", classes=shown if decides else "-closed")
         self._decides, self._joined = decides, joined
         self.can_focus = decides
-        self.arming = Arming(clock, ARM_DELAY_S)
+        self._body, self._given_fields = PlanText(), GivenFields()
+        self._reason, self._buttons = ReasonField(), DecisionButtons(joined=joined is not None)
+        self.arm_delay_s = ARM_DELAY_S
+        """Quiet seconds before the panel takes keys."""
+        self._clock, self._quiet_since = clock, 0.0
+        self._sent = False
+        """True if a decision about the shown plan was sent."""
         self._trace: MissionTrace | None = None
         self._shown: tuple[str, int, int, bool] | None = None
         self._width = 0
@@ -112,10 +114,7 @@ class ApprovalPanel(Vertical, can_focus=True):
 
     def compose(self) -> ComposeResult:
         """Yield the consequences, what must be given, and the buttons."""
-        yield PlanText()
-        yield GivenFields()
-        yield ReasonField()
-        yield DecisionButtons(joined=self._joined is not None)
+        yield from (self._body, self._given_fields, self._reason, self._buttons)
 
     def on_mount(self) -> None:
         """Hide until a plan waits."""
@@ -138,7 +137,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         if key == self._shown:
             self._tell(trace, preview)
             return False
-        self._shown, self.arming.sent = key, False
+        self._shown, self._sent = key, False
         self.display = True
         self._fill(trace, request, preview)
         self._disarm()
@@ -185,22 +184,6 @@ class ApprovalPanel(Vertical, can_focus=True):
         """Show what the reading that was `asked` for would lead to; None: that is not known."""
         self._given_fields.show_reading(tuple(looked_at_rows(preview, faults)) if asked else ())
         self.call_after_refresh(self.fit)
-
-    @property
-    def _body(self) -> PlanText:
-        return self.query_one(PlanText)
-
-    @property
-    def _given_fields(self) -> GivenFields:
-        return self.query_one(GivenFields)
-
-    @property
-    def _reason(self) -> ReasonField:
-        return self.query_one(ReasonField)
-
-    @property
-    def _buttons(self) -> DecisionButtons:
-        return self.query_one(DecisionButtons)
 
     @property
     def _request(self) -> ApprovalRequested | None:
@@ -258,12 +241,15 @@ class ApprovalPanel(Vertical, can_focus=True):
 
     @property
     def armed(self) -> bool:
-        """True if the panel accepts decisions: after a quiet moment, and until one is sent."""
-        return self.arming.armed
+        """True if the panel accepts decisions: after a quiet moment, and until one is sent.
+
+        So a key meant for another purpose decides nothing.
+        """
+        return not self._sent and self._clock() - self._quiet_since >= self.arm_delay_s
 
     def _disarm(self) -> None:
-        self.arming.disarm()
-        self.set_timer(self.arming.delay_s + 0.05, self._saw)
+        self._quiet_since = self._clock()
+        self.set_timer(self.arm_delay_s + 0.05, self._saw)
         self.refresh_state()
 
     def refresh_state(self) -> None:
@@ -278,25 +264,21 @@ class ApprovalPanel(Vertical, can_focus=True):
         why = self._why_not()
         self._buttons.of("approve").disabled = bool(why)
         waiting = "" if self.armed else "keys are ignored for a moment"
-        line = "decision sent" if self.arming.sent else why or waiting or self._next_key()
+        line = "decision sent" if self._sent else why or waiting or self._next_key()
         self.border_subtitle = "Space stops the rehearsal" if self._playing else line
         self._tell_state()
 
     def _next_key(self) -> str:
         """Return the effect of the next key, if the focus alone does not show it."""
-        request = self._request
-        plays = request is not None and request.standing is None
-        return next_key(self._focus_at, joined=self._joined is not None, plays=plays)
-
-    @property
-    def _focus_at(self) -> FocusAt:
+        joined = self._joined is not None
         if self.has_focus:
-            return "panel"
+            return "a goes to Countersign" if joined else "r, m or a goes to a button"
         if self._looked_at:
-            return "reading"
+            return "Enter reads the order so, Esc goes back to the plan"
         if self._buttons.of("approve").has_focus:
-            return "approve"
-        return "within" if self.has_focus_within else "elsewhere"
+            return "Enter signs it" if joined else "Enter approves, r goes back to Reject"
+        plays = self._request is not None and self._request.standing is None
+        return "Space plays it, Alt+C compares plans" if plays and self.has_focus_within else ""
 
     def on_descendant_focus(self) -> None:
         """Leave a reading whose button has lost the focus, and show the effect of the next key.
@@ -479,11 +461,11 @@ class ApprovalPanel(Vertical, can_focus=True):
     def _send(self, decision: Decision | None) -> None:
         if decision is None:
             return
-        self.arming.sent = True
+        self._sent = True
         self.refresh_state()
         self.post_message(self.Decided(decision))
 
     def refused(self) -> None:
         """Take decisions again after the last one could not be delivered."""
-        self.arming.sent = False
+        self._sent = False
         self._disarm()

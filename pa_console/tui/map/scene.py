@@ -281,7 +281,9 @@ class MapScene:
         """
         canvas = canvas.copy()
         labels = Labels(canvas, ground.barriers)
-        self._keep_cameras(labels, ground.view, picture, look)
+        for at, _, symbol in self._cameras(ground.view, picture, look):
+            if symbol.name:
+                labels.keep(at)
         involved = plan.preview.involved if plan is not None else None
         frames = Frames(canvas, labels, ground.view, picture, involved)
         frames.draw(self.world.frames, ground.names)
@@ -335,13 +337,6 @@ class MapScene:
                 hidden = symbol.glyph if at in canvas.marks else ""
                 block = [[(f"{hidden}{symbol.name}", symbol.role)]]
                 labels.place(at, [spot], block, gap=len(hidden))
-
-    def _keep_cameras(
-        self, labels: Labels, view: Projection, picture: Picture, look: Reliance
-    ) -> None:
-        for at, _, symbol in self._cameras(view, picture, look):
-            if symbol.name:
-                labels.keep(at)
 
     def _cameras(
         self, view: Projection, picture: Picture, look: Reliance

@@ -146,7 +146,7 @@ class MainScreen(Screen[None]):
 
     def use_delays(self, approval_s: float, stale_s: float) -> None:
         """Take the user's hold delay, and after how long telemetry is called stale; in seconds."""
-        self.query_one(ApprovalPanel).arming.delay_s = approval_s
+        self.query_one(ApprovalPanel).arm_delay_s = approval_s
         self.query_one(StatusBar).stale_after_s = stale_s
 
     def name_keys(self) -> None:

@@ -288,32 +288,32 @@ class AssetPane(Vertical):
 
     def __init__(self, world: World, **kwargs: str) -> None:
         super().__init__(id=kwargs.get("id"))
-        self._world = world
         self._text = ""
-
-    def compose(self) -> ComposeResult:
-        """Yield the filter's line, hidden until it is used, and the table."""
-        yield LineField(
+        self._field = LineField(
             id="asset-filter",
             placeholder="filter: uav, NorthGate, problem, stale, hostile, any text; Enter, Esc",
         )
-        yield AssetTable(self._world, id="asset-rows")
+        self._table = AssetTable(world, id="asset-rows")
+
+    def compose(self) -> ComposeResult:
+        """Yield the filter's line, hidden until it is used, and the table."""
+        yield self._field
+        yield self._table
 
     def on_mount(self) -> None:
         """Begin without a filter."""
-        self.query_one("#asset-filter").display = False
+        self._field.display = False
         self._label()
 
     def show(self, picture: Picture | None) -> None:
         """Show another picture."""
-        self.query_one(AssetTable).show(picture)
+        self._table.show(picture)
         self._label()
 
     def ask(self) -> None:
         """Let the operator type a filter."""
-        field = self.query_one("#asset-filter", Input)
-        field.display = True
-        self.screen.set_focus(field)
+        self._field.display = True
+        self.screen.set_focus(self._field)
 
     def toggle_problems(self) -> None:
         """Show only what needs an eye, or everything again."""
@@ -323,7 +323,7 @@ class AssetPane(Vertical):
     def _typed(self, event: Input.Changed) -> None:
         event.stop()
         self._text = event.value.strip()
-        self.query_one(AssetTable).filter(self._text)
+        self._table.filter(self._text)
         self._label()
 
     @on(Input.Submitted, "#asset-filter")
@@ -337,16 +337,15 @@ class AssetPane(Vertical):
         self._leave()
 
     def _set(self, text: str) -> None:
-        self.query_one("#asset-filter", Input).value = text
+        self._field.value = text
 
     def _leave(self) -> None:
-        field = self.query_one("#asset-filter", Input)
-        field.display = False
-        if field.has_focus or self.has_focus_within:
-            self.query_one(AssetTable).focus()
+        self._field.display = False
+        if self._field.has_focus or self.has_focus_within:
+            self._table.focus()
 
     def _label(self) -> None:
-        count = self.query_one(AssetTable).count
+        count = self._table.count
         title = "Assets and tracks"
         if count.problems:
             verb = "needs" if count.problems == 1 else "need"

@@ -1,5 +1,6 @@
 """The lines of the screen: status, view names on a small terminal, the bar of a replay, keys."""
 
+from dataclasses import dataclass
 from itertools import groupby
 
 from textual import events
@@ -21,12 +22,11 @@ LEAST = 10
 class Scrubber(Static):
     """One cell for each part of the recording, with the worst mark in it."""
 
+    @dataclass
     class Asked(Message):
         """The bar was clicked; `share` of the recording, 0 to 1, is before that place."""
 
-        def __init__(self, share: float) -> None:
-            super().__init__()
-            self.share = share
+        share: float
 
     def __init__(self, timeline: RecordingTimeline, **kwargs: str) -> None:
         super().__init__(id=kwargs.get("id"), markup=False)
@@ -80,12 +80,11 @@ VIEWS = (
 class ViewBar(Static):
     """The names of the views, with the shown one marked; a click on a name chooses it."""
 
+    @dataclass
     class Chosen(Message):
         """A view's name was clicked."""
 
-        def __init__(self, view: str) -> None:
-            super().__init__()
-            self.view = view
+        view: str
 
     def show(self, current: str) -> None:
         """Mark `current`."""

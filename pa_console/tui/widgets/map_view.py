@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Collection, Iterator
+from dataclasses import dataclass
 from math import dist, hypot
 
 from rich.segment import Segment
@@ -106,15 +107,16 @@ class MapView(Widget):
     can_focus = True
     COMPONENT_CLASSES = {f"map--{role}" for role in ROLES}
 
+    @dataclass
     class Picked(Message):
         """The content of the clicked cell, tracks and assets first; it may be empty.
 
         `at` is the cell of the screen; `menu` is True for the right button.
         """
 
-        def __init__(self, names: tuple[str, ...], at: Offset, *, menu: bool) -> None:
-            super().__init__()
-            self.names, self.at, self.menu = names, at, menu
+        names: tuple[str, ...]
+        at: Offset
+        menu: bool
 
     def __init__(self, world: World, **kwargs: str) -> None:
         super().__init__(id=kwargs.get("id"))

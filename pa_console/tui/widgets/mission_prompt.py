@@ -5,6 +5,7 @@ the `Enter` that may have been meant for the menu.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from textual import events
@@ -252,19 +253,17 @@ class MissionInput(TextField):
 class MissionPrompt(Horizontal):
     """The prompt; closed, it says why no mission can be given, and takes questions at most."""
 
+    @dataclass
     class Given(Message):
         """The operator sent a mission."""
 
-        def __init__(self, text: str) -> None:
-            super().__init__()
-            self.text = text
+        text: str
 
+    @dataclass
     class Typed(Message):
         """The operator is writing a mission, `text` so far."""
 
-        def __init__(self, text: str) -> None:
-            super().__init__()
-            self.text = text
+        text: str
 
     def __init__(
         self,

@@ -1,6 +1,7 @@
 """Rows at whatever width there is: text to select, or a list laid out only where in view."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import ClassVar, Generic, NamedTuple, TypeVar
 
 from textual import events
@@ -98,12 +99,12 @@ class VirtualRows(ScrollView):
         Binding("enter", "choose", "Choose", show=False),
     ]
 
+    @dataclass
     class Chosen(Message):
         """Enter or a click on the row of `key`."""
 
-        def __init__(self, rows: "VirtualRows", key: str) -> None:
-            super().__init__()
-            self.rows, self.key = rows, key
+        rows: "VirtualRows"
+        key: str
 
     def __init__(self, **kwargs: str) -> None:
         super().__init__(id=kwargs.get("id"))
