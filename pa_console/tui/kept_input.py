@@ -27,9 +27,8 @@ class Drafts(dict[str, Draft]):
         if rules is None:
             return
         place = hashlib.sha256(os.fsencode(rules.resolve())).hexdigest()[:16]
-        self._file = (
-            folder or user_state_path("pa-console") / "drafts"
-        ) / f"{rules.stem}-{place}.json"
+        folder = folder or user_state_path("pa-console") / "drafts"
+        self._file = folder / f"{rules.stem}-{place}.json"
         with suppress(OSError, ValueError):
             for name, (opened, text) in _SHAPE.validate_json(self._file.read_bytes()).items():
                 self[name] = replace(opened, path=rules), text

@@ -11,6 +11,7 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Thread
+from types import FrameType
 from typing import Any
 
 from textual.app import SuspendNotSupported
@@ -85,9 +86,12 @@ async def edit_outside(screen: Screen[Any], command: list[str], text: str) -> st
 
 @contextmanager
 def _keyboard_interrupts_left_to_the_editor() -> Generator[None]:
-    # A handler, not SIG_IGN: a program that is started would inherit that.
-    before = signal.signal(signal.SIGINT, lambda *_: None)
+    before = signal.signal(signal.SIGINT, _nothing)
     try:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def _nothing(_number: int, _frame: FrameType | None) -> None:
+    """Let an interrupt pass; a program that is started then has its own way with it."""
