@@ -81,7 +81,13 @@ def request_approval(
     an order that was not understood no plan and no other reading are proposed.
     """
     if read.question:
-        return _ask_back(request_id, attempt, read.question)
+        return ApprovalRequested(
+            request_id=request_id,
+            attempt=attempt,
+            plan=Plan(reason="the order was not understood", actions=()),
+            blocked_by=(f"not understood: {read.question}",),
+            state="not_understood",
+        )
     verdict, findings = checked.verdict, checked.findings
     blocked = [f"{finding.rule_id}: {finding.message}" for finding in findings if finding.blocking]
     if not blocked and judging and verdict is None:
@@ -101,16 +107,6 @@ def request_approval(
         confidence=read.confidence,
         read_apart=read.read_apart,
         state=approval_state(read, blocked=bool(blocked), objected=objected),
-    )
-
-
-def _ask_back(request_id: str, attempt: int, question: str) -> ApprovalRequested:
-    return ApprovalRequested(
-        request_id=request_id,
-        attempt=attempt,
-        plan=Plan(reason="the order was not understood", actions=()),
-        blocked_by=(f"not understood: {question}",),
-        state=approval_state(OrderAsRead(question=question), blocked=True, objected=False),
     )
 
 

@@ -232,11 +232,6 @@ class _Words(NamedTuple):
         return (len(self.strange) + _SLIP_WEIGHT * len(self.slips)) / max(self.number, 1)
 
 
-def is_english(text: str, world: World, rulebook: Rulebook) -> bool:
-    """Return whether `text`, as typed, is English by its words; a text without words is."""
-    return _words(text, world, rulebook).share < _MOST_STRANGE
-
-
 def question_back(typed: str, read: str, world: World, rulebook: Rulebook) -> str:
     """Return what has to be asked of an operator who gives no order; '' where it may be one.
 
@@ -306,7 +301,8 @@ _FOREIGN = 0.25
 
 def read_words(text: str, world: World, rulebook: Rulebook) -> str:
     """Return an operator's words with misspellings put right, if they are English."""
-    return respell(text, world, rulebook) if is_english(text, world, rulebook) else text
+    strange = _words(text, world, rulebook).share >= _MOST_STRANGE
+    return text if strange else respell(text, world, rulebook)
 
 
 def respell(text: str, world: World, rulebook: Rulebook) -> str:

@@ -174,15 +174,12 @@ class MissionQueue:
         rest = sorted(self._waiting.values(), key=lambda entry: entry.rank)
         order: list[_Waiting] = []
         while rest:
-            held = {after for before, after in self._before if self._is_in(before, rest)}
+            left = {entry.mission.id for entry in rest}
+            held = {after for before, after in self._before if before in left}
             following = next(entry for entry in rest if entry.mission.id not in held)
             rest.remove(following)
             order.append(following)
         return order
-
-    @staticmethod
-    def _is_in(mission_id: str, rest: list[_Waiting]) -> bool:
-        return any(entry.mission.id == mission_id for entry in rest)
 
 
 def _reason(entry: _Waiting, before: _Waiting | None) -> str:
