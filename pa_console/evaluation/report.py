@@ -131,7 +131,7 @@ def notes(records: Records, about: Mapping[str, Any]) -> list[str]:
         "alike, as an equal prompt has an equal answer: they say how sure the figure is for these "
         "missions, less so for others.",
     ]
-    counts = {model: _cases(runs) for model, runs in by_model(main).items()}
+    counts = {model: frozenset(run.case for run in runs) for model, runs in by_model(main).items()}
     if len(set(counts.values())) > 1:
         words = ", ".join(f"{model} {len(cases)}" for model, cases in counts.items())
         found.append(f"Not every model has run the same missions and seeds ({words}).")
@@ -164,10 +164,6 @@ def notes(records: Records, about: Mapping[str, Any]) -> list[str]:
     if isinstance(jobs, int) and jobs > 1:
         found.append(f"{jobs} runs were made at a time, so each had a part of the machine only.")
     return found
-
-
-def _cases(records: Records) -> frozenset[tuple[str, str, int]]:
-    return frozenset((run.mission_set, run.mission, run.seed) for run in records)
 
 
 def build_sections(records: Sequence[RunRecord]) -> dict[str, list[Table]]:

@@ -70,17 +70,11 @@ class RunRecord(StrictModel):
         default=False, description="the picture was read before the command, as while typing"
     )
 
-    def same_as(self, other: "RunRecord") -> bool:
-        """Return whether two runs have the same result, on any machine at any speed."""
-        return self._told == other._told
-
     @property
-    def _told(self) -> dict[str, Any]:
-        return self.model_dump(exclude=MEASURED)
+    def case(self) -> tuple[str, str, int]:
+        """The mission and its seed, which runs of several models and variants have in common."""
+        return self.mission_set, self.mission, self.seed
 
-
-MEASURED = {"session", "metrics", "planner", "judge", "reused"}
-"""The fields that differ between equal runs: times, and drawn names."""
 
 RUNS, ABOUT, LOGS = "runs.jsonl", "run.json", "logs"
 _ABOUT = TypeAdapter(dict[str, Any])

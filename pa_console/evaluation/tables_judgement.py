@@ -169,12 +169,6 @@ CHOOSING = frozenset(name for name, variant in VARIANTS.items() if variant.readi
 """The variants in which the operator chooses one of the readings that are offered."""
 
 
-class _Mission(NamedTuple):
-    mission_set: str
-    mission: str
-    seed: int
-
-
 def reading_tables(records: Records) -> list[Table]:
     """Return success before and after a choice among readings; no table where none was made."""
     rows: list[tuple[str, ...]] = []
@@ -201,11 +195,11 @@ def reading_tables(records: Records) -> list[Table]:
 
 
 def _readings_row(model: str, runs: Records, chosen: Records) -> tuple[str, ...]:
-    others = grouped(chosen, _mission)
-    offered = [run for run in runs if run.offered and _mission(run) in others]
+    others = grouped(chosen, lambda run: run.case)
+    offered = [run for run in runs if run.offered and run.case in others]
 
     def right(run: RunRecord) -> bool:
-        again = others[_mission(run)] if run.offered and _mission(run) in others else ()
+        again = others[run.case] if run.offered and run.case in others else ()
         return run.strict or any(other.strict for other in again)
 
     rates = (
@@ -215,10 +209,6 @@ def _readings_row(model: str, runs: Records, chosen: Records) -> tuple[str, ...]
         Rate.of(map(right, runs)),
     )
     return model, *map(rate_cell, rates)
-
-
-def _mission(run: RunRecord) -> _Mission:
-    return _Mission(run.mission_set, run.mission, run.seed)
 
 
 LEVELS = (0.5, UNSURE, 0.9)

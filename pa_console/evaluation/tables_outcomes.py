@@ -224,14 +224,10 @@ class Difference(NamedTuple):
 
 def difference(records: Records, reference: Records) -> Difference:
     """Compare the runs of the same mission and seed."""
-    known = {_pair(record): record.strict for record in reference}
-    both = [(record.strict, known[_pair(record)]) for record in records if _pair(record) in known]
+    known = {record.case: record.strict for record in reference}
+    both = [(record.strict, known[record.case]) for record in records if record.case in known]
     better = sum(mine and not theirs for mine, theirs in both)
     return Difference(len(both), better, sum(theirs and not mine for mine, theirs in both))
-
-
-def _pair(record: RunRecord) -> tuple[str, str, int]:
-    return record.mission_set, record.mission, record.seed
 
 
 def reference_variant(records: Records) -> str:
