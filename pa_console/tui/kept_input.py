@@ -1,4 +1,4 @@
-"""The typed texts in the user's state folder: missions, and unsaved rules."""
+"""The files in the user's state folder: typed missions, unsaved rules, copied texts."""
 
 import hashlib
 import os
@@ -12,6 +12,7 @@ from pydantic import TypeAdapter
 
 from pa_console.policy.authoring.rule_save import OpenRule
 from pa_console.private_files import make_private_folder, replace_private
+from pa_console.schema.text import visible
 
 Draft = tuple[OpenRule, str]
 _SHAPE = TypeAdapter(dict[str, Draft])
@@ -115,3 +116,19 @@ def _written(text: str) -> str:
 
 def _read(line: str) -> str:
     return _WRITTEN.sub(lambda found: "\n" if found[1] == "n" else found[1], line)
+
+
+def export_folder() -> Path:
+    """Return where copies are written for this user."""
+    return user_state_path("pa-console") / "copies"
+
+
+def write_copy(folder: Path, name: str, text: str) -> str:
+    """Write `text` to `folder`; return where, or why that was not possible."""
+    path = folder / name
+    try:
+        make_private_folder(folder)
+        replace_private(path, visible(text).encode())
+    except OSError as error:
+        return f"not written to a file: {error.strerror or error}"
+    return f"written to {path}"

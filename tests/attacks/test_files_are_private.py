@@ -18,8 +18,7 @@ from pa_console.signing import (
     load_signer,
     named_keys,
 )
-from pa_console.tui.copied_file import write_copy
-from pa_console.tui.kept_input import History
+from pa_console.tui.kept_input import History, write_copy
 from tests.session.story import story
 from tests.session.tamper import MINE, write_signed
 

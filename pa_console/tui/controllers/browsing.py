@@ -6,14 +6,16 @@ from pathlib import Path
 from textual.binding import Binding
 
 from pa_console.schema.text import visible
-from pa_console.session.state import MissionTrace
+from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.settings import SettingsController
-from pa_console.tui.copied_file import export_folder, plan_text, trace_text, write_copy
+from pa_console.tui.kept_input import export_folder, write_copy
 from pa_console.tui.screens.main import MainScreen
+from pa_console.tui.screens.plan_editor import plan_json
 from pa_console.tui.widgets.alarms import AlarmPane
 from pa_console.tui.widgets.assets import AssetPane
 from pa_console.tui.widgets.map_view import MapView
+from pa_console.tui.widgets.trace_pane import trace_text
 
 
 class BrowsingController:
@@ -144,7 +146,7 @@ class BrowsingController:
         """Copy the plan that is shown."""
         trace = self._shown_trace
         if trace is not None:
-            self._copy("plan", f"{trace.mission.id}-plan.json", plan_text(trace))
+            self._copy("plan", f"{trace.mission.id}-plan.json", _plan_text(trace))
 
     @property
     def _shown_trace(self) -> MissionTrace | None:
@@ -155,3 +157,11 @@ class BrowsingController:
         self._app.copy_to_clipboard(visible(text))
         where = write_copy(self._copies or export_folder(), file, text)
         self._session.tell(f"{where}, and sent to the terminal's clipboard", f"Copied the {what}")
+
+
+def _plan_text(trace: MissionTrace) -> str:
+    """Return the JSON of the latest plan that could be read, else the model's last answer."""
+    for attempt in reversed(trace.attempts):
+        if attempt.plan is not None:
+            return plan_json(attempt.plan)
+    return trace.attempts[-1].text if trace.attempts else ""

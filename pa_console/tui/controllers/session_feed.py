@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from textual.message import Message
 
@@ -21,19 +22,17 @@ LOOK_S = 1.0
 class SessionFeed:
     """Feeds the main screen from a live station, at most one frame each FRAME_S seconds."""
 
+    @dataclass
     class Received(Message):
         """The station yielded an event."""
 
-        def __init__(self, event: Event) -> None:
-            super().__init__()
-            self.event = event
+        event: Event
 
+    @dataclass
     class StreamEnded(Message):
         """The station yields no more; `problem` is empty when it ended in order."""
 
-        def __init__(self, problem: str) -> None:
-            super().__init__()
-            self.problem = problem
+        problem: str
 
     def __init__(
         self, session: ConsoleSession, painted: Callable[[], None], waiting: Waiting

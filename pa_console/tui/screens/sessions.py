@@ -23,7 +23,7 @@ from pa_console.session.past_sessions import SessionSummary, Soundness, past_ses
 from pa_console.session.recording import Player
 from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.station.assembly import SessionSites
-from pa_console.tui.copied_file import export_folder, trace_text, write_copy
+from pa_console.tui.kept_input import export_folder, write_copy
 from pa_console.tui.protocols import Clock
 from pa_console.tui.recordings import (
     KnownWorld,
@@ -39,6 +39,7 @@ from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.status_words import QUIET, WARN, term
 from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.row_views import Cells, Layout, PointedRows, TextRows
+from pa_console.tui.widgets.trace_pane import trace_text
 from pa_console.views.status_words import outcomes_in_words
 
 

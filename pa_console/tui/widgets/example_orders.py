@@ -1,6 +1,7 @@
 """Orders to begin with, each typed into the prompt by a key or a click; none is sent."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import cycle
 
 from textual.app import ComposeResult
@@ -51,12 +52,11 @@ HEADING = "To begin: a key types the order, Enter sends it"
 class ExampleLine(Static):
     """One order."""
 
+    @dataclass
     class Clicked(Message):
         """The order was clicked."""
 
-        def __init__(self, order: str) -> None:
-            super().__init__()
-            self.order = order
+        order: str
 
     def __init__(self, number: int, order: str) -> None:
         key = key_text(f"alt+{number}")
@@ -71,12 +71,11 @@ class ExampleLine(Static):
 class ExampleOrders(Vertical):
     """Shown until the first mission of a session."""
 
+    @dataclass
     class Taken(Message):
         """One of the orders was chosen."""
 
-        def __init__(self, order: str) -> None:
-            super().__init__()
-            self.order = order
+        order: str
 
     def __init__(self, orders: Sequence[str], **kwargs: str) -> None:
         super().__init__(id=kwargs.get("id"))

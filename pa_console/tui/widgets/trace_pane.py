@@ -11,7 +11,7 @@ from textual.widgets import Static
 
 from pa_console.schema.text import visible
 from pa_console.session.mission_trace import MissionTrace
-from pa_console.tui.rows import Row, Section, row
+from pa_console.tui.rows import Row, Section, plain, row
 from pa_console.tui.status_words import STYLES
 from pa_console.tui.widgets.row_views import TextRows
 from pa_console.views import trace_layout, trace_parts
@@ -77,6 +77,14 @@ def headline(trace: MissionTrace) -> list[Row]:
 
 
 NO_MISSION = "No mission yet. Type one below, for example what should be watched or moved where."
+
+
+def trace_text(trace: MissionTrace, rules: Rules) -> str:
+    """Return the whole trace as text, folded sections included."""
+    mission = trace.mission
+    head = f"{mission.id}  {mission.created:%Y-%m-%d %H:%M:%S} UTC\n{mission.said}\n"
+    head += f"read as: {mission.text}\n" if mission.typed else ""
+    return head + plain(sections(trace, rules))
 
 
 class SectionTitle(Static, can_focus=True):
