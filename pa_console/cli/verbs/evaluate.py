@@ -1,9 +1,8 @@
 """`pa-console eval`: mission sets against models and variants, with a report of what came of it."""
 
 import asyncio
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import AsyncGenerator, Sequence
 from contextlib import aclosing
-from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from time import perf_counter
@@ -244,12 +243,11 @@ def evaluate(
     try:
         if workers or scheduler:
             names = {local.name: name for local, name in zip(found, asked, strict=True)}
-            swept = SweptModels(models, names, reader, reuse)
-            with EvalProgress(len(planned), sum(job.run in results.done for job in planned)) as bar:
-                where = workers or scheduler
-                asyncio.run(sweep(results, planned, where, swept, bar.add, keep_logs=logs))
+            where = workers or scheduler
+            made = _swept(results, planned, where, models, names, reader, reuse=reuse, logs=logs)
         else:
-            asyncio.run(_run(results, planned, models, jobs, reuse=reuse, logs=logs))
+            made = _made_here(results, planned, models, jobs, reuse=reuse, logs=logs)
+        asyncio.run(_count(made, results, planned))
     except KeyboardInterrupt:
         made = len(results.done & {job.run for job in planned})
         errors.print_line(
@@ -289,7 +287,7 @@ def _chosen(folder: Path | None) -> Path:
     return chosen
 
 
-async def _run(
+def _made_here(
     results: EvaluationFolder,
     planned: list[Job],
     models: dict[str, LocalModel],
@@ -297,7 +295,8 @@ async def _run(
     *,
     reuse: bool,
     logs: bool,
-) -> None:
+) -> AsyncGenerator[RunRecord]:
+    """Return the runs as they are made in this process."""
     threads = max(1, physical_cores() // lanes)
 
     def engine_for(name: str, lane: int) -> MemoEngine:
@@ -305,10 +304,40 @@ async def _run(
         engine = Engine(models[name], threads=threads)
         return MemoEngine(engine, memory if reuse else None, exact=True, reuse=reuse)
 
-    runner = Runner(results, engine_for, lanes=lanes, keep_logs=logs)
+    return Runner(results, engine_for, lanes=lanes, keep_logs=logs).run(planned)
+
+
+def _swept(
+    results: EvaluationFolder,
+    planned: list[Job],
+    where: int | str,
+    models: dict[str, LocalModel],
+    names: dict[str, str | None],
+    reader: str,
+    *,
+    reuse: bool,
+    logs: bool,
+) -> AsyncGenerator[RunRecord]:
+    """Return the runs as they are made `where`: in so many processes here, or at that scheduler.
+
+    `names` has the requested file of each model. Raises ValueError without Dask.
+    """
+    workers = dask_workers(where)
+    from pa_console.evaluation.sweep import ModelOnWorker, Sweep  # noqa: PLC0415 - Dask
+
+    prints = {name: model.fingerprint for name, model in models.items()}
+    engine_for = ModelOnWorker(names, prints, reader, workers.count, reuse)
+    sweep = Sweep(results, engine_for, prints, keep_logs=logs, told=errors.print)
+    return sweep.run(workers, planned)
+
+
+async def _count(
+    made: AsyncGenerator[RunRecord], results: EvaluationFolder, planned: list[Job]
+) -> None:
+    """Show the progress of the runs that are still to be `made`."""
     done = results.done
     with EvalProgress(len(planned), sum(job.run in done for job in planned)) as progress:
-        async with aclosing(runner.run(planned)) as records:
+        async with aclosing(made) as records:
             async for record in records:
                 progress.add(record)
 
@@ -361,39 +390,3 @@ def _report(folder: Path, *, json: bool) -> None:
         out.print()
     for name in ("report.html", "report.md", "runs.jsonl"):
         out.print_line(str(folder / name))
-
-
-@dataclass(frozen=True)
-class SweptModels:
-    """The models by name, the requested files of each, and their backends."""
-
-    local: Mapping[str, LocalModel]
-    asked: dict[str, str | None]
-    second_reader: str
-    reuse: bool
-
-
-async def sweep(
-    results: EvaluationFolder,
-    planned: Sequence[Job],
-    where: int | str,
-    models: SweptModels,
-    add: Callable[[RunRecord], object],
-    *,
-    keep_logs: bool,
-) -> None:
-    """Make the `planned` runs `where`: in so many processes here, or at that scheduler.
-
-    `add` is told of each run as it comes back. Raises ValueError without Dask, or a scheduler.
-    """
-    workers = dask_workers(where)
-    from pa_console.evaluation.sweep import ModelOnWorker, Sweep  # noqa: PLC0415
-
-    prints = {name: model.fingerprint for name, model in models.local.items()}
-    engine_for = ModelOnWorker(
-        models.asked, prints, models.second_reader, workers.count, models.reuse
-    )
-    made = Sweep(results, engine_for, prints, keep_logs=keep_logs, told=errors.print)
-    async with aclosing(made.run(workers, planned)) as records:
-        async for record in records:
-            add(record)

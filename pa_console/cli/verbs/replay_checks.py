@@ -105,19 +105,19 @@ def print_again(log: Path, again: Again) -> None:
     """Print what came out equal, and what did not."""
     twin, decided = again.twin, again.decided
     if twin.equal:
-        _line(
+        out.print_line(
             f"{log}: {count(twin.pictures, 'picture')}, all equal, and "
             f"{count(twin.rehearsals, 'rehearsal')} of plans; SHA-256 {twin.repeated_sha256}"
         )
     else:
         at = f"{log}:{again.line}" if again.line is not None else str(log)
-        _object(
+        errors.print_line(
             f"{at}: {twin.different} of {twin.pictures} pictures and "
             f"{twin.different_rehearsals} of {twin.rehearsals} rehearsals differ, first at "
             f"{twin.first_difference}"
         )
     if decided is None:
-        _object(
+        errors.print_line(
             f"{log}: the rules of this session are not here as they were: what they said of its "
             "plans was not decided again; give their file with --rules"
         )
@@ -125,10 +125,12 @@ def print_again(log: Path, again: Again) -> None:
     for flip in decided.flips:
         where = f"{flip.mission} attempt {flip.attempt}" if flip.attempt else flip.mission
         rules = ", ".join(flip.rules)
-        _object(f"{log}: {where}: {flip.kind} {rules}: recorded {flip.was}, again {flip.now}")
+        errors.print_line(
+            f"{log}: {where}: {flip.kind} {rules}: recorded {flip.was}, again {flip.now}"
+        )
     if not decided.flips:
         left = f"; {len(decided.gaps)} could not be" if decided.gaps else ""
-        _line(
+        out.print_line(
             f"{log}: {count(decided.compared, 'finding')} on {count(decided.plans, 'plan')} of "
             f"{count(decided.missions, 'mission')} decided again, all equal{left}"
         )
@@ -140,7 +142,7 @@ def _world_of(
     """Return the session's world by its hash, or the one given in its place."""
     path = sites.world_file(started, log)
     if path is None and given is not None:
-        _object(f"note: {given} is not the world of this session as it was then")
+        errors.print_line(f"note: {given} is not the world of this session as it was then")
         return open_world(given)
     world = sites.world_of(started, log)
     assert path is not None
@@ -170,20 +172,12 @@ def _situation(
                 f"the scenario {played!r} of this session is not here as it was then "
                 f"(SHA-256 {pinned[:12]}); give its file with --scenario"
             )
-        _object(f"note: {given} is not the scenario of this session as it was then")
+        errors.print_line(f"note: {given} is not the scenario of this session as it was then")
     return found.scenario
 
 
 def _events(recording: Recording) -> Iterator[Event]:
     return (recording[index] for index in range(len(recording)))
-
-
-def _line(text: str) -> None:
-    out.print_line(text)
-
-
-def _object(text: str) -> None:
-    errors.print_line(text)
 
 
 CHANGES = 12
@@ -316,9 +310,9 @@ def show_verified(log: Path, trust: Trust, place: Place | None, json: bool) -> N
         if again is not None:
             print_again(log, again)
         if problem:
-            _object(f"{log}: not run again: {problem}; or verify with --chain-only")
+            errors.print_line(f"{log}: not run again: {problem}; or verify with --chain-only")
         for told in index.all_problems:
-            _object(f"{index_path(log.parent)}: {told}")
+            errors.print_line(f"{index_path(log.parent)}: {told}")
         if seen is not None:
             _print_statement(log, trust.witness, seen)
     if lost or (seen is not None and seen.line is not None):
@@ -341,7 +335,7 @@ def _print_result(log: Path, result: VerifyResult, own: frozenset[str]) -> None:
     if not result.ok:
         place = f"{log}:{result.first_bad_line}" if result.first_bad_line else str(head_path(log))
         place += f"-{result.last_bad_line}" if result.last_bad_line else ""
-        _object(f"{place}: {result.damage}: {result.problem}")
+        errors.print_line(f"{place}: {result.damage}: {result.problem}")
         return
     by = f"signed by {result.key}{' (the key of this machine)' * (result.key in own)}"
     standing = {
@@ -358,7 +352,7 @@ def _print_statement(log: Path, witness: Path | None, seen: WitnessResult) -> No
     """Say whether the log has what its witness has seen."""
     if not seen.ok:
         place = f"{witness}:{seen.line}" if seen.line is not None else f"{witness}"
-        _object(f"{place}: {seen.problem}")
+        errors.print_line(f"{place}: {seen.problem}")
         return
     told = f"{log}: has all {count(seen.heads, 'head')} that {witness} has seen, the last after "
     out.print_line(f"{told}record {seen.records}")

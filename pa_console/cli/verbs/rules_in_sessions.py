@@ -191,23 +191,23 @@ def _print_effects(effects: Effects) -> None:
     for place, found in effects.found.items():
         if not found.flips and not found.gaps and place not in effects.notes:
             continue
-        _line(f"{place}: session {found.session}" if found.session else f"{place}:")
+        out.print_line(f"{place}: session {found.session}" if found.session else f"{place}:")
         if place in effects.notes:
-            _line(f"  note: {effects.notes[place]}")
+            out.print_line(f"  note: {effects.notes[place]}")
         for flip in found.flips:
-            _line(_flip(flip))
+            out.print_line(_flip(flip))
         for gap in found.gaps:
             at = f"{gap.mission} attempt {gap.attempt}" if gap.attempt else gap.mission
             rule = f" {gap.rule}:" if gap.rule else ""
-            _line(f"  {at}: cannot be checked again:{rule} {gap.reason}")
+            out.print_line(f"  {at}: cannot be checked again:{rule} {gap.reason}")
     for place, problem in effects.unread.items():
         errors.print_line(f"{place}: not read to its end: {problem}")
     for rule, count in rules_turned(effects.flips):
-        _line(f"{rule} turns {count}")
+        out.print_line(f"{rule} turns {count}")
     every = effects.found.values()
     kinds = [(kind, sum(f.kind == kind for f in effects.flips)) for kind in FLIP_KINDS]
     parts = ", ".join(f"{count} {kind}" for kind, count in kinds if count) or "none"
-    _line(
+    out.print_line(
         f"sessions {sum(bool(e.session) for e in every)}, missions "
         f"{sum(e.missions for e in every)}, plans {sum(e.plans for e in every)}, findings "
         f"{sum(e.compared for e in every)}; turned: {parts}; "
@@ -220,10 +220,6 @@ def _flip(flip: ChangedDecision) -> str:
     plan = f" [{flip.plan}]" if flip.plan else ""
     rules = ", ".join(flip.rules)
     return f"  {at}{plan}: {flip.kind} {rules}: {flip.was} -> {flip.now}: {flip.words}"
-
-
-def _line(text: str) -> None:
-    out.print_line(text)
 
 
 _COUNTED: tuple[tuple[str, tuple[RuleDeed, ...]], ...] = (
@@ -276,18 +272,20 @@ def _print_trails(rule: str, found: dict[str, list[Trail]], every: bool) -> None
             shown = [e for e in trail.entries if every or e.did != "not applicable"]
             if not shown:
                 continue
-            _line(f"{log}: {trail.session} {trail.mission.id}  {trail.mission.text}")
+            out.print_line(f"{log}: {trail.session} {trail.mission.id}  {trail.mission.text}")
             for entry in shown:
                 attempt = f" attempt {entry.attempt}" if entry.attempt else ""
                 words = f": {entry.words}" if entry.words else ""
-                _line(f"  event {entry.event}, tick {entry.tick}{attempt}: {entry.did}{words}")
+                out.print_line(
+                    f"  event {entry.event}, tick {entry.tick}{attempt}: {entry.did}{words}"
+                )
     every_trail = [trail for trails in found.values() for trail in trails]
     parts = [f"{name} in {_count(every_trail, what)}" for name, what in _COUNTED]
     searched = f"sessions searched: {len(found)}"
     if every_trail:
-        _line(f"{rule}, missions: {', '.join(parts)}; {searched}")
+        out.print_line(f"{rule}, missions: {', '.join(parts)}; {searched}")
     else:
-        _line(f"{rule}: no mission had to do with it; {searched}")
+        out.print_line(f"{rule}: no mission had to do with it; {searched}")
 
 
 def _count(trails: Iterable[Trail], what: tuple[RuleDeed, ...]) -> int:
