@@ -57,7 +57,7 @@ def _text(status: RenderableType) -> RenderableType:
 
 
 DRIVER = "TEXTUAL_DRIVER"
-"""The variable with the name of another driver than a terminal's, such as that of a browser."""
+"""The variable that names Textual's driver where it is no terminal's, such as a browser's."""
 
 
 def open_closed_streams() -> None:

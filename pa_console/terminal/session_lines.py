@@ -163,7 +163,7 @@ class SessionLines(ABC):
 
     @abstractmethod
     def _begin(self) -> None:
-        """Say the first lines."""
+        """Print the first lines."""
 
     @abstractmethod
     def _heed(self, event: ev.Event) -> None:
@@ -175,7 +175,7 @@ class SessionLines(ABC):
 
     @abstractmethod
     def _stop(self) -> None:
-        """Stop everybody."""
+        """Stop all assets."""
 
     @abstractmethod
     def _command(self, line: str) -> bool:
@@ -183,7 +183,7 @@ class SessionLines(ABC):
 
     @abstractmethod
     def _answer_or_order(self, line: str) -> None:
-        """Take a line that is nothing else."""
+        """Take a line as an answer to the plan that waits, or as an order."""
 
     # What happens
 
@@ -295,7 +295,7 @@ class SessionLines(ABC):
                 self._called()
 
     def show(self, request: ev.ApprovalRequested, waits: str, how: str) -> None:
-        """Say the plan of a request; `waits` is for whom, `how` what may be answered."""
+        """Print the plan of a request; `waits` is for whom, `how` what may be answered."""
         trace = self.state.current
         if trace is not None:
             self._show_plan(trace, request.attempt)

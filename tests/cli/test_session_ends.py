@@ -1,6 +1,10 @@
 """A session that is ended from outside ends in order: its log is whole, its assets are safe."""
 
+import os
+import pty
 import signal
+import subprocess
+import sys
 from collections.abc import Callable, Generator
 from pathlib import Path
 from time import monotonic
@@ -9,8 +13,10 @@ import pytest
 
 from pa_console.cli.main import INTERRUPTED
 from pa_console.signing import KEY_VARIABLE
+from pa_console.station.assembly import load_site
 from tests.cli.inside import Call
 from tests.cli.outside import WITHIN_S, Outside
+from tests.cli.test_replay_verb import record
 
 pytestmark = pytest.mark.long
 
@@ -136,3 +142,27 @@ def test_a_session_under_nohup_outlives_its_terminal(start: Start) -> None:
     mission.process.send_signal(signal.SIGHUP)
     mission.process.send_signal(signal.SIGTERM)
     assert mission.process.wait(WITHIN_S) == 143
+
+
+def test_a_console_ends_with_its_terminal(tmp_path: Path) -> None:
+    log = tmp_path / "session.jsonl"
+    record(load_site("checkpoint", "checkpoint"), log)
+    ours, its = pty.openpty()
+    command = "from pa_console.cli.main import main; main()"
+    console = subprocess.Popen(
+        [sys.executable, "-c", command, "replay", str(log)],
+        stdin=its,
+        stdout=its,
+        stderr=its,
+        start_new_session=True,  # so that no terminal controls it, and no SIGHUP comes
+        env={**os.environ, "TERM": "xterm-256color", "COLUMNS": "120", "LINES": "36"},
+    )
+    os.close(its)
+    try:
+        shown = b""
+        while b"REPLAY" not in shown:
+            shown += os.read(ours, 65536)  # raises OSError when the console ends of itself
+        os.close(ours)
+        console.wait(WITHIN_S)
+    finally:
+        console.kill()

@@ -33,11 +33,11 @@ COOKIE = "pa-console-{port}"
 """The name of a browser's cookie: a browser sends it to every port of this address, and only the
 port in its name takes it."""
 LOOK_S = 5.0
-"""How often it is looked whether the token of an open console still holds, in seconds."""
+"""Seconds between two checks that the token of an open console still holds."""
 CLOSE_S = 1.0
 """Time for a browser to answer that its window is closed, in seconds."""
 LEAVE_S = 20.0
-"""How long a console has to bring its assets to safety and to close its log."""
+"""Seconds that a console has to bring its assets to safety and to close its log."""
 WRONG = (0.5, 10)
 """Wrong tokens a second, and at once."""
 HEADERS = {

@@ -12,7 +12,7 @@ from typer.main import get_group
 
 
 class Verb(NamedTuple):
-    """Where a verb is in this package, a function or the app of a group, and its help."""
+    """The place of a verb in this package, a function or the app of a group, and its help."""
 
     place: str
     line: str

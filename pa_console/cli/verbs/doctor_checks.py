@@ -202,7 +202,7 @@ MEMORY = Path("/proc/meminfo")
 
 
 def load_or_default() -> tuple[Loaded, Check]:
-    """Return the settings, the defaults when they cannot be used, and what there is to say."""
+    """Return the settings, or the defaults when they cannot be used, and their check."""
     from pa_console.tui.settings_rows import problems  # noqa: PLC0415 - the screen's libraries
 
     remedy = "correct it, or go back to the defaults: pa-console settings reset"

@@ -48,7 +48,7 @@ def _how(rule: Rule) -> str:
 
 
 def _tell_approvals(book: Rulebook) -> None:
-    """Show the acts that need several people, and those that standing orders may do unasked."""
+    """Show acts that need several people, and acts that standing orders may do unasked."""
     if book.unasked:
         told = f"standing orders may have carried out unasked: {', '.join(book.unasked)}"
         out.print_line(told)
