@@ -1,4 +1,4 @@
-"""What a session is opened with: its options, and the models that its settings name."""
+"""The options of a session, and the models that its settings name."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -74,7 +74,7 @@ def serve_console(command: Sequence[str], port: int) -> int:
 
 
 class ServedConsole(Server):
-    """Serves one console at a time to whoever has a token."""
+    """Serves one console at a time, to browsers with a token."""
 
     def __init__(self, command: Sequence[str], tokens: TokenBook, listening: Listening) -> None:
         port: int = listening.getsockname()[1]
@@ -87,7 +87,7 @@ class ServedConsole(Server):
         """The token of each browser that was let in, by its cookie."""
         self._open: asyncio.Task[Any] | None = None
         self._watched = False
-        """Whether the console that is open is an observer's."""
+        """True if the console that is open is an observer's."""
         self.begun = asyncio.Event()
         """Set once it listens, and signals end it in order."""
         self._left = asyncio.Event()
@@ -158,7 +158,7 @@ class ServedConsole(Server):
             raise web.HTTPForbidden(text="a page of another site may ask nothing")
 
     def _bearer(self, request: web.Request) -> Bearer | None:
-        """Return who the browser was let in as, None for nobody."""
+        """Return the bearer that the browser was let in as, or None."""
         token = self._let_in.get(request.cookies.get(self._cookie, ""))
         return self._found(token) if token else None
 
@@ -253,7 +253,7 @@ class _Console(AppService):
     """The process of one console."""
 
     async def stop(self) -> None:
-        """Tell it to end, and wait until it has."""
+        """End the process, and wait for that."""
         await super().stop()
         if self._process is not None:
             await self._process.wait()

@@ -350,7 +350,7 @@ def sets_of(planned: Sequence[Job]) -> list[str]:
 def _about(
     results: EvaluationFolder, sets: list[str], seconds: float, jobs: int, reuse: bool
 ) -> dict[str, object]:
-    """Return what was run, for the report; what a folder said before is added to."""
+    """Return the description of the runs for the report, added to the one in the folder."""
     before = read_about(results.folder)
     records = results.records
     return {

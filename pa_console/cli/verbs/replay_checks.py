@@ -286,7 +286,7 @@ class Trust:
 
 
 def show_verified(log: Path, trust: Trust, place: Place | None, json: bool) -> None:
-    """Say how sound a log is; a sound one is run again at `place`, unless that is None.
+    """Report if a log is sound; a sound one is run again at `place`, unless that is None.
 
     Leaves with BAD_INPUT for damage, also to what the index of sessions or the witness tells of;
     with FAILED for a log that is sound but not vouched for, or that did not come out equal. Raises
@@ -349,7 +349,7 @@ def _print_result(log: Path, result: VerifyResult, own: frozenset[str]) -> None:
 
 
 def _print_statement(log: Path, witness: Path | None, seen: WitnessResult) -> None:
-    """Say whether the log has what its witness has seen."""
+    """Report if the log has all heads that its witness has seen."""
     if not seen.ok:
         place = f"{witness}:{seen.line}" if seen.line is not None else f"{witness}"
         errors.print_line(f"{place}: {seen.problem}")
