@@ -24,7 +24,6 @@ from pa_console.cli.options import (
     WitnessOption,
     WorldOption,
 )
-from pa_console.cli.sessions.log import witness_target
 from pa_console.cli.sessions.options import SessionOptions
 from pa_console.cli.settings_defaults import given_words, settings_of
 
@@ -165,6 +164,8 @@ def _whole(name: str, value: Any) -> Any:
     if isinstance(value, Path):
         return value.expanduser().absolute()
     if name == "witness" and value:
+        from pa_console.cli.sessions.log import witness_target  # noqa: PLC0415 - no help waits for it
+
         return witness_target(value)
     if name in IN_FILES and value:
         path = Path(value).expanduser()

@@ -10,7 +10,6 @@ from pa_console.cli.options import JsonOption, WorldOption
 from pa_console.schema.incident import After, AssetIs, AssetReach, Condition, TrackIs
 from pa_console.schema.text import count
 from pa_console.session.log.writer import refuse_audit_file
-from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.scenario_file import list_scenarios, open_scenario
 from pa_console.sim.worlds.world_file import open_world
 from pa_console.sim.worlds.world_generator import generate_world, world_yaml
@@ -52,6 +51,8 @@ def check(
     world: Annotated[str, typer.Argument(help="A world: an installed name, a folder or a file.")],
 ) -> None:
     """Check a world file; errors name line and field."""
+    from pa_console.sim.checkpoint import Checkpoint  # noqa: PLC0415 - scenarios do without pymunk
+
     loaded, path = open_world(world)
     with errors.status("placing the assets"):
         picture = Checkpoint(loaded).picture()
