@@ -43,12 +43,12 @@ from pa_console.tui.controllers.settings import SettingsController
 from pa_console.tui.controllers.typing import KeyTime, TypingController
 from pa_console.tui.kept_input import History, history_file
 from pa_console.tui.palette import ConsoleCommands
-from pa_console.tui.protocols import Clock, JoinedTo, LiveStation, ShownRules
 from pa_console.tui.recordings import OpenedLog
 from pa_console.tui.screens.compare import CompareScreen
 from pa_console.tui.screens.evaluation import EvaluationScreen
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.screens.recording import RecordingScreen
+from pa_console.tui.surroundings import Clock, JoinedTo, LiveStation, ShownRules
 from pa_console.tui.theme import VARIABLES, readable
 from pa_console.tui.widgets.bars import JOINED
 from pa_console.tui.widgets.map_view import MapView

@@ -15,7 +15,7 @@ from pa_console.schema.telemetry import (
     Track,
 )
 from pa_console.schema.world import World
-from pa_console.tui.protocols import InForce
+from pa_console.tui.surroundings import InForce
 
 WORLD = Document.read(Path(__file__).with_name("site.yaml")).parse(World)
 

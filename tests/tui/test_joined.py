@@ -8,8 +8,8 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.events.event import AnswerLine
 from pa_console.schema.mission import Decision
 from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel
-from pa_console.tui.protocols import JoinedTo
 from pa_console.tui.screens.dialogs import Confirm
+from pa_console.tui.surroundings import JoinedTo
 from pa_console.tui.widgets.bars import StatusBar
 from pa_console.tui.widgets.mission_prompt import MissionInput
 from pa_console.tui.widgets.row_views import TextRows

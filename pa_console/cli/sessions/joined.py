@@ -128,7 +128,7 @@ class JoinedSession:
     def _show_screen(self, settings: Loaded) -> tuple[bool, int]:
         require_keys("use --plain")
         from pa_console.tui.app import ConsoleApp  # noqa: PLC0415 - Textual
-        from pa_console.tui.protocols import JoinedTo  # noqa: PLC0415
+        from pa_console.tui.surroundings import JoinedTo  # noqa: PLC0415
 
         station = self.station
         question = self.command_question if self.succession.possible else None

@@ -31,8 +31,8 @@ from pa_console.tui.approval.inputs import (
 from pa_console.tui.approval.plan_rows import approval_rows, looked_at_rows
 from pa_console.tui.approval.plan_text import PlanText, panel_rows
 from pa_console.tui.plan_preview import PlanPreview
-from pa_console.tui.protocols import Clock, JoinedTo
 from pa_console.tui.status_words import term
+from pa_console.tui.surroundings import Clock, JoinedTo
 from pa_console.tui.widgets.fields import CheckBox
 
 ARM_DELAY_S = 0.6

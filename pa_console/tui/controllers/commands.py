@@ -9,7 +9,7 @@ from pa_console.schema.world import World
 from pa_console.tui.actions import first_key
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.session_feed import SessionFeed
-from pa_console.tui.protocols import LiveStation
+from pa_console.tui.surroundings import LiveStation
 from pa_console.tui.widgets.alarms import AlarmPane
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt

@@ -11,9 +11,9 @@ from pa_console.session.recording import Player
 from pa_console.session.state import SessionState
 from pa_console.tui.actions import ActionContext, ConsoleAction
 from pa_console.tui.kept_input import History
-from pa_console.tui.protocols import Clock, JoinedTo, LiveStation
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.screens.recording import RecordingScreen
+from pa_console.tui.surroundings import Clock, JoinedTo, LiveStation
 
 
 class ConsoleSession:

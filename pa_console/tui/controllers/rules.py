@@ -7,8 +7,8 @@ from pa_console.policy.retriever import Retriever
 from pa_console.schema.events import event as ev
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.kept_input import Drafts
-from pa_console.tui.protocols import InForce, ShownRules
 from pa_console.tui.screens.rule_rows import Workbench
+from pa_console.tui.surroundings import InForce, ShownRules
 
 if TYPE_CHECKING:
     from pa_console.tui.screens.policies import PolicyScreen

@@ -10,9 +10,9 @@ from pa_console.observability import Observer, unobserved
 from pa_console.schema.events.event import Event
 from pa_console.tui.actions import ActionContext
 from pa_console.tui.controllers.console_session import ConsoleSession
-from pa_console.tui.protocols import LiveStation
 from pa_console.tui.refresh import ALL_VIEWS, FRAME_S, is_open, views_of
 from pa_console.tui.screens.main import MainScreen
+from pa_console.tui.surroundings import LiveStation
 from pa_console.views.waiting import Waiting
 
 LOOK_S = 1.0

@@ -11,11 +11,11 @@ from textual.widgets import Label, Static
 from pa_console.schema.text import clock_text, count
 from pa_console.session.log.chain import LogError
 from pa_console.session.recording import Player, Recording
-from pa_console.tui.protocols import Clock
 from pa_console.tui.recordings import OpenedLog
 from pa_console.tui.rows import Row, row
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.status_words import BAD, GOOD, NOTE, QUIET, WARN
+from pa_console.tui.surroundings import Clock
 from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.row_views import TextRows

@@ -16,13 +16,13 @@ from textual.widgets import Input, Select, Static
 from pa_console.evaluation.run_record import RUNS, RunRecord, read_runs
 from pa_console.evaluation.statistics import Table
 from pa_console.session.recording import Player
-from pa_console.tui.protocols import Clock
 from pa_console.tui.recordings import PlayableLog, log_of_run, open_log
 from pa_console.tui.refresh import is_open
 from pa_console.tui.rows import layout, row
 from pa_console.tui.screens.dialogs import AskFolder, open_beside
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.status_words import WARN
+from pa_console.tui.surroundings import Clock
 from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.evaluation_runs import (
     KINDS,

@@ -18,7 +18,6 @@ from pa_console.policy.authoring.rule_save import OpenRule, RulesChangedError
 from pa_console.policy.retriever import Retriever
 from pa_console.schema.document import DocumentError
 from pa_console.schema.rule import PRIORITIES, Rule, RuleHit, approvals_in_words
-from pa_console.tui.protocols import ShownRules
 from pa_console.tui.rows import row
 from pa_console.tui.screens.dialogs import Confirm
 from pa_console.tui.screens.rule_editor import RuleEditor
@@ -30,6 +29,7 @@ from pa_console.tui.screens.rule_rows import (
     use_rows,
 )
 from pa_console.tui.status_words import NOTE, QUIET
+from pa_console.tui.surroundings import ShownRules
 from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.row_views import TextRows

@@ -18,10 +18,10 @@ from pa_console.session.state import SessionState
 from pa_console.session.timeline import MARK_KINDS, MarkKind
 from pa_console.tui.actions import ActionContext, ConsoleHost, refused_command
 from pa_console.tui.kept_input import History
-from pa_console.tui.protocols import Clock
 from pa_console.tui.refresh import ALL_VIEWS, FRAME_S, is_open, views_of
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.status_words import QUIET, term
+from pa_console.tui.surroundings import Clock
 from pa_console.tui.widgets.bars import Scrubber
 
 MISSIONS = frozenset[MarkKind](("mission",))

@@ -24,7 +24,6 @@ from pa_console.session.recording import Player
 from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.station.assembly import SessionSites
 from pa_console.tui.kept_input import export_folder, write_copy
-from pa_console.tui.protocols import Clock
 from pa_console.tui.recordings import (
     KnownWorld,
     OpenedLog,
@@ -37,6 +36,7 @@ from pa_console.tui.screens.compare import CompareScreen
 from pa_console.tui.screens.dialogs import open_beside
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.status_words import QUIET, WARN, term
+from pa_console.tui.surroundings import Clock
 from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.row_views import Cells, Layout, PointedRows, TextRows
 from pa_console.tui.widgets.trace_pane import trace_text

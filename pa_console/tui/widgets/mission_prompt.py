@@ -19,8 +19,8 @@ from textual.widgets.text_area import Selection
 
 from pa_console.tui.kept_input import History
 from pa_console.tui.order_templates import Completion, OrderNames, Slot, next_slot, slots
-from pa_console.tui.protocols import Clock
 from pa_console.tui.refresh import retitle
+from pa_console.tui.surroundings import Clock
 from pa_console.tui.widgets.fields import TextField
 
 ELSEWHERE = "Say in plain words what is to be done; / brings you here"
