@@ -153,7 +153,7 @@ async def test_a_verdict_comes_while_the_operator_reads_the_next_plan(rig: Rig) 
     recon = plan(("Drone_T04", "observe WestGate"))
     identify = plan(("Robot_T01", "identify WestGate"))
     engine = BusyEngine(plans=(recon, identify)).engine()
-    station = open_station(rig.site, engine, RealTimeClock(100.0))
+    station = open_station(rig.site, engine, RealTimeClock(20.0))
     approve = standing_approver("auto")
     given: asyncio.Task[None] | None = None
     next_plan: ev.ApprovalRequested | None = None
