@@ -195,6 +195,9 @@ def test_what_is_too_large_broken_or_unknown_is_a_problem_without_a_traceback(si
 
 
 def test_events_are_streamed_and_taken_up_after_the_last_id(site: Site) -> None:
+    waiting = site.waiting(ORDER)
+    site.ask("POST", "/v1/decisions", json=decision(waiting, "reject"))
+    site.ended(waiting["mission"]["id"])
     session = site.ask("GET", "/v1/state", "observer").json()["session"]
     whole = events(site, f"{session}.0", 12)
     assert [one["id"] for one in whole] == [f"{session}.{n}" for n in range(1, 13)]
