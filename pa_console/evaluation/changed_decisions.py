@@ -9,12 +9,12 @@ from typing import Literal
 
 from pa_console.mission.approval import CheckedPlan, OrderAsRead, inadmissible, request_approval
 from pa_console.mission.rehearse import order_moments
-from pa_console.policy.check_context import Sightings
 from pa_console.policy.core_rules import with_core
 from pa_console.policy.findings import ORDER_ID, STRUCTURE_ID
 from pa_console.policy.moments import moment
 from pa_console.policy.monitor import Monitor
 from pa_console.policy.rule_checks import check_mission, check_plan
+from pa_console.policy.rule_variables import Sightings
 from pa_console.policy.rulebook import Rulebook, compile_rule
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Finding

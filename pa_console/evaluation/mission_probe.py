@@ -20,9 +20,9 @@ from pa_console.evaluation.changed_decisions import (
     plan_flips,
 )
 from pa_console.mission.rehearse import rehearse
-from pa_console.policy.check_context import Sightings
 from pa_console.policy.monitor import Monitor
 from pa_console.policy.rule_checks import check_mission, check_plan
+from pa_console.policy.rule_variables import Sightings
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.evaluation import MissionCase

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from pa_console.mission.examine import assume_done
-from pa_console.policy.check_context import Sightings
 from pa_console.policy.findings import problems
 from pa_console.policy.monitor import Monitor
 from pa_console.policy.rule_checks import check_plan
+from pa_console.policy.rule_variables import Sightings
 from pa_console.policy.rulebook import CompiledRule, Rulebook
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Finding

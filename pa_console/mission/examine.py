@@ -12,11 +12,11 @@ from shapely import Point, Polygon
 from pa_console.fleets.fleet import Outlook
 from pa_console.language.exclusions import excluded_names
 from pa_console.mission.rehearse import order_moments, rehearse
-from pa_console.policy.check_context import goes_to
 from pa_console.policy.findings import ORDER_ID, problems
 from pa_console.policy.moments import moment
 from pa_console.policy.monitor import Monitor
 from pa_console.policy.rule_checks import prepare_checks
+from pa_console.policy.rule_variables import goes_to
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.finding import Finding

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from pa_console.mission.rehearse import device_commands
-from pa_console.policy.check_context import goes_to
+from pa_console.policy.rule_variables import goes_to
 from pa_console.schema.command import ENCOUNTERS, DeviceCommand
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Timeline

@@ -10,8 +10,8 @@ import shapely
 from shapely import LineString, Polygon
 
 from pa_console.fleets.fleet import Outlook
-from pa_console.policy.check_context import goes_to
 from pa_console.policy.moments import distinct, moment
+from pa_console.policy.rule_variables import goes_to
 from pa_console.schema.base import Point
 from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand
 from pa_console.schema.plan import Plan

@@ -4,7 +4,6 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple, Self
 
-from pa_console.policy.check_context import Sightings
 from pa_console.policy.expressions.deadlines import shared_deadline
 from pa_console.policy.findings import finding, undecided, violation
 from pa_console.policy.orderings import (
@@ -16,6 +15,7 @@ from pa_console.policy.orderings import (
     leave,
     subjects,
 )
+from pa_console.policy.rule_variables import Sightings
 from pa_console.policy.rulebook import CompiledOrdering, CompiledRule, Rulebook
 from pa_console.schema.finding import Finding
 from pa_console.schema.rehearsal import Moment

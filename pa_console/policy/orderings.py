@@ -6,7 +6,7 @@ it     with `each: track`, the track as schema/rehearsal.py TrackMoment; with `e
        {covered, lost}: whether it is known to be covered, and whether it is not but has been.
 id     the name of the track or gate.
 now    the moment: {time_s, tracks, covered, up, orders}; an order's `target` is '' for none.
-world  as for checks (policy/check_context.py).
+world  as for checks (policy/rule_variables.py).
 
 A workflow's expressions may use `it`, the track, with its `id` and `now`, and besides:
 
@@ -18,9 +18,9 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, Self
 
-from pa_console.policy.check_context import WORLD_SHAPE, world_variables
 from pa_console.policy.expressions.expression import Expression, make_context
 from pa_console.policy.expressions.fields import Fields, Shapes, flat, names_of
+from pa_console.policy.rule_variables import WORLD_SHAPE, world_variables
 from pa_console.policy.rulebook import CompiledWorkflow, Rulebook
 from pa_console.schema.rehearsal import Moment, TrackMoment
 from pa_console.schema.rule import Ordering, Phase, Workflow

@@ -11,7 +11,11 @@ from typing import Any, cast
 
 import cel
 
-from pa_console.policy.check_context import (
+from pa_console.policy.expressions.deadlines import shared_deadline
+from pa_console.policy.expressions.expression import make_context
+from pa_console.policy.findings import finding, undecided, violation
+from pa_console.policy.monitor import Monitor
+from pa_console.policy.rule_variables import (
     Sightings,
     Values,
     mission_variables,
@@ -19,10 +23,6 @@ from pa_console.policy.check_context import (
     plan_variables,
     reworded,
 )
-from pa_console.policy.expressions.deadlines import shared_deadline
-from pa_console.policy.expressions.expression import make_context
-from pa_console.policy.findings import finding, undecided, violation
-from pa_console.policy.monitor import Monitor
 from pa_console.policy.rulebook import CompiledRule, Rulebook
 from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission

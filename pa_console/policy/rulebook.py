@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from pa_console.policy.check_context import PLAN_SHAPES
 from pa_console.policy.expressions.deadlines import DEADLINE_S
 from pa_console.policy.expressions.expression import (
     MOMENT_VARIABLES,
@@ -16,6 +15,7 @@ from pa_console.policy.expressions.expression import (
 )
 from pa_console.policy.expressions.fields import Fields, united
 from pa_console.policy.rule_seal import seal_of
+from pa_console.policy.rule_variables import PLAN_SHAPES
 from pa_console.schema.command import Verb
 from pa_console.schema.document import Document, FieldPath
 from pa_console.schema.rule import Ordering, Rule, RuleSet, RulesSeal, Workflow

@@ -19,10 +19,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from pa_console.policy.check_context import WORLD_SHAPE, world_variables
 from pa_console.policy.expressions.deadlines import DEADLINE_S, shared_deadline
 from pa_console.policy.expressions.expression import SUBJECT_VARIABLES, Expression, make_context
 from pa_console.policy.expressions.fields import Record, Shapes, flat, names_of
+from pa_console.policy.rule_variables import WORLD_SHAPE, world_variables
 from pa_console.schema.base import StrictModel
 from pa_console.schema.mission import StandingOrder, SubjectKind
 from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Track

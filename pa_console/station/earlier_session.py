@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.policy.check_context import Sightings
+from pa_console.policy.rule_variables import Sightings
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Scenario

@@ -12,7 +12,7 @@ from pa_console.language.name_linking import named
 from pa_console.language.plain_words import plain_reading
 from pa_console.language.reading import asked_words, read_asked
 from pa_console.mission.examine import CheckBasis, Examination, examine
-from pa_console.policy.check_context import goes_to
+from pa_console.policy.rule_variables import goes_to
 from pa_console.schema.command import BUSY_TASKS, COMMANDS
 from pa_console.schema.events.intake import AnswerLine
 from pa_console.schema.plan import Action, Plan

@@ -8,11 +8,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pa_console.policy.authoring.examples import WORLD
-from pa_console.policy.check_context import (
+from pa_console.policy.expressions.expression import Expression, make_context
+from pa_console.policy.rule_variables import (
     PLAN_SHAPES,
     plan_variables,
 )
-from pa_console.policy.expressions.expression import Expression, make_context
 from pa_console.schema.mission import Mission
 from tests.policy.book import checkpoint_rules
 from tests.policy.situations import plans, rehearsals

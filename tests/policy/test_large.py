@@ -4,9 +4,9 @@ from datetime import UTC, datetime
 
 import pytest
 
-from pa_console.policy.check_context import plan_variables
 from pa_console.policy.expressions.expression import PLAN_VARIABLES
 from pa_console.policy.rule_checks import check_plan
+from pa_console.policy.rule_variables import plan_variables
 from pa_console.schema.mission import Mission
 from tests.policy.book import checkpoint_rules
 from tests.policy.large import large_plan, large_rehearsal, large_world

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pa_console.policy.authoring.examples import WORLD, example_plan, example_rehearsal, run_example
-from pa_console.policy.check_context import KEPT_S, Sighting, Sightings
 from pa_console.policy.monitor import Monitor
 from pa_console.policy.rule_checks import check_plan
+from pa_console.policy.rule_variables import KEPT_S, Sighting, Sightings
 from pa_console.policy.rulebook import load_rules
 from pa_console.schema.mission import Mission
 from pa_console.schema.rule import RuleExample

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from pa_console.language.facts import is_free, sole_covers
-from pa_console.policy.check_context import goes_to
+from pa_console.policy.rule_variables import goes_to
 from pa_console.schema.command import ENCOUNTERS, Verb
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Picture, Track

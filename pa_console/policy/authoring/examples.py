@@ -34,10 +34,10 @@ from typing import Any, cast
 
 from pydantic import TypeAdapter, ValidationError
 
-from pa_console.policy.check_context import Sighting, Sightings, goes_to
 from pa_console.policy.findings import finding
 from pa_console.policy.monitor import Monitor
 from pa_console.policy.rule_checks import check_rule
+from pa_console.policy.rule_variables import Sighting, Sightings, goes_to
 from pa_console.policy.rulebook import CompiledRule, Rulebook, compile_rule
 from pa_console.schema.base import Point
 from pa_console.schema.command import ADDRESSING

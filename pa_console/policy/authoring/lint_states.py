@@ -19,7 +19,7 @@ from pa_console.policy.authoring.examples import (
     example_rehearsal,
     example_sightings,
 )
-from pa_console.policy.check_context import Sighting, Sightings, goes_to
+from pa_console.policy.rule_variables import Sighting, Sightings, goes_to
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Action, Plan

@@ -157,7 +157,7 @@ PLAN_VARIABLES: frozenset[str] = frozenset(
     ("plan", "actions", "before", "after", "timeline", "tracks", "assets", "gates", "mission",
      "world", "sightings")
 )  # fmt: skip
-"""The variables of a guard or a check; `policy.check_context` describes them."""
+"""The variables of a guard or a check; `policy.rule_variables` describes them."""
 
 MOMENT_VARIABLES: frozenset[str] = frozenset(("now", "world"))
 SUBJECT_VARIABLES: frozenset[str] = MOMENT_VARIABLES | {"it", "id"}

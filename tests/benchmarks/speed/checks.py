@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from pa_console.mission.rehearse import rehearse
-from pa_console.policy.check_context import goes_to, plan_variables
 from pa_console.policy.expressions.expression import make_context
 from pa_console.policy.findings import finding, violation
 from pa_console.policy.rule_checks import check_plan
+from pa_console.policy.rule_variables import goes_to, plan_variables
 from pa_console.policy.rulebook import CompiledRule, Rulebook
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.finding import Finding

@@ -3,7 +3,7 @@
 import random
 from collections.abc import Iterator
 
-from pa_console.policy.check_context import goes_to
+from pa_console.policy.rule_variables import goes_to
 from pa_console.schema.incident import DegradeAsset, FailAsset, Incident, ObstructWay, SetComms
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Picture
