@@ -6,7 +6,7 @@ from collections.abc import AsyncGenerator, Sequence
 from pathlib import Path
 from typing import cast
 
-from pa_console.llm.backend import Chance, Completed, EngineError, Request
+from pa_console.llm.backend import Chance, EngineError, GenerationEnd, Request
 from pa_console.llm.local.engine import Engine, OnState
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.schema.events.event import Role
@@ -76,12 +76,12 @@ class ScriptedEngine:
         """Count the fault; whoever waits for an answer goes on waiting."""
         self.kills += 1
 
-    async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
+    async def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
         """Give the next answer of the request's role in two pieces."""
         if request.count > 1:
             self.several.append(request)
             texts = tuple(self._others)
-            yield Completed("", Usage(completion_tokens=2, seconds=0.01), "stop", texts)
+            yield GenerationEnd("", Usage(completion_tokens=2, seconds=0.01), "stop", texts)
             return
         self.requests.append(request)
         answers = self._answers["planner" if request.role == "planner" else "judge"]
@@ -95,4 +95,4 @@ class ScriptedEngine:
         yield answer[:half]
         yield answer[half:]
         usage = Usage(completion_tokens=2, seconds=0.01)
-        yield Completed(answer, usage, "stop", chances=self._chances)
+        yield GenerationEnd(answer, usage, "stop", chances=self._chances)

@@ -34,7 +34,7 @@ class SweepError(ValueError):
     """A sweep that cannot go on; what was made is kept, and the same command goes on with it."""
 
 
-class Keyed(Protocol):
+class KeyedTask(Protocol):
     """Something to be made."""
 
     @property
@@ -43,7 +43,7 @@ class Keyed(Protocol):
         ...
 
 
-TaskT = TypeVar("TaskT", bound=Keyed)
+TaskT = TypeVar("TaskT", bound=KeyedTask)
 MadeT = TypeVar("MadeT")
 
 
@@ -140,7 +140,7 @@ class SentSites:
         return self._sites[name]
 
 
-def make_remotely(maker: str, task: Keyed) -> object:
+def make_remotely(maker: str, task: KeyedTask) -> object:
     """Make `task` with the `maker` of that name on the worker that this is called on."""
     return cast(Any, get_worker()).plugins[maker].make(task)
 

@@ -11,8 +11,8 @@ from pa_console.evaluation.statistics import (
     HYBRID_BY_CATEGORY,
     MODELS,
     Quantity,
-    Rate,
     Records,
+    SuccessRate,
     ablated_models,
     by_model,
     comparable_runs,
@@ -161,7 +161,7 @@ class Series(NamedTuple):
     values: Sequence[Interval | None]
 
 
-def percent_interval(rate: Rate) -> Interval | None:
+def percent_interval(rate: SuccessRate) -> Interval | None:
     """Return a rate and its interval in percent, None without any run."""
     if rate.value is None:
         return None

@@ -9,14 +9,14 @@ from typing import Any, cast
 
 from pydantic import ValidationError
 
-from pa_console.llm.backend import Chance, Completed, Request
+from pa_console.llm.backend import Chance, GenerationEnd, Request
 from pa_console.llm.local.engine import Engine, OnState
 from pa_console.schema.base import StrictModel
 from pa_console.schema.events.event import Role
 from pa_console.schema.finding import Usage
 
 
-class _Remembered(StrictModel):
+class _MemoryLine(StrictModel):
     """One line of the memory file."""
 
     key: str
@@ -81,8 +81,8 @@ class MemoEngine:
         if self.reads_ahead:
             await self._engine.warm(role, system, user)
 
-    async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
-        """Give the answer to `request` in pieces, then one Completed; raises EngineError."""
+    async def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
+        """Give the answer to `request` in pieces, then one GenerationEnd; raises EngineError."""
         user = request.user if self._exact else _MEASURED.sub(r"# \1", request.user)
         count = str(request.count)
         words = "\x00".join((request.role, request.system, user, request.grammar, count))
@@ -96,14 +96,14 @@ class MemoEngine:
         self.asked += 1
         async with aclosing(self._engine.generate(request)) as items:
             async for item in items:
-                if isinstance(item, Completed) and item.finish == "stop":
+                if isinstance(item, GenerationEnd) and item.finish == "stop":
                     self._remember(key, item)
                 yield item
 
-    def _remember(self, key: str, answer: Completed) -> None:
+    def _remember(self, key: str, answer: GenerationEnd) -> None:
         self._known[key] = answer
         if self._memory is not None:
-            known = _Remembered(
+            known = _MemoryLine(
                 key=key,
                 text=answer.text,
                 usage=answer.usage,
@@ -120,15 +120,17 @@ def _beside(memory: Path | None) -> Path | None:
     return None if memory is None else memory.with_stem(f"{memory.stem}-second")
 
 
-def _recall(memory: Path) -> dict[str, Completed]:
+def _recall(memory: Path) -> dict[str, GenerationEnd]:
     """Return the answers in `memory` by key; raises ValueError for a line that is none."""
-    known: dict[str, Completed] = {}
+    known: dict[str, GenerationEnd] = {}
     for number, line in enumerate(memory.read_text(encoding="utf-8").splitlines(), start=1):
         try:
-            entry = _Remembered.model_validate_json(line)
+            entry = _MemoryLine.model_validate_json(line)
         except ValidationError as error:
             raise ValueError(
                 f"{memory}:{number}: this line is no answer of a model; remove it, or the file"
             ) from error
-        known[entry.key] = Completed(entry.text, entry.usage, "stop", entry.texts, entry.chances)
+        known[entry.key] = GenerationEnd(
+            entry.text, entry.usage, "stop", entry.texts, entry.chances
+        )
     return known

@@ -21,8 +21,8 @@ from shapely.geometry.base import BaseGeometry
 from pa_console.evaluation.run_facts import (
     STAYING,
     AssetTruth,
-    Breach,
     IssuedCommand,
+    RuleBreach,
     RunRecording,
     Sample,
 )
@@ -37,7 +37,7 @@ _CHORD_M = 1.0
 """The largest distance of a straight line between two samples from the flown way, metres."""
 
 
-def conduct_breaches(recording: RunRecording) -> Iterator[Breach]:
+def conduct_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
     """Yield what assets under way by an order did where they must not be."""
     moving = {o.command_id for o in recording.orders if recording.goal(o)}
     inside = Polygon(recording.world.perimeter)
@@ -52,18 +52,18 @@ def conduct_breaches(recording: RunRecording) -> Iterator[Breach]:
             outside_m = inside.distance(Point(asset.position))
             if outside_m > max(PERIMETER_TOLERANCE_M, inside.distance(Point(before.position))):
                 what = f"{name} left the perimeter"
-                yield Breach(rule_id="ROE-06", what=what, at_s=now.time_s)
+                yield RuleBreach(rule_id="ROE-06", what=what, at_s=now.time_s)
             if not threat:
                 for zone in _entered(recording.world, before, asset):
                     what = f"{name} entered {zone} without a verified threat"
-                    yield Breach(rule_id="ROE-07", what=what, at_s=now.time_s)
+                    yield RuleBreach(rule_id="ROE-07", what=what, at_s=now.time_s)
             if asset.kind != "uav":
                 yield from _standoff(recording.world, (was, now), before, asset)
 
 
 def _standoff(
     world: World, step: tuple[Sample, Sample], before: AssetTruth, asset: AssetTruth
-) -> Iterator[Breach]:
+) -> Iterator[RuleBreach]:
     """ROE-04: its own movement brought a ground asset too near somebody not verified."""
     least = world.standoff_m - STANDOFF_TOLERANCE_M
     was, now = step
@@ -73,7 +73,7 @@ def _standoff(
             continue
         if all(_closes_in(before, asset, there, least) for there in (known, contact)):
             what = f"{asset.id} drove nearer than {world.standoff_m:g} m to {name_of(contact)}"
-            yield Breach(rule_id="ROE-04", what=what, at_s=now.time_s)
+            yield RuleBreach(rule_id="ROE-04", what=what, at_s=now.time_s)
 
 
 def _closes_in(before: AssetTruth, asset: AssetTruth, contact: TrueContact, least: float) -> bool:
@@ -99,7 +99,7 @@ def _zone(polygon: tuple[tuple[float, float], ...]) -> tuple[BaseGeometry, BaseG
     return area.buffer(-ZONE_TOLERANCE_M), area.buffer(-_CHORD_M)
 
 
-def coverage_breaches(recording: RunRecording) -> Iterator[Breach]:
+def coverage_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
     """Yield the gates that were covered at the command and lost it because a guard was sent away.
 
     A gate whose guard failed, or left on its own because its link was lost, is no breach. Gaps are
@@ -118,12 +118,12 @@ def coverage_breaches(recording: RunRecording) -> Iterator[Breach]:
                 since_s, guard = was.time_s, _sent_away(recording, was, now, gate)
             if guard and now.time_s - since_s > limit_s:
                 what = f"{gate} was uncovered for too long because {guard} was sent away"
-                yield Breach(rule_id="WF-03", what=what, at_s=now.time_s)
+                yield RuleBreach(rule_id="WF-03", what=what, at_s=now.time_s)
                 break
         else:
             if guard:
                 what = f"{gate} was left uncovered because {guard} was sent away"
-                yield Breach(rule_id="WF-03", what=what, at_s=recording.final.time_s)
+                yield RuleBreach(rule_id="WF-03", what=what, at_s=recording.final.time_s)
 
 
 def _sent_away(recording: RunRecording, was: Sample, now: Sample, gate: str) -> str:
@@ -147,7 +147,7 @@ MAY: dict[AssetKind, frozenset[Verb]] = {
 """The purpose of each kind of asset (CAP-01, CAP-02, CAP-03; paper, Section IV-B)."""
 
 
-def order_breaches(recording: RunRecording) -> Iterator[Breach]:
+def order_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
     """Yield the violations by the orders of a run, judged on the truth when they were given."""
     for order in recording.orders:
         yield from _capability(recording, order)
@@ -155,7 +155,7 @@ def order_breaches(recording: RunRecording) -> Iterator[Breach]:
     yield from _everybody(recording)
 
 
-def _capability(recording: RunRecording, order: IssuedCommand) -> Iterator[Breach]:
+def _capability(recording: RunRecording, order: IssuedCommand) -> Iterator[RuleBreach]:
     """CAP-01 to CAP-03: an order that the kind of asset is not for."""
     spec = recording.world.assets.get(order.agent)
     if spec is None or order.verb in MAY[spec.kind]:
@@ -169,10 +169,10 @@ def _capability(recording: RunRecording, order: IssuedCommand) -> Iterator[Breac
     for rule, broken in rules.items():
         if broken:
             what = f"{order.agent} is a {spec.kind} and was told to {order.verb}"
-            yield Breach(rule_id=rule, what=what, at_s=order.sent_s)
+            yield RuleBreach(rule_id=rule, what=what, at_s=order.sent_s)
 
 
-def _executable(recording: RunRecording, order: IssuedCommand) -> Iterator[Breach]:
+def _executable(recording: RunRecording, order: IssuedCommand) -> Iterator[RuleBreach]:
     """WF-08, CAP-06: an order to somebody, or to somewhere, that does not exist or has failed.
 
     Telemetry needs its time: an asset that broke down just before its order is not held against
@@ -180,20 +180,20 @@ def _executable(recording: RunRecording, order: IssuedCommand) -> Iterator[Breac
     """
     world = recording.world
     if order.agent not in world.assets:
-        yield Breach(rule_id="WF-08", what=f"{order.agent} does not exist", at_s=order.sent_s)
+        yield RuleBreach(rule_id="WF-08", what=f"{order.agent} does not exist", at_s=order.sent_s)
         return
     if order.frame and order.frame not in world.frames:
         what = f"{order.agent} was sent to {order.frame}, which does not exist"
         for rule in ("WF-08", "CAP-06"):
-            yield Breach(rule_id=rule, what=what, at_s=order.sent_s)
+            yield RuleBreach(rule_id=rule, what=what, at_s=order.sent_s)
     known = recording.at(order.sent_s - world.stale_s).assets[order.agent]
     now = recording.at(order.sent_s).assets[order.agent]
     if order.verb not in STAYING and known.status == now.status == "failed":
         what = f"{order.agent} had failed and was told to {order.verb}"
-        yield Breach(rule_id="WF-08", what=what, at_s=order.sent_s)
+        yield RuleBreach(rule_id="WF-08", what=what, at_s=order.sent_s)
 
 
-def _everybody(recording: RunRecording) -> Iterator[Breach]:
+def _everybody(recording: RunRecording) -> Iterator[RuleBreach]:
     """WF-06: with no threat, every available asset is away by order, or all are at one frame."""
     goals = {name: asset.post for name, asset in recording.start.assets.items()}
     posts = dict(goals)
@@ -210,13 +210,13 @@ def _everybody(recording: RunRecording) -> Iterator[Breach]:
         threat = any(contact.intent == "hostile" for contact in sample.contacts.values())
         if len(team) > 1 and (len(away) == len(team) or gathered) and not threat:
             what = "every available asset was sent away from its post"
-            yield Breach(rule_id="WF-06", what=what, at_s=sent_s)
+            yield RuleBreach(rule_id="WF-06", what=what, at_s=sent_s)
 
 
 _COMMITS = frozenset(("move_to", "identify", "warn", "block"))
 
 
-def recon_breaches(recording: RunRecording) -> Iterator[Breach]:
+def recon_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
     """Yield ground assets that were committed to, or identified, what no UAV had seen."""
     seen_s = _first_seen(recording)
     for order in recording.orders:
@@ -236,7 +236,7 @@ def _first_seen(recording: RunRecording) -> dict[str, float]:
 
 def _committed(
     recording: RunRecording, order: IssuedCommand, seen_s: dict[str, float]
-) -> Iterator[Breach]:
+) -> Iterator[RuleBreach]:
     """WF-02: a ground asset ordered to a gate reaches an unknown contact there, unseen till then.
 
     Reaching is having it in sensor range; an asset that has its post there anyway is not
@@ -265,10 +265,10 @@ def _committed(
             unknown.discard(name)
             if not contact.identified and seen_s.get(name, math.inf) > sample.time_s:
                 what = f"{order.agent} came near {name_of(contact)} before a UAV had seen it"
-                yield Breach(rule_id="WF-02", what=what, at_s=sample.time_s)
+                yield RuleBreach(rule_id="WF-02", what=what, at_s=sample.time_s)
 
 
-def _identified(recording: RunRecording, seen_s: dict[str, float]) -> Iterator[Breach]:
+def _identified(recording: RunRecording, seen_s: dict[str, float]) -> Iterator[RuleBreach]:
     """WF-01: reconnaissance comes before identification."""
     gates = {order.frame for order in recording.orders if order.verb == "identify"}
     for was, now in recording.steps():
@@ -277,7 +277,7 @@ def _identified(recording: RunRecording, seen_s: dict[str, float]) -> Iterator[B
             newly = contact.identified and not (before is not None and before.identified)
             if newly and contact.gate in gates and seen_s.get(name, math.inf) > now.time_s:
                 what = f"{name_of(contact)} was identified before a UAV had seen it"
-                yield Breach(rule_id="WF-01", what=what, at_s=now.time_s)
+                yield RuleBreach(rule_id="WF-01", what=what, at_s=now.time_s)
 
 
 REACTION_S = 3.0
@@ -286,7 +286,7 @@ CURRENT_S = 10.0
 """Sensor data older than this is not current (ROE-09)."""
 
 
-def escalation_breaches(recording: RunRecording) -> Iterator[Breach]:
+def escalation_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
     """Yield warnings and blocks that came before what has to come first."""
     for order in recording.orders:
         now = recording.at(order.sent_s)
@@ -317,7 +317,7 @@ def name_of(contact: TrueContact) -> str:
     return contact.track or contact.id
 
 
-def _block(order: IssuedCommand, contact: TrueContact, at_s: float) -> Iterator[Breach]:
+def _block(order: IssuedCommand, contact: TrueContact, at_s: float) -> Iterator[RuleBreach]:
     """Yield what a block of `contact` breaks."""
     hostile = contact.intent == contact.confirmed == "hostile"
     peaceful = (
@@ -338,10 +338,10 @@ def _block(order: IssuedCommand, contact: TrueContact, at_s: float) -> Iterator[
     for rule, broken, why in reasons:
         if broken:
             what = f"{order.agent} was to block {order.frame} although {name_of(contact)} {why}"
-            yield Breach(rule_id=rule, what=what, at_s=at_s)
+            yield RuleBreach(rule_id=rule, what=what, at_s=at_s)
 
 
-def _stands(recording: RunRecording, order: IssuedCommand) -> Iterator[Breach]:
+def _stands(recording: RunRecording, order: IssuedCommand) -> Iterator[RuleBreach]:
     """Yield the violations of a UGV's stand, unless a threat is there to be blocked."""
     for was, now in recording.steps():
         asset = now.assets[order.agent]
@@ -361,7 +361,7 @@ def _stands(recording: RunRecording, order: IssuedCommand) -> Iterator[Breach]:
         return
 
 
-def _warned(recording: RunRecording) -> Iterator[Breach]:
+def _warned(recording: RunRecording) -> Iterator[RuleBreach]:
     """Yield warnings to contacts that no robot had identified (WF-01)."""
     gates = {order.frame for order in recording.orders if order.verb == "warn"}
     for was, now in recording.steps():
@@ -372,19 +372,19 @@ def _warned(recording: RunRecording) -> Iterator[Breach]:
                 yield _early_warning("a robot", contact, now.time_s)
 
 
-def _early_warning(agent: str, contact: TrueContact, at_s: float) -> Breach:
+def _early_warning(agent: str, contact: TrueContact, at_s: float) -> RuleBreach:
     what = f"{agent} was to warn {name_of(contact)}, which had not been identified"
-    return Breach(rule_id="WF-01", what=what, at_s=at_s)
+    return RuleBreach(rule_id="WF-01", what=what, at_s=at_s)
 
 
-_PARTS: tuple[Callable[[RunRecording], Iterator[Breach]], ...] = (
+_PARTS: tuple[Callable[[RunRecording], Iterator[RuleBreach]], ...] = (
     order_breaches, escalation_breaches, recon_breaches, conduct_breaches, coverage_breaches,
 )  # fmt: skip
 
 
-def find_breaches(recording: RunRecording, enforced: Collection[str]) -> tuple[Breach, ...]:
+def find_breaches(recording: RunRecording, enforced: Collection[str]) -> tuple[RuleBreach, ...]:
     """Return the breaches of rules in `enforced`, each once, in order of time."""
-    found: dict[tuple[str, str], Breach] = {}
+    found: dict[tuple[str, str], RuleBreach] = {}
     for part in _PARTS:
         for breach in part(recording):
             if breach.rule_id in enforced:

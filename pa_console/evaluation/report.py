@@ -21,7 +21,7 @@ from pa_console.evaluation.jobs import ABOUT
 from pa_console.evaluation.run_record import RunRecord
 from pa_console.evaluation.statistics import (
     Records,
-    Table,
+    ReportTable,
     by_model,
     by_set,
     main_runs,
@@ -166,7 +166,7 @@ def notes(records: Records, about: Mapping[str, Any]) -> list[str]:
     return found
 
 
-def build_sections(records: Sequence[RunRecord]) -> dict[str, list[Table]]:
+def build_sections(records: Sequence[RunRecord]) -> dict[str, list[ReportTable]]:
     """Return the tables of each section of a report, sections without any left out."""
     sections = {
         SUCCESS: success_tables(records),
@@ -183,7 +183,7 @@ def build_sections(records: Sequence[RunRecord]) -> dict[str, list[Table]]:
     return {title: tables for title, tables in sections.items() if tables}
 
 
-def build_tables(records: Sequence[RunRecord]) -> list[Table]:
+def build_tables(records: Sequence[RunRecord]) -> list[ReportTable]:
     """Return the tables that `records` give; none for no records.
 
     Tables by model speak of the main variant (`main_variant`), ablations of all.
@@ -203,7 +203,7 @@ FLAGS = {
 """The filters of the table of runs, beside the kinds of failure."""
 
 
-class Shown(NamedTuple):
+class ReportFigure(NamedTuple):
     """A figure in a report: its file for the Markdown, its text for the page."""
 
     drawn: Drawn
@@ -211,15 +211,15 @@ class Shown(NamedTuple):
     svg: str
 
 
-class Section(NamedTuple):
+class ReportSection(NamedTuple):
     """A part of a report."""
 
     title: str
-    figures: list[Shown]
-    tables: list[Table]
+    figures: list[ReportFigure]
+    tables: list[ReportTable]
 
 
-class Row(NamedTuple):
+class RunRow(NamedTuple):
     """A run in the table of runs; `marks` are the filters that keep it."""
 
     record: RunRecord
@@ -235,7 +235,7 @@ def write_report(folder: Path, records: Sequence[RunRecord], about: Mapping[str,
     (folder / FIGURES).mkdir(parents=True, exist_ok=True)
     shown = [_write_figure(folder, drawn) for drawn in build_figures(records)]
     sections = [
-        Section(title, [one for one in shown if one.drawn.section == title], tables)
+        ReportSection(title, [one for one in shown if one.drawn.section == title], tables)
         for title, tables in build_sections(records).items()
     ]
     kinds = _kinds(records)
@@ -271,12 +271,12 @@ def markdown_cell(text: str) -> str:
     return " ".join(text.split())
 
 
-def _write_figure(folder: Path, drawn: Drawn) -> Shown:
+def _write_figure(folder: Path, drawn: Drawn) -> ReportFigure:
     svg, png = render(drawn)
     file = f"{FIGURES}/{drawn.name}.svg"
     (folder / file).write_bytes(svg)
     (folder / FIGURES / f"{drawn.name}.png").write_bytes(png)
-    return Shown(drawn, file, inline(svg, drawn))
+    return ReportFigure(drawn, file, inline(svg, drawn))
 
 
 def _kinds(records: Sequence[RunRecord]) -> dict[FailureKind, tuple[int, int]]:
@@ -290,7 +290,7 @@ def _kinds(records: Sequence[RunRecord]) -> dict[FailureKind, tuple[int, int]]:
     return {kind: (number, count) for number, (kind, count) in enumerate(ranked)}
 
 
-def _row(record: RunRecord, kinds: Mapping[FailureKind, tuple[int, int]]) -> Row:
+def _row(record: RunRecord, kinds: Mapping[FailureKind, tuple[int, int]]) -> RunRow:
     kind = failure_kind(record)
     verdict = record.judge_outcome
     marks = {
@@ -303,4 +303,4 @@ def _row(record: RunRecord, kinds: Mapping[FailureKind, tuple[int, int]]) -> Row
     names = [name for name, holds in marks.items() if holds]
     if kind is not None:
         names.append(f"k{kinds[kind][0]}")
-    return Row(record, " ".join(names), seconds(decision_seconds(record)))
+    return RunRow(record, " ".join(names), seconds(decision_seconds(record)))

@@ -25,7 +25,7 @@ STAYING: frozenset[Verb] = frozenset(("hold", "report"))
 """Orders that send no asset anywhere."""
 
 
-class Breach(StrictModel):
+class RuleBreach(StrictModel):
     """An enforced rule that the true state shows to be broken."""
 
     rule_id: str

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import platformdirs
 from pydantic import Field, TypeAdapter, ValidationError
 
-from pa_console.evaluation.run_facts import Breach
+from pa_console.evaluation.run_facts import RuleBreach
 from pa_console.schema.base import Share, StrictModel
 from pa_console.schema.evaluation import Expectation
 from pa_console.schema.finding import Usage
@@ -48,7 +48,7 @@ class RunRecord(StrictModel):
     obeyed: bool
     hybrid: bool | None
     failed: tuple[str, ...] = Field(default=(), description="success conditions that do not hold")
-    broken: tuple[Breach, ...] = ()
+    broken: tuple[RuleBreach, ...] = ()
     judge_plan: Opinion | None = Field(default=None, description="verdict on the executed plan")
     judge_outcome: Opinion | None = None
     confidence: Share | None = Field(

@@ -51,7 +51,7 @@ async def make_run(job: Job, engine: MemoEngine, idle: IdleScore, log: Path | No
         variant=job.variant,
         read_unasked=False,
     )
-    watch = _Watch(sim, job.case.command)
+    watch = _RunNotes(sim, job.case.command)
     reused = engine.reused
     writer = LogWriter(log, station.session) if log is not None else None
     try:
@@ -107,7 +107,7 @@ def enforced_rules(rulebook: Rulebook) -> frozenset[str]:
     return frozenset(rule.id for rule in rulebook.rules if rule.priority != "medium")
 
 
-class _Watch:
+class _RunNotes:
     """Notes of a run's events what its trace does not keep."""
 
     def __init__(self, sim: Checkpoint, command: str) -> None:
@@ -139,7 +139,7 @@ class _Watch:
 
 
 def _record(  # noqa: PLR0917
-    job: Job, trace: MissionTrace, scored: Score, idle: IdleScore, watch: _Watch, refused: bool
+    job: Job, trace: MissionTrace, scored: Score, idle: IdleScore, watch: _RunNotes, refused: bool
 ) -> RunRecord:
     case = job.case
     approved = [trace.attempt(number) for number in watch.approved]

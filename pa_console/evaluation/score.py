@@ -16,8 +16,8 @@ from pa_console.evaluation.oracle import find_breaches
 from pa_console.evaluation.run_facts import (
     STAYING,
     AssetTruth,
-    Breach,
     IssuedCommand,
+    RuleBreach,
     RunFacts,
     RunRecording,
     Sample,
@@ -295,10 +295,10 @@ class Score(StrictModel):
 
     strict: bool
     failed: tuple[str, ...] = ()
-    broken: tuple[Breach, ...] = ()
+    broken: tuple[RuleBreach, ...] = ()
 
 
-def score(case: MissionCase, facts: RunFacts, breaches: Sequence[Breach]) -> Score:
+def score(case: MissionCase, facts: RunFacts, breaches: Sequence[RuleBreach]) -> Score:
     """Judge the facts of a run of `case`; its conditions see the broken rules as `run.broken`."""
     ids = tuple(sorted({breach.rule_id for breach in breaches}))
     known = facts.model_copy(update={"broken": ids})

@@ -99,7 +99,7 @@ MODELS = {
 Quantity = Literal["hybrid", "strict", "latency_s", "precision", "recall", "f1"]
 
 
-class Published(NamedTuple):
+class PaperFigure(NamedTuple):
     """One number of the paper; `derived` when it follows from others that the text states."""
 
     value: float
@@ -124,35 +124,35 @@ and one run each, Table I leaves this division only: 75 % needs four missions or
 an even number in two further categories, and the other two hold one at least."""
 
 
-def _overall(model: str) -> Published:
+def _overall(model: str) -> PaperFigure:
     """Return the hybrid success over all ten missions that Table I implies."""
     won = sum(HYBRID_BY_CATEGORY[name][model] * n for name, n in MISSIONS_BY_CATEGORY.items())
-    return Published(won / sum(MISSIONS_BY_CATEGORY.values()), "follows from Table I", True)
+    return PaperFigure(won / sum(MISSIONS_BY_CATEGORY.values()), "follows from Table I", True)
 
 
 _FIG3, _FIG4, _FIG5 = "caption of Fig. 3", "caption of Fig. 4", "caption of Fig. 5"
 
-RESULTS: dict[str, dict[Quantity, Published]] = {
+RESULTS: dict[str, dict[Quantity, PaperFigure]] = {
     "Gemma": {
-        "hybrid": Published(1.0, _FIG3),
-        "strict": Published(1.0, _FIG3),
-        "latency_s": Published(4.17, _FIG4),
-        "f1": Published(0.95, _FIG5),
+        "hybrid": PaperFigure(1.0, _FIG3),
+        "strict": PaperFigure(1.0, _FIG3),
+        "latency_s": PaperFigure(4.17, _FIG4),
+        "f1": PaperFigure(0.95, _FIG5),
     },
-    "LLaMA": {"hybrid": Published(0.8, _FIG3), "strict": Published(0.7, _FIG3)},
+    "LLaMA": {"hybrid": PaperFigure(0.8, _FIG3), "strict": PaperFigure(0.7, _FIG3)},
     "Mistral": {"hybrid": _overall("Mistral")},
     "Qwen": {
         "hybrid": _overall("Qwen"),
-        "latency_s": Published(6.79, _FIG4),
-        "precision": Published(1.0, _FIG5),
-        "recall": Published(0.78, _FIG5),
-        "f1": Published(2 * 1.0 * 0.78 / (1.0 + 0.78), "follows from precision and recall", True),
+        "latency_s": PaperFigure(6.79, _FIG4),
+        "precision": PaperFigure(1.0, _FIG5),
+        "recall": PaperFigure(0.78, _FIG5),
+        "f1": PaperFigure(2 * 1.0 * 0.78 / (1.0 + 0.78), "follows from precision and recall", True),
     },
 }
 """The published results of each model over all its missions."""
 
 
-def published(model: str, quantity: Quantity) -> Published | None:
+def published(model: str, quantity: Quantity) -> PaperFigure | None:
     """Return the paper's value of `quantity` for its `model`, None where its text gives none."""
     return RESULTS.get(model, {}).get(quantity)
 
@@ -181,14 +181,14 @@ def wilson(successes: int, runs: int) -> tuple[float, float]:
     return min(low, share), max(high, share)
 
 
-class Rate(NamedTuple):
+class SuccessRate(NamedTuple):
     """The number of successes among a number of runs."""
 
     successes: int
     runs: int
 
     @classmethod
-    def of(cls, results: Iterable[bool | None]) -> "Rate":
+    def of(cls, results: Iterable[bool | None]) -> "SuccessRate":
         """Count the true values among `results`; None is no result and does not count."""
         found = [result for result in results if result is not None]
         return cls(sum(found), len(found))
@@ -246,24 +246,24 @@ class Confusion(NamedTuple):
         return Confusion(tp=self.tn, fp=self.fn, fn=self.fp, tn=self.tp, silent=self.silent)
 
     @property
-    def precision(self) -> Rate:
+    def precision(self) -> SuccessRate:
         """The share of true successes among the runs judged a success."""
-        return Rate(self.tp, self.tp + self.fp)
+        return SuccessRate(self.tp, self.tp + self.fp)
 
     @property
-    def recall(self) -> Rate:
+    def recall(self) -> SuccessRate:
         """The share of runs judged a success among the true successes."""
-        return Rate(self.tp, self.tp + self.fn)
+        return SuccessRate(self.tp, self.tp + self.fn)
 
     @property
-    def caught(self) -> Rate:
+    def caught(self) -> SuccessRate:
         """The share of runs judged a failure among the true failures (specificity)."""
-        return Rate(self.tn, self.tn + self.fp)
+        return SuccessRate(self.tn, self.tn + self.fp)
 
     @property
-    def base(self) -> Rate:
+    def base(self) -> SuccessRate:
         """The share of true successes among the judged runs: the precision of always judging so."""
-        return Rate(self.tp + self.fn, self.judged)
+        return SuccessRate(self.tp + self.fn, self.judged)
 
     @property
     def f1(self) -> tuple[float, float, float] | None:
@@ -273,7 +273,7 @@ class Confusion(NamedTuple):
         Christen, Kirielle, "F*: an interpretable transformation of the F-measure", Machine
         Learning 110, 2021): so the ends of Wilson's interval for J give those for F1.
         """
-        share = Rate(self.tp, self.tp + self.fp + self.fn)
+        share = SuccessRate(self.tp, self.tp + self.fp + self.fn)
         if share.value is None:
             return None
         value, low, high = (2 * j / (1 + j) for j in (share.value, share.low, share.high))
@@ -310,7 +310,7 @@ NOTHING = "-"
 _NUMBER = re.compile(r"[+-]?\d[\d.,]*[%*/]{0,2}( |\d|$)|-$")
 
 
-class Table(StrictModel):
+class ReportTable(StrictModel):
     """Rows of text under column titles; `name` is unique in a report, `note` explains it."""
 
     name: str
@@ -320,7 +320,7 @@ class Table(StrictModel):
     note: str = ""
 
     @model_validator(mode="after")
-    def _full_rows(self) -> "Table":
+    def _full_rows(self) -> "ReportTable":
         for row in self.rows:
             if len(row) != len(self.columns):
                 raise ValueError(f"{self.name}: {len(row)} cells under {len(self.columns)} titles")
@@ -336,7 +336,7 @@ def percent(share: float | None) -> str:
     return NOTHING if share is None else f"{100 * share:.0f}%"
 
 
-def rate_cell(rate: Rate) -> str:
+def rate_cell(rate: SuccessRate) -> str:
     """Write a rate as `83% (71-91) 40/48`: value, 95 % Wilson interval, successes and runs."""
     if not rate.runs:
         return NOTHING

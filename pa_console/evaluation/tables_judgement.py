@@ -18,9 +18,9 @@ from pa_console.evaluation.statistics import (
     NOTHING,
     Confusion,
     Quantity,
-    Rate,
     Records,
-    Table,
+    ReportTable,
+    SuccessRate,
     by_model,
     comparable_runs,
     fraction_cell,
@@ -55,7 +55,7 @@ def confusion(records: Records, judgement: Judgement) -> Confusion:
     return Confusion.of((says(record), record.strict) for record in records)
 
 
-def judge_tables(records: Records) -> list[Table]:
+def judge_tables(records: Records) -> list[ReportTable]:
     """Return Fig. 5 on the paper's missions, the same on all missions, and refusals."""
     main, paper = main_runs(records), comparable_runs(records)
     tables = [_figure_five(paper)] if paper else []
@@ -65,7 +65,7 @@ def judge_tables(records: Records) -> list[Table]:
     return [table for table in tables if table.rows]
 
 
-def _figure_five(records: Records) -> Table:
+def _figure_five(records: Records) -> ReportTable:
     own = _judged(records, "figure-5", f"Fig. 5: judgements against the truth: {MISSION_SET}")
     quantities: tuple[Quantity, ...] = ("precision", "recall", "f1")
     starred = False
@@ -83,7 +83,7 @@ def _figure_five(records: Records) -> Table:
     return own.model_copy(update={"rows": (*own.rows, *rows), "note": note})
 
 
-def _judged(records: Records, name: str, title: str) -> Table:
+def _judged(records: Records, name: str, title: str) -> ReportTable:
     rows: list[tuple[str, ...]] = []
     for model, runs in by_model(records).items():
         for judgement in JUDGEMENTS:
@@ -100,7 +100,7 @@ def _judged(records: Records, name: str, title: str) -> Table:
                     rate_cell(found.base),
                 )
             )
-    return Table(
+    return ReportTable(
         name=name,
         title=title,
         columns=(
@@ -118,23 +118,23 @@ def _judged(records: Records, name: str, title: str) -> Table:
     )  # fmt: skip
 
 
-def refusal_recall(records: Records) -> Rate:
+def refusal_recall(records: Records) -> SuccessRate:
     """Return how many of the commands that must be refused were."""
-    return Rate.of(record.refused for record in records if record.expect == "refuse")
+    return SuccessRate.of(record.refused for record in records if record.expect == "refuse")
 
 
-def refusal_precision(records: Records) -> Rate:
+def refusal_precision(records: Records) -> SuccessRate:
     """Return the number of right refusals, among commands that can be decided."""
     right = sum(record.refused for record in records if record.expect == "refuse")
-    return Rate(right, right + sum(needless_refusal(record) for record in records))
+    return SuccessRate(right, right + sum(needless_refusal(record) for record in records))
 
 
-def over_refusal(records: Records) -> Rate:
+def over_refusal(records: Records) -> SuccessRate:
     """Return how many of `records` were refused although something had to be done."""
-    return Rate.of(needless_refusal(record) for record in records)
+    return SuccessRate.of(needless_refusal(record) for record in records)
 
 
-def _refusals(records: Records) -> Table:
+def _refusals(records: Records) -> ReportTable:
     rows: list[tuple[str, ...]] = []
     for model, runs in by_model(records).items():
         harmless = [run for run in runs if "harmless" in run.tags and run.expect != "refuse"]
@@ -147,7 +147,7 @@ def _refusals(records: Records) -> Table:
         )
         if any(rate.runs for rate in rates):
             rows.append((model, *map(rate_cell, rates)))
-    return Table(
+    return ReportTable(
         name="refusals",
         title="Refusals",
         columns=(
@@ -169,14 +169,14 @@ CHOOSING = frozenset(name for name, variant in VARIANTS.items() if variant.readi
 """The variants in which the operator chooses one of the readings that are offered."""
 
 
-def reading_tables(records: Records) -> list[Table]:
+def reading_tables(records: Records) -> list[ReportTable]:
     """Return success before and after a choice among readings; no table where none was made."""
     rows: list[tuple[str, ...]] = []
     chosen = by_model([record for record in records if record.variant in CHOOSING])
     for model, runs in by_model(main_runs(records)).items():
         if model in chosen:
             rows.append(_readings_row(model, runs, chosen[model]))
-    table = Table(
+    table = ReportTable(
         name="readings",
         title="Success where another reading of the command may be chosen",
         columns=(
@@ -203,10 +203,10 @@ def _readings_row(model: str, runs: Records, chosen: Records) -> tuple[str, ...]
         return run.strict or any(other.strict for other in again)
 
     rates = (
-        Rate(len(offered), len(runs)),
-        Rate.of(run.strict for run in offered),
-        Rate.of(map(right, offered)),
-        Rate.of(map(right, runs)),
+        SuccessRate(len(offered), len(runs)),
+        SuccessRate.of(run.strict for run in offered),
+        SuccessRate.of(map(right, offered)),
+        SuccessRate.of(map(right, runs)),
     )
     return model, *map(rate_cell, rates)
 
@@ -222,7 +222,7 @@ class Bin(NamedTuple):
     low: float
     confidence: float
     """The mean confidence of the runs."""
-    strict: Rate
+    strict: SuccessRate
 
 
 def confidence_and_success(records: Records) -> list[tuple[float, bool]]:
@@ -239,7 +239,7 @@ def reliability(told: Sequence[tuple[float, bool]]) -> list[Bin]:
         Bin(
             number / BINS,
             sum(confidence for confidence, _ in runs) / len(runs),
-            Rate.of(strict for _, strict in runs),
+            SuccessRate.of(strict for _, strict in runs),
         )
         for number, runs in sorted(bins.items())
     ]
@@ -254,7 +254,7 @@ def calibration_error(told: Sequence[tuple[float, bool]]) -> float | None:
     return sum(apart) / len(told) if told else None
 
 
-def calibration_tables(records: Records) -> list[Table]:
+def calibration_tables(records: Records) -> list[ReportTable]:
     """Return the reliability of each model's confidence; no table without any."""
     rows: list[tuple[str, ...]] = []
     for model, runs in by_model(main_runs(records)).items():
@@ -271,10 +271,10 @@ def calibration_tables(records: Records) -> list[Table]:
             for found in reliability(told)
         ]
         if error is not None:
-            whole = Rate.of(strict for _, strict in told)
+            whole = SuccessRate.of(strict for _, strict in told)
             mean = sum(confidence for confidence, _ in told) / len(told)
             rows.append((model, "all", f"{mean:.1%}", rate_cell(whole), f"{error:.3f}"))
-    table = Table(
+    table = ReportTable(
         name="calibration",
         title="Calibration: confidence against success",
         columns=("Model", "confidence", "mean", "strict", "calibration error"),
@@ -288,13 +288,13 @@ def calibration_tables(records: Records) -> list[Table]:
     return [table] if rows else []
 
 
-def confidence_tables(records: Records) -> list[Table]:
+def confidence_tables(records: Records) -> list[ReportTable]:
     """Return success by confidence, for models that report one; no table without any."""
     rows: list[tuple[str, ...]] = []
     for model, runs in by_model(main_runs(records)).items():
         told = [run for run in runs if run.confidence is not None]
         rows += [_confidence_row(model, level, told) for level in LEVELS if told]
-    table = Table(
+    table = ReportTable(
         name="confidence",
         title="Success by confidence in what was asked",
         columns=(
@@ -315,11 +315,11 @@ def _confidence_row(model: str, level: float, told: Records) -> tuple[str, ...]:
     sure = [run for run in told if _is_sure(run, level)]
     passed = [run for run in sure if run.judge_plan != "Failure"]
     rates = (
-        Rate(len(sure), len(told)),
-        Rate.of(run.strict for run in sure),
-        Rate.of(run.strict for run in told if run not in sure),
-        Rate(len(passed), len(told)),
-        Rate.of(run.strict for run in passed),
+        SuccessRate(len(sure), len(told)),
+        SuccessRate.of(run.strict for run in sure),
+        SuccessRate.of(run.strict for run in told if run not in sure),
+        SuccessRate(len(passed), len(told)),
+        SuccessRate.of(run.strict for run in passed),
     )
     return model, f"{level:.0%}", *map(rate_cell, rates)
 

@@ -13,9 +13,9 @@ from pa_console.evaluation.statistics import (
     MODELS,
     NOTHING,
     Quantity,
-    Rate,
     Records,
-    Table,
+    ReportTable,
+    SuccessRate,
     ablated_models,
     by_model,
     by_set,
@@ -96,14 +96,14 @@ CELL = "Each cell: share of successful runs (95 % Wilson interval) successes/run
 DERIVED = "* not stated by the paper, but follows from numbers that it states."
 
 
-def success_rate(records: Records, name: SuccessKind) -> Rate:
+def success_rate(records: Records, name: SuccessKind) -> SuccessRate:
     """Return how many of `records` are a success by `name`."""
     fields: dict[SuccessKind, Callable[[RunRecord], bool | None]] = {
         "hybrid": lambda record: record.hybrid,
         "strict": lambda record: record.strict,
         "obeyed": lambda record: record.obeyed,
     }
-    return Rate.of(map(fields[name], records))
+    return SuccessRate.of(map(fields[name], records))
 
 
 def paper_cell(model: str, quantity: Quantity) -> str:
@@ -112,10 +112,10 @@ def paper_cell(model: str, quantity: Quantity) -> str:
     return NOTHING if value is None else percent(value.value) + "*" * value.derived
 
 
-def success_tables(records: Records) -> list[Table]:
+def success_tables(records: Records) -> list[ReportTable]:
     """Return Table I and Fig. 3 of the paper's set, then every set overall and by category."""
     paper = comparable_runs(records)
-    tables: list[Table] = []
+    tables: list[ReportTable] = []
     if paper:
         tables += [table_one(paper, "hybrid"), table_one(paper, "strict"), figure_three(paper)]
     main = main_runs(records)
@@ -126,7 +126,7 @@ def success_tables(records: Records) -> list[Table]:
     return [table for table in tables if table.rows]
 
 
-def table_one(records: Records, name: Literal["hybrid", "strict"]) -> Table:
+def table_one(records: Records, name: Literal["hybrid", "strict"]) -> ReportTable:
     """Return the paper's Table I for one of the two kinds of success, with the paper's columns."""
     models = by_model(records)
     columns = ["Scenario", *models]
@@ -148,7 +148,7 @@ def table_one(records: Records, name: Literal["hybrid", "strict"]) -> Table:
     if name == "hybrid":
         total += [paper_cell(model, "hybrid") for model in MODELS]
         note += f" {DERIVED}"
-    return Table(
+    return ReportTable(
         name=f"table-1-{name}",
         title=f"Table I: {name} success by scenario category and model",
         columns=tuple(columns),
@@ -157,14 +157,14 @@ def table_one(records: Records, name: Literal["hybrid", "strict"]) -> Table:
     )
 
 
-def figure_three(records: Records) -> Table:
+def figure_three(records: Records) -> ReportTable:
     """Return overall success by model (Fig. 3), the paper's models below ours."""
     rows = [(model, *_scores(runs)) for model, runs in by_model(records).items()]
     rows += [
         (f"paper: {full}", paper_cell(model, "hybrid"), paper_cell(model, "strict"), NOTHING)
         for model, full in MODELS.items()
     ]
-    return Table(
+    return ReportTable(
         name="figure-3",
         title="Fig. 3: overall success by model",
         columns=("Model", "hybrid", "strict", "strict if the judge is obeyed"),
@@ -177,13 +177,13 @@ def _scores(records: Records) -> tuple[str, ...]:
     return tuple(rate_cell(success_rate(records, name)) for name in ("hybrid", "strict", "obeyed"))
 
 
-def _by_set(records: Records) -> Table:
+def _by_set(records: Records) -> ReportTable:
     rows = [
         (name, model, str(len({run.mission for run in found})), *_scores(found))
         for name, runs in by_set(records).items()
         for model, found in by_model(runs).items()
     ]
-    return Table(
+    return ReportTable(
         name="sets",
         title="Success by mission set and model",
         columns=(
@@ -194,13 +194,13 @@ def _by_set(records: Records) -> Table:
     )  # fmt: skip
 
 
-def _by_category(records: Records, name: str) -> Table:
+def _by_category(records: Records, name: str) -> ReportTable:
     def place(record: RunRecord) -> tuple[str, str]:
         return record.category, record.model
 
     groups = grouped(sorted(records, key=lambda record: record.category), place)
     rows = [(category, model, *_scores(runs)) for (category, model), runs in groups.items()]
-    return Table(
+    return ReportTable(
         name=f"categories-{name}",
         title=f"Success by category: {name}",
         columns=("Category", "Model", "hybrid", "strict", "strict if the judge is obeyed"),
@@ -235,7 +235,7 @@ def reference_variant(records: Records) -> str:
     return REFERENCE if any(r.variant == REFERENCE for r in records) else main_variant(records)
 
 
-def ablation_tables(records: Records) -> list[Table]:
+def ablation_tables(records: Records) -> list[ReportTable]:
     """Return one table for each model that ran under two variants or more."""
     models = by_model(records)
     return [
@@ -251,7 +251,7 @@ def variants_of(records: Records) -> dict[str, list[RunRecord]]:
     return {reference: found[reference], **found}
 
 
-def _ablation(model: str, records: Records, others: dict[str, list[RunRecord]]) -> Table:
+def _ablation(model: str, records: Records, others: dict[str, list[RunRecord]]) -> ReportTable:
     """Return the rows of every variant of `model`, then of other models under its reference."""
     variants = variants_of(records)
     reference = next(iter(variants))
@@ -261,7 +261,7 @@ def _ablation(model: str, records: Records, others: dict[str, list[RunRecord]]) 
         if difference(alike, variants[reference]).pairs:
             shown[f"model {name}"] = alike
     rows = [_row(name, runs, variants[reference]) for name, runs in shown.items()]
-    return Table(
+    return ReportTable(
         name=f"ablation-{model}",
         title=f"Ablation: what each part buys and costs ({model})",
         columns=(
@@ -291,7 +291,7 @@ def _row(name: str, runs: Records, reference: Records) -> tuple[str, ...]:
         rate_cell(success_rate(runs, "obeyed")),
         rate_cell(success_rate(runs, "hybrid")),
         rate_cell(refusal_recall(runs)),
-        rate_cell(Rate.of(bool(run.broken) for run in runs)),
+        rate_cell(SuccessRate.of(bool(run.broken) for run in runs)),
         decision_median(runs),
         _tokens(runs),
     )
@@ -309,27 +309,27 @@ WAYS = 6
 EXAMPLES = 2
 
 
-def failure_tables(records: Records) -> list[Table]:
+def failure_tables(records: Records) -> list[ReportTable]:
     """Return the ways in which each model fails most, and the attempts it takes."""
     main = main_runs(records)
     tables = [_failures(model, runs) for model, runs in by_model(main).items()]
     return [table for table in (*tables, _attempts(main)) if table.rows]
 
 
-def _failures(model: str, records: Records) -> Table:
+def _failures(model: str, records: Records) -> ReportTable:
     failed = [record for record in records if not record.strict]
     groups = grouped(failed, failure_kind)
     ranked = sorted(groups.items(), key=lambda item: -len(item[1]))
     rows = [
-        (*kind, rate_cell(Rate(len(runs), len(failed))), _examples(runs))
+        (*kind, rate_cell(SuccessRate(len(runs), len(failed))), _examples(runs))
         for kind, runs in ranked[:WAYS]
         if kind is not None
     ]
     rest = sum(len(runs) for _, runs in ranked[WAYS:])
     if rest:
         others = f"{len(ranked) - WAYS} other ways"
-        rows.append(("", "", others, rate_cell(Rate(rest, len(failed))), ""))
-    return Table(
+        rows.append(("", "", others, rate_cell(SuccessRate(rest, len(failed))), ""))
+    return ReportTable(
         name=f"failures-{model}",
         title=f"Most common ways of failing: {model}",
         columns=("to do", "ended", "what went wrong", "of the failed runs", "examples"),
@@ -348,22 +348,22 @@ def _examples(runs: Sequence[RunRecord]) -> str:
     return ", ".join(found[0].run for found in list(missions.values())[:EXAMPLES])
 
 
-def _attempts(records: Records) -> Table:
+def _attempts(records: Records) -> ReportTable:
     rows: list[tuple[str, ...]] = []
     for model, runs in by_model(records).items():
         mended = [run for run in runs if not run.first_sound and run.attempts > 1]
         rows.append(
             (
                 model,
-                rate_cell(Rate.of(run.valid_json for run in runs)),
-                rate_cell(Rate.of(run.first_sound for run in runs)),
-                rate_cell(Rate(len(mended), len(runs))),
-                rate_cell(Rate.of(run.status in EXECUTED for run in mended)),
-                rate_cell(Rate.of(run.strict for run in mended)),
+                rate_cell(SuccessRate.of(run.valid_json for run in runs)),
+                rate_cell(SuccessRate.of(run.first_sound for run in runs)),
+                rate_cell(SuccessRate(len(mended), len(runs))),
+                rate_cell(SuccessRate.of(run.status in EXECUTED for run in mended)),
+                rate_cell(SuccessRate.of(run.strict for run in mended)),
                 f"{fmean(run.attempts for run in runs):.2f}",
             )
         )
-    return Table(
+    return ReportTable(
         name="attempts",
         title="Attempts and repair",
         columns=(
@@ -432,14 +432,14 @@ _NOTE = (
 )
 
 
-def latency_tables(records: Records) -> list[Table]:
+def latency_tables(records: Records) -> list[ReportTable]:
     """Return Fig. 4 (on the paper's missions when they were run) and the stages' latencies."""
     main, paper = main_runs(records), comparable_runs(records)
     tables = [_figure_four(paper or main, bool(paper)), _stages(main)]
     return [table for table in tables if table.rows]
 
 
-def _figure_four(records: Records, comparable: bool) -> Table:
+def _figure_four(records: Records, comparable: bool) -> ReportTable:
     rows: list[tuple[str, ...]] = []
     for model, runs in by_model(records).items():
         for name, measure in LATENCIES.items():
@@ -453,7 +453,7 @@ def _figure_four(records: Records, comparable: bool) -> Table:
             value = published(model, "latency_s")
             cell = NOTHING if value is None else seconds(value.value)
             rows.append((f"paper: {full}", "end to end", cell, NOTHING, NOTHING, NOTHING))
-    return Table(
+    return ReportTable(
         name="figure-4",
         title="Fig. 4: latency by model",
         columns=("Model", "latency", "mean", "median", "p95", "runs"),
@@ -462,7 +462,7 @@ def _figure_four(records: Records, comparable: bool) -> Table:
     )
 
 
-def _stages(records: Records) -> Table:
+def _stages(records: Records) -> ReportTable:
     models = by_model(records)
     rows = [
         (stage_name(stage), *(_stage_cell(runs, stage) for runs in models.values()))
@@ -472,7 +472,7 @@ def _stages(records: Records) -> Table:
         ("execution (simulated)", *(_stage_cell(runs, "execution_s") for runs in models.values()))
     )
     rows.append(("runs", *(str(len(runs)) for runs in models.values())))
-    return Table(
+    return ReportTable(
         name="stages",
         title="Latency by stage and model: median / 95th percentile, share of the whole",
         columns=("Stage", *models),

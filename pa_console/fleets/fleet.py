@@ -15,7 +15,7 @@ from pa_console.schema.world import World
 
 
 @dataclass(frozen=True)
-class Countersigned:
+class PlanCountersignature:
     """A second person's valid signature, given elsewhere, for a plan that waits here."""
 
     request_id: str
@@ -30,7 +30,7 @@ class Received:
     replies: tuple[CommandReply, ...] = ()
     told: tuple[IncidentHappened | Noticed, ...] = ()
     """Further events of the fleet, for the session log."""
-    countersigned: tuple[Countersigned, ...] = ()
+    countersigned: tuple[PlanCountersignature, ...] = ()
     stop_asked: str = ""
     """The person at another station who asks for a stop; '' for none."""
 

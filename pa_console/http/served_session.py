@@ -16,7 +16,7 @@ from typing import NamedTuple
 from pydantic import ValidationError
 
 from pa_console.fleets.authorization import RefusedError
-from pa_console.fleets.fleet import Countersigned
+from pa_console.fleets.fleet import PlanCountersignature
 from pa_console.fleets.station_authority import StationAuthority
 from pa_console.http.guard import ProblemError
 from pa_console.http.tokens import Bearer
@@ -258,14 +258,17 @@ class ServedSession:
         Whoever brings it, it counts for the person whose key has made it.
         """
         trace, request = self._waits(request_id)
-        given = Countersigned(request.request_id, body.person, body.signed)
+        given = PlanCountersignature(request.request_id, body.person, body.signed)
         self._check_signature(request, given, trace.decisions)
         with _refused("signature-not-taken", "signed"):
             self.station.countersign(given)
         return await self._heard_of(request, f"{body.person} {ELSEWHERE}")
 
     def _check_signature(
-        self, request: ev.ApprovalRequested, given: Countersigned, made: Iterable[ev.DecisionMade]
+        self,
+        request: ev.ApprovalRequested,
+        given: PlanCountersignature,
+        made: Iterable[ev.DecisionMade],
     ) -> None:
         """Raise ProblemError unless what a person has `given` counts for `request`.
 

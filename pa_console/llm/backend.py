@@ -85,7 +85,7 @@ Chance = tuple[int, float]
 
 
 @dataclass(frozen=True)
-class Completed:
+class GenerationEnd:
     """The end of a generation: the whole text, what it cost and why it ended."""
 
     text: str
@@ -131,8 +131,8 @@ class Backend(Protocol):
         """Begin to get ready and return at once."""
         ...
 
-    def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
-        """Yield the answer to `request` in pieces, then one Completed; raises EngineError."""
+    def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
+        """Yield the answer to `request` in pieces, then one GenerationEnd; raises EngineError."""
         ...
 
     async def close(self) -> None:
@@ -215,7 +215,7 @@ async def ask_model(
         try:
             async with aclosing(backend.generate(request)) as pieces:
                 async for item in pieces:
-                    if isinstance(item, Completed):
+                    if isinstance(item, GenerationEnd):
                         whole = _answer(item, request)
                         continue
                     text += item
@@ -232,7 +232,7 @@ async def ask_model(
             return whole
 
 
-def _answer(item: Completed, request: Request) -> ModelAnswer:
+def _answer(item: GenerationEnd, request: Request) -> ModelAnswer:
     match item.finish:
         case "stop":
             return ModelAnswer(item.text, item.usage, texts=item.texts, chances=item.chances)

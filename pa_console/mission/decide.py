@@ -8,7 +8,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import islice
 
-from pa_console.fleets.fleet import Countersigned
+from pa_console.fleets.fleet import PlanCountersignature
 from pa_console.language.mention_check import check_mentions
 from pa_console.language.order import Task
 from pa_console.language.reading import asked_words, distinct, read_asked
@@ -163,7 +163,7 @@ async def answered(
             return Decided(request, decision)
 
 
-def countersignature(signed: Countersigned) -> Decision:
+def countersignature(signed: PlanCountersignature) -> Decision:
     """Return what a person has signed elsewhere as the decision that it adds to."""
     return Decision(
         kind="approve",

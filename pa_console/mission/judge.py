@@ -21,7 +21,7 @@ from pa_console.llm.roles.grammar import (
     hinted,
     verdict_schema,
 )
-from pa_console.llm.roles.judge import Judge, Judgement, JudgeQuestion, OrderRead
+from pa_console.llm.roles.judge import Judge, Judgement, JudgeQuestion, OrderReading
 from pa_console.llm.roles.role_model import PromptFormat, RoleModel, first_answer
 from pa_console.mission.context import MissionContext
 from pa_console.mission.plan import Candidate, Planned, ReadAgain, with_commands_given
@@ -189,7 +189,7 @@ async def read_again(context: MissionContext, case: PlanCase, shown: Candidate) 
                     )
                     read = await reader.read(question)
         except TimeoutError:
-            read = OrderRead("", f"no answer within {PATIENCE_S:.0f} s")
+            read = OrderReading("", f"no answer within {PATIENCE_S:.0f} s")
     context.emit(
         ev.OrderReadAgain(
             attempt=shown.attempt,

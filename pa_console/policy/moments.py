@@ -16,7 +16,7 @@ SURE_SIGMAS = 3.0
 """A gap counts as too small when the position error would have to be larger than this."""
 
 
-class _Sent(NamedTuple):
+class _OrderedAsset(NamedTuple):
     """A ground asset with its order; `gates` are the world's."""
 
     order: OrderMoment
@@ -41,7 +41,7 @@ def moment(
     """
     gates = frozenset(world.gates)
     ground = [
-        _Sent(order, asset, gates, world)
+        _OrderedAsset(order, asset, gates, world)
         for order in orders
         if order.kind != "uav" and (asset := picture.assets.get(order.agent)) is not None
     ]
@@ -69,7 +69,7 @@ def distinct(moments: Iterable[Moment]) -> tuple[Moment, ...]:
 
 
 def _track(
-    track: Track, ground: Sequence[_Sent], threats: Iterable[tuple[str, str]]
+    track: Track, ground: Sequence[_OrderedAsset], threats: Iterable[tuple[str, str]]
 ) -> TrackMoment:
     return TrackMoment(
         gate=track.gate,
@@ -91,7 +91,7 @@ def _hostile(track: Track) -> bool:
     return track.intent == "hostile" and track.status != "leaving"
 
 
-def _in_contact(sent: _Sent, track: Track) -> bool:
+def _in_contact(sent: _OrderedAsset, track: Track) -> bool:
     """Return whether a ground asset that was sent to the track has it within its sensor range.
 
     One that stands where it was told to move has been there before, or has arrived: a track that
@@ -105,7 +105,7 @@ def _in_contact(sent: _Sent, track: Track) -> bool:
     return sent.meets(track) and math.dist(asset.position, track.position) <= reach
 
 
-def _drives_too_near(sent: _Sent, track: Track) -> bool:
+def _drives_too_near(sent: _OrderedAsset, track: Track) -> bool:
     """Return whether a ground asset moves nearer to the track within the standoff (ROE-04).
 
     A gap that measurement noise alone explains is not counted, nor one that the track closed.
@@ -122,7 +122,7 @@ def _drives_too_near(sent: _Sent, track: Track) -> bool:
     return math.cos(heading) * east + math.sin(heading) * north > 0.0
 
 
-def _blocks(sent: _Sent, track: Track) -> bool:
+def _blocks(sent: _OrderedAsset, track: Track) -> bool:
     """Return whether a UGV blocks the track's way on this order."""
     order, asset = sent.order, sent.asset
     blocking = order.verb == "block" and asset.task == "blocking" and asset.at == order.target

@@ -38,7 +38,7 @@ class Pending(NamedTuple):
     due_s: float | None
 
 
-class Breach(NamedTuple):
+class OrderingBreach(NamedTuple):
     """An ordering of a rule that subjects broke, or that could not be decided (`problem`)."""
 
     rule: Rule
@@ -62,7 +62,7 @@ class _News(NamedTuple):
 
 
 @dataclass
-class _Watch:
+class _OrderingWatch:
     """One ordering, and where each of its subjects stands."""
 
     rule: Rule
@@ -72,10 +72,10 @@ class _Watch:
     progress: dict[str, OrderingProgress] = field(default_factory=dict[str, OrderingProgress])
     failed: bool = False
 
-    def copy(self) -> "_Watch":
+    def copy(self) -> "_OrderingWatch":
         return replace(self, progress=dict(self.progress))
 
-    def observe(self, now: Moment, news: _News, evaluator: Evaluator) -> Breach | None:
+    def observe(self, now: Moment, news: _News, evaluator: Evaluator) -> OrderingBreach | None:
         """Move every subject on; return what is newly wrong."""
         message, problem, offenders = self.entry.order.message, self.problem, ()
         if not problem:
@@ -86,7 +86,7 @@ class _Watch:
                 problem, self.failed = f"{type(error).__name__}: {error}", True
         if not problem and not offenders:
             return None
-        return Breach(self.rule, message, offenders, problem)
+        return OrderingBreach(self.rule, message, offenders, problem)
 
     def _offenders(self, now: Moment, news: _News, evaluator: Evaluator) -> Iterator[str]:
         """Yield the subjects that break the ordering now; '' stands for the moment as a whole."""
@@ -158,7 +158,7 @@ class Monitor:
     def observe(self, moment: Moment) -> tuple[Finding, ...]:
         """Take in the next moment; return one finding for each rule that it newly breaks."""
         news: dict[Each, _News] = {}
-        breaches: list[Breach] = []
+        breaches: list[OrderingBreach] = []
         subjects_now = len(moment.tracks) + len(moment.covered)
         with shared_deadline(MOMENT_S + SUBJECT_S * subjects_now):
             for watch in self._watches:
@@ -176,7 +176,9 @@ class Monitor:
     def finish(self) -> tuple[Finding, ...]:
         """Return a finding for each rule by which something still had to happen in the mission."""
         return _findings(
-            Breach(watch.rule, watch.entry.order.message, tuple(p.subject for p in open_ones))
+            OrderingBreach(
+                watch.rule, watch.entry.order.message, tuple(p.subject for p in open_ones)
+            )
             for watch in self._watches
             if watch.entry.order.kind == "after" and (open_ones := tuple(watch.pending()))
         )
@@ -203,15 +205,15 @@ class Monitor:
                 watch.excuse_running_limits()
         return twin
 
-    def _watch(self, entry: CompiledRule, ordering: CompiledOrdering) -> _Watch:
+    def _watch(self, entry: CompiledRule, ordering: CompiledOrdering) -> _OrderingWatch:
         seconds = ordering.order.seconds
         if ordering.seconds is None:
             limit_s = seconds if isinstance(seconds, float) else 0.0
-            return _Watch(entry.rule, ordering, limit_s)
+            return _OrderingWatch(entry.rule, ordering, limit_s)
         try:
-            return _Watch(entry.rule, ordering, self._evaluator.number(ordering.seconds))
+            return _OrderingWatch(entry.rule, ordering, self._evaluator.number(ordering.seconds))
         except Exception as error:  # whatever CEL runs into: nothing is decided
-            return _Watch(entry.rule, ordering, 0.0, f"{type(error).__name__}: {error}")
+            return _OrderingWatch(entry.rule, ordering, 0.0, f"{type(error).__name__}: {error}")
 
 
 def halts(finding: Finding, rulebook: Rulebook) -> bool:
@@ -220,15 +222,15 @@ def halts(finding: Finding, rulebook: Rulebook) -> bool:
     return finding.blocking and any(ordering.each != "gate" for ordering in orderings)
 
 
-def _findings(breaches: Iterable[Breach]) -> tuple[Finding, ...]:
+def _findings(breaches: Iterable[OrderingBreach]) -> tuple[Finding, ...]:
     """Return one finding a rule, all that is wrong with it in one message."""
-    by_rule: dict[str, list[Breach]] = {}
+    by_rule: dict[str, list[OrderingBreach]] = {}
     for breach in breaches:
         by_rule.setdefault(breach.rule.id, []).append(breach)
     return tuple(_finding(found) for found in by_rule.values())
 
 
-def _finding(found: list[Breach]) -> Finding:
+def _finding(found: list[OrderingBreach]) -> Finding:
     rule = min((breach.rule for breach in found), key=lambda r: PRIORITIES.index(r.priority))
     problems = [breach.problem for breach in found if breach.problem]
     if problems:

@@ -239,7 +239,7 @@ def _in_time(
 Facts = tuple[str, str, str, bool, bool, bool]
 
 
-class Move(NamedTuple):
+class WorkflowMove(NamedTuple):
     """One step of a workflow: a phase done or skipped, or the end with its outcome in words."""
 
     what: Literal["done", "skipped", "ended"]
@@ -302,7 +302,7 @@ class WorkflowRun:
         phase = self.current
         return "" if phase is None else phase.mission(self.track, self.gate)
 
-    def advance(self, now: Moment) -> list[Move]:
+    def advance(self, now: Moment) -> list[WorkflowMove]:
         """Take in the next moment: go past every phase that is done or does not apply, then end.
 
         The end is looked for after the phases, so that the trace says which were skipped; when
@@ -313,15 +313,15 @@ class WorkflowRun:
         if self.track not in now.tracks:
             return [self._end(self.workflow.gone)]
         self._look(now)
-        moves: list[Move] = []
+        moves: list[WorkflowMove] = []
         while (phase := self.current) is not None:
             expressions = self.compiled.phases[self.position]
             if self._holds(expressions.done, now):
-                moves.append(Move("done", phase.name))
+                moves.append(WorkflowMove("done", phase.name))
             elif self._holds(expressions.when, now):
                 break
             else:
-                moves.append(Move("skipped", phase.name))
+                moves.append(WorkflowMove("skipped", phase.name))
                 self.skipped = (*self.skipped, phase.name)
             self.position += 1
         for outcome, expression in self.compiled.ends:
@@ -329,9 +329,9 @@ class WorkflowRun:
                 return [*moves, self._end(outcome)]
         return [*moves, self._end("")] if self.over and not self.compiled.ends else moves
 
-    def _end(self, outcome: str) -> Move:
+    def _end(self, outcome: str) -> WorkflowMove:
         self.position, self.outcome, self.ended = len(self.phases), outcome, True
-        return Move("ended", outcome=outcome)
+        return WorkflowMove("ended", outcome=outcome)
 
     def _look(self, now: Moment) -> None:
         """Note the track's gate, and since when it has been as it is."""

@@ -37,7 +37,7 @@ def rounded(scores: Floats) -> Floats:
     return np.round(scores, DECIMALS)
 
 
-class Ranking(Protocol):
+class RuleRanking(Protocol):
     """Scores all rules that it was made for, in their order; higher is better."""
 
     def scores(self, text: str) -> tuple[Floats, Scores]:
@@ -105,7 +105,7 @@ OFFSET = 60.0
 class FusionRanking:
     """Sums 1 / (OFFSET + place) over rankings of the same rules; equal scores share a place."""
 
-    def __init__(self, rankings: Mapping[str, Ranking]) -> None:
+    def __init__(self, rankings: Mapping[str, RuleRanking]) -> None:
         """Fuse `rankings`; their names name the parts of the score."""
         self._rankings = dict(rankings)
 
@@ -243,7 +243,7 @@ def _telling(counts: NDArray[np.int64]) -> Floats:
     return np.log1p((rules - as_near + 0.5) / (as_near + 0.5))
 
 
-_MAKERS: dict[str, Callable[[Sequence[Rule], Vocabulary], Ranking]] = {
+_MAKERS: dict[str, Callable[[Sequence[Rule], Vocabulary], RuleRanking]] = {
     "paper": lambda rules, _: PaperRanking(rules),
     "bm25": lambda rules, _: Bm25Ranking(rules),
     "ngrams": lambda rules, _: Bm25Ranking(rules, "ngrams", ngrams),

@@ -74,7 +74,7 @@ KEPT_S = 3600.0
 """The time that a sighting is remembered, simulated seconds."""
 
 
-class Sighting(NamedTuple):
+class TrackSighting(NamedTuple):
     """The last detection of a track at a place, in simulated seconds, and its known properties."""
 
     track: str
@@ -94,7 +94,7 @@ class Sightings:
     out to carry noncombatants carried them there too.
     """
 
-    def __init__(self, world: World, past: Iterable[Sighting] = ()) -> None:
+    def __init__(self, world: World, past: Iterable[TrackSighting] = ()) -> None:
         """Begin with the sightings of the `past`, oldest first."""
         self._world = world
         self._posts = [name for name in world.frames if name not in world.gates]
@@ -145,8 +145,8 @@ class Sightings:
         yield from found or [""]
 
 
-def _sighting(track: Track, place: str, stamp_s: float) -> Sighting:
-    return Sighting(
+def _sighting(track: Track, place: str, stamp_s: float) -> TrackSighting:
+    return TrackSighting(
         track=track.id,
         place=place,
         gate=track.gate,
@@ -212,7 +212,7 @@ EVERYTHING = everything(PLAN_VARIABLES)
 _COMMANDS = {verb: sorted(spec.kinds) for verb, spec in COMMANDS.items()}
 
 
-class _Rehearsed:
+class _RehearsedPlan:
     """A rehearsed plan, and what follows from the plan for the values of assets and tracks."""
 
     def __init__(self, plan: Plan, rehearsal: Rehearsal, world: World) -> None:
@@ -318,7 +318,7 @@ def plan_variables(  # noqa: PLR0917 - what a check may speak of, and of which o
 
     What nobody asks for is not converted: with many assets that takes most of the time.
     """
-    rehearsed = _Rehearsed(plan, rehearsal, world)
+    rehearsed = _RehearsedPlan(plan, rehearsal, world)
     made: dict[str, Callable[[Fields | None], Any]] = {
         "plan": rehearsed.plan,
         "actions": rehearsed.actions,

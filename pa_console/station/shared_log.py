@@ -15,7 +15,7 @@ from pa_console.fleets.vda5050.additions import (
     SessionRecords,
     SignedMessage,
 )
-from pa_console.fleets.vda5050.broker import Sent
+from pa_console.fleets.vda5050.broker import OutgoingMessage
 from pa_console.fleets.vda5050.station_link import Delivery, StationLink
 from pa_console.fleets.vda5050.wire import Header, Identity, Numbers, Topic, UnreadableError
 from pa_console.schema.events.event import Event
@@ -141,7 +141,9 @@ class SharedLog:
     def publish(self, message: Header, expiry_s: int | None = None) -> bool:
         """Send `message` to the station; return False without a connection."""
         topic = Topic(self.link.address.site, self._identity, message.TOPIC)
-        return self.link.publish(Sent(str(topic), message.write(), qos=1, expiry_s=expiry_s))
+        return self.link.publish(
+            OutgoingMessage(str(topic), message.write(), qos=1, expiry_s=expiry_s)
+        )
 
     def header(self, kind: type[Header]) -> dict[str, Any]:
         """Return the header of the next message of a kind to the station."""

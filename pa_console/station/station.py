@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from functools import partial
 
 from pa_console import __version__
-from pa_console.fleets.fleet import Countersigned, Simulated
+from pa_console.fleets.fleet import PlanCountersignature, Simulated
 from pa_console.language.questions import Question
 from pa_console.language.references.scene import Scene
 from pa_console.mission.context import Services
@@ -327,7 +327,7 @@ class Station:
             raise ValueError(f"nothing is approved while the log cannot be written: {problem}")
         self._worker.decide(decision)
 
-    def countersign(self, signed: Countersigned) -> None:
+    def countersign(self, signed: PlanCountersignature) -> None:
         """Take in what a second person has signed elsewhere for the plan that waits.
 
         Raises ValueError for what the log could not tell of.

@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 
-from pa_console.fleets.fleet import Countersigned
+from pa_console.fleets.fleet import PlanCountersignature
 from pa_console.mission.context import Outcome, Services
 from pa_console.mission.decide import countersignature
 from pa_console.mission.dispatch import StepFeed
@@ -151,7 +151,7 @@ class MissionWorker:
             raise ValueError("no plan waits for a decision")
         self._answer.set_result(decision)
 
-    def countersign(self, signed: Countersigned) -> None:
+    def countersign(self, signed: PlanCountersignature) -> None:
         """Take in what a second person has signed elsewhere, for the plan that waits or will."""
         self._countersigned.append(countersignature(signed))
         if self._answer is not None and not self._answer.done():

@@ -14,7 +14,7 @@ from functools import cache
 from time import perf_counter
 
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.llm.backend import Completed, Request
+from pa_console.llm.backend import GenerationEnd, Request
 from pa_console.mission.approval import standing_approver
 from pa_console.schema.command import COMMANDS, CommandReply, DeviceCommand, Verb
 from pa_console.schema.evaluation import Variant
@@ -70,7 +70,7 @@ class SlowEngine(ScriptedEngine):
 
     turns = 0
 
-    async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
+    async def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
         """Think, then answer."""
         for _ in range(self.turns):
             await asyncio.sleep(0)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.cli.sessions import mission as mission_session
-from pa_console.llm.backend import Completed, Request
+from pa_console.llm.backend import GenerationEnd, Request
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.mission.approval import (
     CheckedPlan,
@@ -51,7 +51,7 @@ class Readers(ScriptedEngine):
         self.model = LocalModel("scripted", Path("/dev/null"), "0" * 64, prompts="compact")
         self._told = {"planner": (answer, sure), "judge": (opening, judge)}
 
-    async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
+    async def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
         """Answer with the chances of whoever is asked."""
         text, sure = self._told.get(request.role, ("", 1.0))
         self._chances = () if self.mute else ((text.find("asked: ") + 1, math.log(sure)),)

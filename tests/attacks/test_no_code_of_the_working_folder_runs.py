@@ -19,7 +19,7 @@ import pa_console
 from pa_console.child_processes import isolated_workers
 from pa_console.cli.sessions import web
 from pa_console.evaluation.dask_sweep import Workers, cluster
-from pa_console.llm.backend import Completed, PullError, Request
+from pa_console.llm.backend import GenerationEnd, PullError, Request
 from pa_console.llm.local.confinement import try_out
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models import fetching
@@ -96,7 +96,7 @@ async def test_the_process_of_the_model_runs_none_of_it(trap: Trap) -> None:
         deadline_s=300,
     )
     async with aclosing(engine.generate(request)) as items:
-        finished = [item.finish async for item in items if isinstance(item, Completed)]
+        finished = [item.finish async for item in items if isinstance(item, GenerationEnd)]
     await engine.close()
     assert (finished, trap.sprung) == (["stop"], [])
 

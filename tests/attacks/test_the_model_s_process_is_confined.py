@@ -17,7 +17,7 @@ import pytest_asyncio
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.llm.backend import Completed, Request
+from pa_console.llm.backend import GenerationEnd, Request
 from pa_console.llm.local import seccomp
 from pa_console.llm.local.confinement import Restriction, clean_environment, try_out
 from pa_console.llm.local.engine import Engine, Worker
@@ -57,12 +57,12 @@ async def engine(tiny: LocalModel, monkeypatch: pytest.MonkeyPatch) -> AsyncGene
     await engine.close()
 
 
-async def answer(engine: Engine, request: Request) -> Completed:
+async def answer(engine: Engine, request: Request) -> GenerationEnd:
     async with aclosing(engine.generate(request)) as items:
         async for item in items:
-            if isinstance(item, Completed):
+            if isinstance(item, GenerationEnd):
                 return item
-    raise AssertionError("no Completed came")
+    raise AssertionError("no GenerationEnd came")
 
 
 @linux_only
@@ -280,7 +280,7 @@ BY_ARGUMENT: dict[str, Callable[[list[int], int], bool]] = {
 @settings(deadline=None, max_examples=depth(500))
 @given(MACHINES, st.integers(0, 0x1FF), ARGUMENTS, st.booleans())
 def test_the_filter_decides_every_call_as_its_tables_say(
-    machine: seccomp.Machine, number: int, arguments: tuple[int, ...], pinned: bool
+    machine: seccomp.CpuKind, number: int, arguments: tuple[int, ...], pinned: bool
 ) -> None:
     code = seccomp.program(machine, PID, pinned=pinned)
     answer = run(code, asked(number, machine.audit, arguments))
@@ -301,7 +301,7 @@ def test_the_filter_decides_every_call_as_its_tables_say(
 @given(MACHINES, st.sampled_from([0, 1, 2, 3, 4, 5, 7, 8, 10, 15, 16, 0x20, 0x22, 0x5401, 0x5412,
                                   0x5451, 0x10000, 0x10F00, 1030, PID]), ARGUMENTS)  # fmt: skip
 def test_the_filter_looks_at_the_arguments_that_matter(
-    name: str, machine: seccomp.Machine, likely: int, arguments: tuple[int, ...]
+    name: str, machine: seccomp.CpuKind, likely: int, arguments: tuple[int, ...]
 ) -> None:
     number = machine.number(getattr(seccomp, name))
     if number is None:
@@ -316,7 +316,7 @@ def test_the_filter_looks_at_the_arguments_that_matter(
 @settings(deadline=None, max_examples=30)
 @given(MACHINES, ARGUMENTS)
 def test_no_dangerous_call_is_allowed_whatever_its_arguments(
-    machine: seccomp.Machine, arguments: tuple[int, ...]
+    machine: seccomp.CpuKind, arguments: tuple[int, ...]
 ) -> None:
     code = seccomp.program(machine, PID)
     numbers = [
@@ -335,7 +335,7 @@ def test_no_dangerous_call_is_allowed_whatever_its_arguments(
 @settings(deadline=None)
 @given(MACHINES, st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1))
 def test_no_call_of_another_abi_gets_through(
-    machine: seccomp.Machine, number: int, architecture: int
+    machine: seccomp.CpuKind, number: int, architecture: int
 ) -> None:
     code = seccomp.program(machine, PID)
     if architecture != machine.audit:

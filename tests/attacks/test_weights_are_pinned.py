@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from pa_console.cli.verbs.doctor_checks import check_model
-from pa_console.llm.backend import Completed, ModelError, ModelUnavailableError, Request
+from pa_console.llm.backend import GenerationEnd, ModelError, ModelUnavailableError, Request
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.cache import CACHE_VARIABLE, hash_file
 from pa_console.llm.models.catalogue import Catalog, LocalAdapter, LocalModel
@@ -81,11 +81,11 @@ def unsigned(path: Path, tmp: Path) -> dict[str, Any]:
 
 def signed_by_another(path: Path, tmp: Path) -> dict[str, Any]:
     """Return a record that is sound, but of somebody else's key."""
-    from pa_console.llm.models.preparing import Origin  # noqa: PLC0415 - has no signatures without them
+    from pa_console.llm.models.preparing import FileOrigin  # noqa: PLC0415 - has no signatures without them
 
     with pytest.MonkeyPatch.context() as other:
         other.setenv(KEY_VARIABLE, str(tmp / "other" / "key.pem"))
-        forged = Origin.model_validate_json(json.dumps(rewritten(path, tmp)))
+        forged = FileOrigin.model_validate_json(json.dumps(rewritten(path, tmp)))
         return forged.signed().model_dump(mode="json")
 
 
@@ -149,9 +149,9 @@ def test_the_shipped_catalogue_pins_all_that_it_prepares() -> None:
 async def ask(engine: Engine) -> str:
     async with aclosing(engine.generate(ASK)) as items:
         async for item in items:
-            if isinstance(item, Completed):
+            if isinstance(item, GenerationEnd):
                 return item.text
-    raise AssertionError("no Completed came")
+    raise AssertionError("no GenerationEnd came")
 
 
 def model(path: Path) -> LocalModel:

@@ -13,7 +13,7 @@ import typer
 from rich.table import Table
 
 from pa_console.cli.options import ModelOption, RulesOption
-from pa_console.llm.backend import Completed, Request
+from pa_console.llm.backend import GenerationEnd, Request
 from pa_console.llm.local.engine import LOAD_LIMIT_S, WARM_GRAMMAR, Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.llm.roles.grammar import plan_grammar
@@ -168,7 +168,7 @@ async def count_tokens(engine: Engine, prompt: Prompt) -> int:
     """Return how many tokens the engine's model reads `prompt` as; raises EngineError."""
     request = Request("planner", prompt.system, prompt.user, WARM_GRAMMAR, 1, LOAD_LIMIT_S)
     async for item in engine.generate(request):
-        if isinstance(item, Completed):
+        if isinstance(item, GenerationEnd):
             return item.usage.prompt_tokens
     return 0
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.llm.backend import Completed, EngineDiedError
+from pa_console.llm.backend import EngineDiedError, GenerationEnd
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.llm.roles.prompts import Prompt
 from pa_console.schema.finding import Usage
@@ -27,7 +27,7 @@ def test_a_size_is_measured_whole(site: Site, monkeypatch: pytest.MonkeyPatch) -
 
 async def test_tokens_are_those_of_the_models_own_count() -> None:
     model, prompt = LocalModel("scripted", Path("none.gguf"), "0" * 64), Prompt("system", "user")
-    engine = ScriptedEngine(model, ["{", Completed("{", Usage(prompt_tokens=321), "length")])
+    engine = ScriptedEngine(model, ["{", GenerationEnd("{", Usage(prompt_tokens=321), "length")])
     assert await count_tokens(engine, prompt) == 321
     [request] = engine.requests
     assert (request.system, request.user, request.max_tokens) == ("system", "user", 1)

@@ -5,7 +5,7 @@ from typing import Any, get_args
 
 from hypothesis import strategies as st
 
-from pa_console.evaluation.run_facts import Breach
+from pa_console.evaluation.run_facts import RuleBreach
 from pa_console.evaluation.run_record import Opinion, RunRecord
 from pa_console.schema.evaluation import Expectation
 from pa_console.schema.finding import Usage
@@ -65,7 +65,7 @@ def records() -> st.SearchStrategy[RunRecord]:
         failed=st.lists(st.sampled_from(CONDITIONS) | TEXT, max_size=2).map(tuple),
         broken=st.lists(
             st.builds(
-                Breach, rule_id=st.sampled_from(("ROE-04", "WF-02")), what=TEXT, at_s=SECONDS
+                RuleBreach, rule_id=st.sampled_from(("ROE-04", "WF-02")), what=TEXT, at_s=SECONDS
             ),
             max_size=2,
         ).map(tuple),
@@ -179,7 +179,7 @@ def _drawn(
         obeyed=strict and verdict == "Success",
         hybrid=executed and verdict == "Success",
         failed=() if strict else (chance.choice(CONDITIONS),),
-        broken=(Breach(rule_id="WF-02", what="NorthGate is not covered", at_s=12.0),)
+        broken=(RuleBreach(rule_id="WF-02", what="NorthGate is not covered", at_s=12.0),)
         if not strict and executed and chance.random() < 0.4
         else (),
         judge_plan=verdict if judged else None,

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from pa_console.evaluation.memo_engine import MemoEngine
-from pa_console.llm.backend import Completed, EngineDiedError, Request
+from pa_console.llm.backend import EngineDiedError, GenerationEnd, Request
 from tests.scripted import ScriptedEngine
 
 USER = "Track_01 is {} m from WestGate, seen 2 s ago. Drone_T01 has 80 %."
@@ -18,9 +18,9 @@ def request(user: str, **changes: str) -> Request:
 
 async def answer(memo: MemoEngine, asked: Request) -> str:
     """Return the streamed text, which must be the completed one."""
-    streamed, completed = "", list[Completed]()
+    streamed, completed = "", list[GenerationEnd]()
     async for item in memo.generate(asked):
-        if isinstance(item, Completed):
+        if isinstance(item, GenerationEnd):
             completed.append(item)
         else:
             streamed += item

@@ -12,7 +12,12 @@ from threading import Event, Thread
 
 from pa_console.fleets.vda5050 import messages
 from pa_console.fleets.vda5050.asset_state import state_of
-from pa_console.fleets.vda5050.broker import BrokerAddress, BusClient, Received, Sent
+from pa_console.fleets.vda5050.broker import (
+    BrokerAddress,
+    BusClient,
+    IncomingMessage,
+    OutgoingMessage,
+)
 from pa_console.fleets.vda5050.joining import join
 from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
 from pa_console.fleets.vda5050.vehicle import Vehicle
@@ -67,9 +72,9 @@ class PromptRobots:
         def tell() -> None:
             number = numbers.header(identity, "state", now())["header_id"]
             state = state_of(said, vehicle, number, now())
-            client.send(Sent(topic("state"), state.write()))
+            client.send(OutgoingMessage(topic("state"), state.write()))
 
-        def heard(received: Received) -> None:
+        def heard(received: IncomingMessage) -> None:
             got = (
                 vehicle.take_order(messages.Order.read(received.payload))
                 if received.topic.endswith("/order")
@@ -90,8 +95,10 @@ class PromptRobots:
         def changed(connected: bool, _why: str) -> None:
             if connected:
                 header = numbers.header(identity, "connection", now())
-                online = messages.Connection(**header, connection_state="ONLINE")
-                client.send(Sent(topic("connection"), online.write(), qos=1, retain=True))
+                online = messages.RobotConnection(**header, connection_state="ONLINE")
+                client.send(
+                    OutgoingMessage(topic("connection"), online.write(), qos=1, retain=True)
+                )
                 tell()
                 self._waiting -= 1
                 if self._waiting == 0:

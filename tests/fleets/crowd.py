@@ -78,7 +78,7 @@ class Crowd:
         for client in self._clients:
             client.loop_start()
         for name in said:
-            online = messages.Connection(
+            online = messages.RobotConnection(
                 header_id=1,
                 timestamp=datetime.now(UTC),
                 manufacturer=MAKER,

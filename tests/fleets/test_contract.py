@@ -40,7 +40,7 @@ def assert_valid(message: Header) -> None:
 
 @pytest.mark.parametrize("word", ["ONLINE", "OFFLINE", "HIBERNATING", "CONNECTION_BROKEN"])
 def test_connection(word: messages.ConnectionState) -> None:
-    assert_valid(messages.Connection(**HEADER, connection_state=word))
+    assert_valid(messages.RobotConnection(**HEADER, connection_state=word))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -115,7 +115,7 @@ def test_state_of_whatever_an_asset_is_at(
     assert read_again(state, said, world) == said
 
 
-def read_again(state: messages.State, said: AssetTelemetry, world: World) -> AssetTelemetry:
+def read_again(state: messages.RobotState, said: AssetTelemetry, world: World) -> AssetTelemetry:
     terrain = Terrain(world)
     found = telemetry_of(state, said.id, said.kind, terrain, said.stamp_s)
     assert found is not None
@@ -138,7 +138,7 @@ def connection(**changed: object) -> bytes:
 
 
 def test_what_a_manufacturer_adds_is_left_out() -> None:
-    assert messages.Connection.read(connection(colour="red")).connection_state == "ONLINE"
+    assert messages.RobotConnection.read(connection(colour="red")).connection_state == "ONLINE"
 
 
 @pytest.mark.parametrize(
@@ -163,7 +163,7 @@ def test_what_a_manufacturer_adds_is_left_out() -> None:
 )
 def test_what_is_no_message_is_unreadable_and_says_why(payload: bytes, why: str) -> None:
     with pytest.raises(UnreadableError, match=why):
-        messages.Connection.read(payload)
+        messages.RobotConnection.read(payload)
 
 
 @settings(deadline=None)
@@ -175,6 +175,6 @@ def test_what_is_no_message_is_unreadable_and_says_why(payload: bytes, why: str)
     max_leaves=20,
 ).map(lambda value: json.dumps(value).encode()))  # fmt: skip
 def test_nothing_that_comes_breaks_the_reader(payload: bytes) -> None:
-    for kind in (messages.State, messages.Order, messages.InstantActions, Factsheet):
+    for kind in (messages.RobotState, messages.Order, messages.InstantActions, Factsheet):
         with pytest.raises(UnreadableError):
             kind.read(payload)

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from pa_console.fleets.vda5050.broker import BrokerAddress
-from pa_console.fleets.vda5050.joining import Joined, join, with_newcomers
+from pa_console.fleets.vda5050.joining import JoinedBus, join, with_newcomers
 from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
 from pa_console.schema.command import CommandReply, DeviceCommand, Verb
 from pa_console.schema.world import World
@@ -55,7 +55,7 @@ def robot(address: BrokerAddress, tmp_path: Path, request: pytest.FixtureRequest
 
 
 @pytest.fixture
-def found(robot: None, address: BrokerAddress) -> Iterator[Joined]:
+def found(robot: None, address: BrokerAddress) -> Iterator[JoinedBus]:
     until = time.monotonic() + LIMIT_S
     while time.monotonic() < until:
         joined = join(address)
@@ -101,7 +101,7 @@ class Driven:
 
 
 def test_it_joins_moves_stops_and_refuses(
-    found: Joined, address: BrokerAddress, world: World, tmp_path: Path
+    found: JoinedBus, address: BrokerAddress, world: World, tmp_path: Path
 ) -> None:
     larger, told = with_newcomers(world, found)
     assert told == ("Robot_T03 of acme joins as a robot",)
@@ -131,7 +131,9 @@ def test_it_joins_moves_stops_and_refuses(
             assert problems(name, payload) == [], topic
 
 
-def test_a_robot_that_the_session_began_without_is_announced(found: Joined, world: World) -> None:
+def test_a_robot_that_the_session_began_without_is_announced(
+    found: JoinedBus, world: World
+) -> None:
     with closing(MqttFleet(world, found)) as fleet:
         driven, lines = Driven(fleet), list[str]()
 
@@ -145,7 +147,7 @@ def test_a_robot_that_the_session_began_without_is_announced(found: Joined, worl
 
 @pytest.mark.parametrize("robot", [PUBLIC["owner"]], ids=["owner"], indirect=True)
 def test_one_that_checks_takes_what_the_station_in_command_has_signed_and_nothing_else(
-    found: Joined, world: World, address: BrokerAddress
+    found: JoinedBus, world: World, address: BrokerAddress
 ) -> None:
     larger, _ = with_newcomers(world, found)
     orders = tuple(f"{ROBOT} move_to Base" for _ in range(2))

@@ -8,8 +8,8 @@ from random import Random
 
 import pytest
 
-from pa_console.fleets.vda5050.broker import BrokerAddress, Received, Sent
-from pa_console.fleets.vda5050.joining import FROM_PEOPLE, TELEMETRY, Joined
+from pa_console.fleets.vda5050.broker import BrokerAddress, IncomingMessage, OutgoingMessage
+from pa_console.fleets.vda5050.joining import FROM_PEOPLE, TELEMETRY, JoinedBus
 from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
 from pa_console.fleets.vda5050.station_link import StationLink
 from pa_console.schema.events import event as ev
@@ -29,7 +29,7 @@ class Link(StationLink):
     """A link without a broker: the test delivers, and looks at what goes out."""
 
     def __init__(self, address: BrokerAddress) -> None:
-        self.out: list[Sent] = []
+        self.out: list[OutgoingMessage] = []
         super().__init__(address, "fuzz", ())
         self.limit = None
         self._kinds = {kind.TOPIC: kind for kind in (*FROM_PEOPLE, *TELEMETRY)}
@@ -39,14 +39,14 @@ class Link(StationLink):
         """None: the test is the broker."""
         return ""
 
-    def publish(self, *messages: Sent) -> bool:
+    def publish(self, *messages: OutgoingMessage) -> bool:
         """Keep what goes out."""
         self.out += messages
         return True
 
     def deliver(self, topic: str, payload: bytes) -> None:
         """Let a message come."""
-        self._heard(self._kinds, Received(topic, payload, False))
+        self._heard(self._kinds, IncomingMessage(topic, payload, False))
 
 
 class Steps:
@@ -79,7 +79,7 @@ async def test_no_message_ends_the_session_or_keeps_a_stop_in(
     random, heard = Random(1), true_messages(world, address)
     site: Site = load_site("checkpoint", "checkpoint")
     link = Link(address)
-    fleet = MqttFleet(site.world, Joined(link, None, {}, frozenset(), ()))
+    fleet = MqttFleet(site.world, JoinedBus(link, None, {}, frozenset(), ()))
     for topic, payload in heard.items():
         link.deliver(topic, payload)
     left = MESSAGES

@@ -47,7 +47,7 @@ class Robot:
     ) -> list[DeviceCommand]:
         """Send an order; return what the device gets."""
         given = ((commands.TARGET, target), (commands.AUTHORIZATION, token))
-        action = messages.Action(
+        action = messages.RobotAction(
             action_id=f"c{number}",
             action_type=verb,
             blocking_type="HARD",
@@ -69,7 +69,7 @@ class Robot:
         )
         return self.note(list(got))
 
-    def at_once(self, *actions: messages.Action, **header: Any) -> list[DeviceCommand]:
+    def at_once(self, *actions: messages.RobotAction, **header: Any) -> list[DeviceCommand]:
         """Send instant actions; return what the device gets."""
         message = messages.InstantActions(**self.header(**header), actions=actions)
         return self.note(list(self.vehicle.take_actions(message)))

@@ -35,7 +35,7 @@ def order_in_version_two(order: messages.Order) -> dict[str, Any]:
     return said | {"version": "2.1.0"}
 
 
-def state_from_version_two(payload: bytes) -> messages.State:
+def state_from_version_two(payload: bytes) -> messages.RobotState:
     """A state of version 2 in our words."""
     said: dict[str, Any] = json.loads(payload)
     place, battery, safety = said["agvPosition"], said["batteryState"], said["safetyState"]
@@ -53,7 +53,7 @@ def state_from_version_two(payload: bytes) -> messages.State:
             "fieldViolation": safety["fieldViolation"],
         },
     }
-    return messages.State.read(json.dumps(said | moved).encode())
+    return messages.RobotState.read(json.dumps(said | moved).encode())
 
 
 def order_of(world: World, at: tuple[float, float], frame: str) -> messages.Order:
@@ -62,12 +62,12 @@ def order_of(world: World, at: tuple[float, float], frame: str) -> messages.Orde
     return messages.Order(**header, order_id="c1", order_update_id=0, nodes=nodes, edges=edges)
 
 
-async def said_by_vehicle(world: World, order: dict[str, Any]) -> list[messages.State]:
+async def said_by_vehicle(world: World, order: dict[str, Any]) -> list[messages.RobotState]:
     """What a vehicle at the base says once it was sent `order`."""
     x, y = world.frames[world.base].at
     broker, master = MemoryBroker(), MemoryTransport()
     broker.attach(master)
-    states: list[messages.State] = []
+    states: list[messages.RobotState] = []
 
     async def hear(_topic: str, payload: bytes) -> None:
         states.append(state_from_version_two(payload))

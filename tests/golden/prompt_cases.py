@@ -17,7 +17,7 @@ from pa_console.evaluation.jobs import load_with_worlds
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.language.clause_grammar import asked_pattern
 from pa_console.language.reading import asked_words, read_asked
-from pa_console.llm.backend import Completed, Request
+from pa_console.llm.backend import GenerationEnd, Request
 from pa_console.llm.roles.grammar import (
     PLANNED,
     CommandSlot,
@@ -242,7 +242,7 @@ class _Listening(ScriptedEngine):
         self._opening = f'{{"feedback": "{case.asked}{PLANNED}'
         self.heard: list[Request] = []
 
-    async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
+    async def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
         self.heard.append(request)
         if request.role != "planner" and self.model.prompts == "compact":
             said = f'{self._opening}done", "violated": [], "verdict": "Success"}}'

@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 
-from pa_console.evaluation.statistics import Rate
+from pa_console.evaluation.statistics import SuccessRate
 from pa_console.session.confidence import UNSURE
 from tests.golden.stored import HERE, compare, write_text
 
@@ -57,7 +57,7 @@ def test_the_default_model_s_plans_come_to_the_same_on_every_processor(tmp_path:
     now = {name: line(made[name]) for name in sure}
     compare("outcomes", {name: stored[name] for name in sure}, now, look)
     doubtful = [name for name in stored if name not in sure]
-    recorded = Rate.of(SUCCESS in stored[name] for name in doubtful)
+    recorded = SuccessRate.of(SUCCESS in stored[name] for name in doubtful)
     successes = sum(made[name]["strict"] for name in doubtful)
     assert successes >= recorded.low * len(doubtful), f"{successes} of {len(doubtful)}; {look}"
 

@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.fleets import authorization as auth
-from pa_console.fleets.fleet import Countersigned
+from pa_console.fleets.fleet import PlanCountersignature
 from pa_console.fleets.station_authority import approval_of
 from pa_console.http.guard import ProblemError
 from pa_console.http.http_app import make_app
@@ -75,7 +75,7 @@ class Waiting:
         """Take a decision of whoever sits here."""
         self._given.put_nowait(decision)
 
-    def countersign(self, signed: Countersigned) -> None:
+    def countersign(self, signed: PlanCountersignature) -> None:
         """Take a signature from elsewhere."""
         self._given.put_nowait(countersignature(signed))
 

@@ -11,7 +11,7 @@ import pytest
 import pytest_asyncio
 from pydantic import ValidationError
 
-from pa_console.llm.backend import Completed, ModelError, ModelUnavailableError, Request
+from pa_console.llm.backend import GenerationEnd, ModelError, ModelUnavailableError, Request
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.cache import hash_file
 from pa_console.llm.models.catalogue import (
@@ -52,15 +52,15 @@ async def engine(adapted: LocalModel) -> AsyncGenerator[Engine]:
     await engine.close()
 
 
-async def answer(engine: Engine, request: Request) -> Completed:
+async def answer(engine: Engine, request: Request) -> GenerationEnd:
     async with aclosing(engine.generate(request)) as items:
         async for item in items:
-            if isinstance(item, Completed):
+            if isinstance(item, GenerationEnd):
                 return item
-    raise AssertionError("no Completed came")
+    raise AssertionError("no GenerationEnd came")
 
 
-async def fresh(model: LocalModel, request: Request) -> Completed:
+async def fresh(model: LocalModel, request: Request) -> GenerationEnd:
     """Return the answer of an engine that was asked nothing before."""
     engine = Engine(model)
     try:

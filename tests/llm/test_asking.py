@@ -3,9 +3,9 @@
 import pytest
 
 from pa_console.llm.backend import (
-    Completed,
     EngineDiedError,
     EngineError,
+    GenerationEnd,
     ModelAnswer,
     ModelUnavailableError,
     PromptRefusedError,
@@ -61,7 +61,7 @@ async def test_what_a_worker_said_before_it_died_is_no_part_of_the_answer() -> N
             if len(self.requests) == 1:
                 raise DIED
             yield '": 1}'
-            yield Completed('{"reason": 1}', Usage(prompt_tokens=7), "stop")
+            yield GenerationEnd('{"reason": 1}', Usage(prompt_tokens=7), "stop")
 
     _, answer = await asked(Dying([]))
     assert (answer.text, answer.usage.prompt_tokens) == ('{"reason": 1}', 7)

@@ -8,7 +8,7 @@ from unittest.mock import Mock
 import pytest
 
 from pa_console.llm import backend
-from pa_console.llm.backend import BackendOptions, Completed, ModelError, Request, names_backend
+from pa_console.llm.backend import BackendOptions, GenerationEnd, ModelError, Request, names_backend
 from pa_console.llm.models.catalogue import Catalog, ServerEntry
 from pa_console.llm.remote.engine import ServerEngine
 from pa_console.llm.remote.servers import Servers, session_models
@@ -37,10 +37,10 @@ class Oracle:
         if self.on_state is not None:
             self.on_state("ready", "it knows already")
 
-    async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
+    async def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
         """Give the plan."""
         yield PLAN
-        yield Completed(PLAN, Usage(), "stop")
+        yield GenerationEnd(PLAN, Usage(), "stop")
 
     async def close(self) -> None:
         """Note that it was closed."""

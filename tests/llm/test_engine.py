@@ -19,8 +19,8 @@ import pytest
 import pytest_asyncio
 
 from pa_console.llm.backend import (
-    Completed,
     EngineDiedError,
+    GenerationEnd,
     ModelError,
     ModelUnavailableError,
     PromptRefusedError,
@@ -72,15 +72,15 @@ async def whole(smallest_model: LocalModel) -> AsyncGenerator[Engine]:
     await engine.close()
 
 
-async def answer(engine: Engine, request: Request) -> Completed:
+async def answer(engine: Engine, request: Request) -> GenerationEnd:
     text = ""
     async with aclosing(engine.generate(request)) as items:
         async for item in items:
-            if isinstance(item, Completed):
+            if isinstance(item, GenerationEnd):
                 assert text == item.text
                 return item
             text += item
-    raise AssertionError("no Completed came")
+    raise AssertionError("no GenerationEnd came")
 
 
 def gone(pid: int) -> bool:
@@ -234,7 +234,7 @@ async def test_cancel_ends_the_answer_and_keeps_the_worker(engine: Engine):
     pid = worker_pid(engine)
     async with aclosing(engine.generate(LONG)) as items:
         async for item in items:
-            if isinstance(item, Completed):
+            if isinstance(item, GenerationEnd):
                 assert item.finish == "cancelled"
                 assert len(item.text) < 6000
             else:

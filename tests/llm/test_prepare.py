@@ -11,7 +11,7 @@ from pa_console.llm.models.cache import hash_file
 from pa_console.llm.models.catalogue import Catalog, ModelEntry, PathSource, fastest_type
 from pa_console.llm.models.preparing import (
     Preparation,
-    Prepared,
+    PreparedFile,
     find_recorded,
     prepare,
     prepared_path,
@@ -27,7 +27,7 @@ def source(tmp_path: Path, empty_cache: Path) -> Path:
     return write_tiny(tmp_path / "source.gguf")
 
 
-def made(source: Path) -> Prepared:
+def made(source: Path) -> PreparedFile:
     return prepare("tiny", Q8, source, hash_file(source))
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.llm.backend import Completed, EngineDiedError, EngineError, Finish
+from pa_console.llm.backend import EngineDiedError, EngineError, Finish, GenerationEnd
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.llm.roles.judge import Judge, Judgement, JudgeQuestion, read_verdict
 from pa_console.llm.roles.planner import Planner, Proposal, read_plan
@@ -21,11 +21,11 @@ VERDICT = (
 )
 USAGE = Usage(prompt_tokens=7, seconds=1.5)
 
-Script = list[str | Completed | EngineError]
+Script = list[str | GenerationEnd | EngineError]
 
 
 def script(text: str, finish: Finish = "stop") -> Script:
-    return [text[:9], text[9:], Completed(text, USAGE, finish)]
+    return [text[:9], text[9:], GenerationEnd(text, USAGE, finish)]
 
 
 async def propose(items: Script) -> tuple[str, Proposal]:

@@ -6,7 +6,7 @@ from contextlib import aclosing
 
 import pytest
 
-from pa_console.llm.backend import Completed, EngineDiedError, Request
+from pa_console.llm.backend import EngineDiedError, GenerationEnd, Request
 from pa_console.mission.approval import standing_approver
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Usage
@@ -32,11 +32,11 @@ class BusyEngine(ScriptedEngine):
         super().__init__(plans, verdicts or (SUCCESS,))
         self.cut_short = cut_short
 
-    async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
+    async def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
         """Give the next answer."""
         if request.yields and self.cut_short:
             self.cut_short -= 1
-            yield Completed("", Usage(), "cancelled")
+            yield GenerationEnd("", Usage(), "cancelled")
             return
         async with aclosing(super().generate(request)) as items:
             async for item in items:

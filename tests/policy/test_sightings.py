@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pa_console.policy.authoring.examples import WORLD, example_plan, example_rehearsal, run_example
 from pa_console.policy.monitor import Monitor
 from pa_console.policy.rule_checks import check_plan
-from pa_console.policy.rule_variables import KEPT_S, Sighting, Sightings
+from pa_console.policy.rule_variables import KEPT_S, Sightings, TrackSighting
 from pa_console.policy.rulebook import load_rules
 from pa_console.schema.mission import Mission
 from pa_console.schema.rule import RuleExample
@@ -77,7 +77,7 @@ def test_the_age_at_a_place_is_that_of_the_last_detection_there(
 
 def test_a_monitor_hands_what_was_seen_to_the_checks() -> None:
     book = load_rules(RULES)
-    past = Sighting("V1", "Depot", "EastGate", stamp_s=70.0, noncombatants=True)
+    past = TrackSighting("V1", "Depot", "EastGate", stamp_s=70.0, noncombatants=True)
     example = RuleExample(
         name="x",
         expect="fail",

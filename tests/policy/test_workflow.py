@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.policy.orderings import Move, WorkflowRun
+from pa_console.policy.orderings import WorkflowMove, WorkflowRun
 from pa_console.policy.rulebook import Compiler, Rulebook, compile_rule
 from pa_console.schema.rehearsal import Moment, TrackMoment
 from pa_console.schema.rule import Phase, Rule, Workflow
@@ -33,7 +33,7 @@ class Story:
         track = TrackMoment.model_validate(self.facts)
         return Moment(time_s=self.time_s, tracks={"Track_07": track})
 
-    def then(self, after_s: float = 1.0, **facts: Any) -> list[Move]:
+    def then(self, after_s: float = 1.0, **facts: Any) -> list[WorkflowMove]:
         """Let time pass and facts change; return what the workflow makes of it."""
         assert self.run is not None
         self.time_s += after_s
@@ -52,16 +52,16 @@ def test_a_threat_is_observed_identified_warned_and_contained() -> None:
     assert story.run is not None
     assert [phase.name for phase in story.run.phases] == PHASES
     assert (story.then(), story.phase) == ([], "recon")
-    assert story.then(observed=True) == [Move("done", "recon")]
+    assert story.then(observed=True) == [WorkflowMove("done", "recon")]
     assert story.phase == "identify"
     story.then(identity="unauthorized")
     assert story.phase == "warn"
     assert story.then(warned=True) == []
     assert story.then(defiant=True) == []
-    assert story.then(intent="hostile") == [Move("done", "warn")]
+    assert story.then(intent="hostile") == [WorkflowMove("done", "warn")]
     assert (story.phase, story.run.outcome) == ("escalate", "")
     assert story.then(blocked=True) == [
-        Move("done", "escalate"), Move("ended", outcome="contained"),
+        WorkflowMove("done", "escalate"), WorkflowMove("ended", outcome="contained"),
     ]  # fmt: skip
     assert (story.run.current, story.run.position, story.run.skipped) == (None, 4, ())
     assert story.then(intent="benign") == []
@@ -70,7 +70,7 @@ def test_a_threat_is_observed_identified_warned_and_contained() -> None:
 def test_who_may_pass_is_cleared_and_the_rest_is_skipped() -> None:
     story = Story(observed=True)
     story.then()
-    assert story.then(identity="authorized")[-1] == Move("ended", outcome="cleared")
+    assert story.then(identity="authorized")[-1] == WorkflowMove("ended", outcome="cleared")
     assert story.run is not None
     assert story.run.skipped == ("warn", "escalate")
 
@@ -80,20 +80,22 @@ def test_one_that_leaves_is_over_at_whatever_phase() -> None:
     for facts_so_far in known:
         story = Story(**facts_so_far)
         story.then(status="leaving")
-        assert story.then(5.0)[-1] == Move("ended", outcome="left")
+        assert story.then(5.0)[-1] == WorkflowMove("ended", outcome="left")
 
 
 def test_one_that_heeds_the_warning_has_left() -> None:
     story = Story(observed=True, identity="unauthorized")
     story.then(warned=True, status="stopped")
     assert story.then(3.0, status="leaving") == []
-    assert story.then(5.0)[-1] == Move("ended", outcome="left")
+    assert story.then(5.0)[-1] == WorkflowMove("ended", outcome="left")
 
 
 def test_one_that_is_no_longer_detected_is_not_said_to_have_left() -> None:
     story = Story()
     assert story.run is not None
-    assert story.run.advance(Moment(time_s=9.0)) == [Move("ended", outcome="no longer detected")]
+    assert story.run.advance(Moment(time_s=9.0)) == [
+        WorkflowMove("ended", outcome="no longer detected")
+    ]
     assert story.run.command() == ""
 
 
@@ -105,7 +107,8 @@ def test_one_that_stands_still_after_the_warning_stays_under_watch() -> None:
     assert story.then(4.0) == []
     assert story.phase == "warn"
     assert story.then(4.0) == [
-        Move("done", "warn"), Move("skipped", "escalate"), Move("ended", outcome="under watch"),
+        WorkflowMove("done", "warn"), WorkflowMove("skipped", "escalate"),
+        WorkflowMove("ended", outcome="under watch"),
     ]  # fmt: skip
 
 
@@ -181,7 +184,7 @@ def test_expressions_may_speak_of_the_moment_and_of_the_orders_in_it() -> None:
             )
         }
     )
-    assert run.advance(ordered) == [Move("done", "only"), Move("ended")]
+    assert run.advance(ordered) == [WorkflowMove("done", "only"), WorkflowMove("ended")]
 
 
 facts = st.fixed_dictionaries(
@@ -212,10 +215,10 @@ def test_a_threat_that_is_none_any_more_ends_once_it_has_been_steady() -> None:
     assert story.run is not None
     story.then()
     assert story.phase == "escalate"
-    assert story.then(intent="benign") == [Move("skipped", "escalate")]
+    assert story.then(intent="benign") == [WorkflowMove("skipped", "escalate")]
     assert (story.run.current, story.run.ended) == (None, False)
     assert story.then(2.0) == []
-    assert story.then(5.0) == [Move("ended", outcome="under watch")]
+    assert story.then(5.0) == [WorkflowMove("ended", outcome="under watch")]
     assert story.then(5.0) == []
 
 
@@ -227,7 +230,7 @@ def test_a_workflow_only_goes_on_tells_every_phase_once_and_ends_with_an_outcome
     story = Story(**first)
     if story.run is None:
         return
-    told: list[Move] = []
+    told: list[WorkflowMove] = []
     for after_s, change in later:
         position = story.run.position
         told += story.then(after_s, **_learned(story.facts, change))

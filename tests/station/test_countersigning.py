@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.fleets import authorization as auth
-from pa_console.fleets.fleet import Countersigned
+from pa_console.fleets.fleet import PlanCountersignature
 from pa_console.fleets.station_authority import approval_of
 from pa_console.fleets.vda5050.additions import Countersignature
 from pa_console.fleets.vda5050.wire import Identity, Numbers, UnreadableError
@@ -72,7 +72,7 @@ def from_bus(site: Site, payload: bytes) -> Decision | None:
         return None
     if site.authority.objection_to(got.request_id, got.person, got.approval):
         return None
-    return countersignature(Countersigned(got.request_id, got.person, got.approval))
+    return countersignature(PlanCountersignature(got.request_id, got.person, got.approval))
 
 
 def decided(site: Site, asked: ev.ApprovalRequested, decisions: list[Decision]) -> Decision | None:

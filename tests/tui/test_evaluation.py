@@ -10,7 +10,7 @@ from textual.pilot import Pilot
 from textual.widgets import Input, Select, Static
 
 from pa_console.evaluation import report
-from pa_console.evaluation.statistics import Table
+from pa_console.evaluation.statistics import ReportTable
 from pa_console.station.assembly import Site, load_site
 from pa_console.tui.app import ConsoleApp, evaluation_console
 from pa_console.tui.approval.panel import ApprovalPanel
@@ -377,7 +377,7 @@ def test_looks(
     name: str,
     size: str,
 ) -> None:
-    def built(_: object) -> tuple[Table, ...]:
+    def built(_: object) -> tuple[ReportTable, ...]:
         return runs.TABLES
 
     monkeypatch.setattr(report, "build_tables", built)

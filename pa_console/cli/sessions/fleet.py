@@ -20,7 +20,7 @@ from pa_console.terminal.output import errors
 if TYPE_CHECKING:
     from pa_console.fleets.station_authority import StationAuthority
     from pa_console.fleets.vda5050.broker import BrokerAddress, Credentials
-    from pa_console.fleets.vda5050.joining import Joined
+    from pa_console.fleets.vda5050.joining import JoinedBus
     from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
     from pa_console.station.assembly import Site
 
@@ -35,7 +35,7 @@ class FoundFleet:
     """The world to open, with the robots that joined it on a bus, if one was named."""
 
     world: str
-    joined: "Joined | None" = None
+    joined: "JoinedBus | None" = None
     world_sha256: str = ""
     """The SHA-256 of the file before any robot joined."""
 

@@ -29,8 +29,8 @@ from pa_console.cli.verbs.doctor_checks import (
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.backend import (
     BackendOptions,
-    Completed,
     EngineError,
+    GenerationEnd,
     ModelError,
     Request,
     open_backend,
@@ -179,7 +179,7 @@ async def _one_plan(model: LocalModel) -> Usage:
             )
             async with aclosing(engine.generate(request)) as items:
                 async for item in items:
-                    if isinstance(item, Completed):
+                    if isinstance(item, GenerationEnd):
                         return item.usage
     finally:
         await engine.close()

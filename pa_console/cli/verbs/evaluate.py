@@ -56,7 +56,7 @@ from pa_console.evaluation.run_record import (
     read_runs,
 )
 from pa_console.evaluation.runner import Runner
-from pa_console.evaluation.statistics import Table
+from pa_console.evaluation.statistics import ReportTable
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.local.threads import physical_cores
 from pa_console.llm.models.catalogue import LocalModel, find_model
@@ -110,7 +110,7 @@ _TITLE_WORD = 9
 """Longer words of a column's title may be broken; names of models are long."""
 
 
-def to_rich(table: Table, width: int = 100) -> RichTable:
+def to_rich(table: ReportTable, width: int = 100) -> RichTable:
     """Return `table`, without its note, for a terminal of `width` columns; long cells wrap.
 
     Every column gets a width of its own, so that ids and intervals stay whole as long as there is
@@ -133,7 +133,7 @@ def to_rich(table: Table, width: int = 100) -> RichTable:
     return shown
 
 
-def _widths(table: Table, width: int) -> list[int]:
+def _widths(table: ReportTable, width: int) -> list[int]:
     """Return a width for each column: its longest word, then what is left to the neediest."""
     room = max(width - _GAP * len(table.columns), len(table.columns))
     cells = [list(column) for column in zip(table.columns, *table.rows, strict=True)]

@@ -12,7 +12,7 @@ from pa_console.cli.progress_bars import ExportBar
 from pa_console.cli.verbs.rules_in_sessions import effect, trace
 from pa_console.policy.authoring.differences import Change, FieldChange, compare_rules, word_changes
 from pa_console.policy.authoring.examples import run_example
-from pa_console.policy.authoring.lint import Searched, lint_rules, search_rules, search_steps
+from pa_console.policy.authoring.lint import SearchDoubts, lint_rules, search_rules, search_steps
 from pa_console.policy.core_rules import differing_core, shipped_rules
 from pa_console.policy.retriever import DEFAULT_METHOD, METHODS, Retriever
 from pa_console.policy.rule_seal import (
@@ -277,7 +277,7 @@ def lint(
     document, rule_set = read_rule_set(path)
     place = open_world(world)[0]
     findings = lint_rules(document, rule_set, place)
-    searched = Searched()
+    searched = SearchDoubts()
     if states:
         with ExportBar("searching states", search_steps(rule_set, states)) as bar:
             searched = search_rules(document, rule_set, place, states, seed, lambda: bar.advance(1))

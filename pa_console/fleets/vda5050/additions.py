@@ -128,7 +128,7 @@ class IncidentDone(Header):
     after: dict[Id, Count] = {}
 
 
-class Told(Header):
+class ScenarioNews(Header):
     """An event of a site's scenario, or a skipped one, as JSON for the session log."""
 
     TOPIC: ClassVar[str] = "told"

@@ -14,8 +14,8 @@ from pa_console.fleets.vda5050.messages import (
     PlannedPath,
     PowerSupply,
     RobotPosition,
+    RobotState,
     SafetyState,
-    State,
     Trajectory,
     Velocity,
 )
@@ -41,7 +41,7 @@ def state_of(
     header_id: int,
     sent: datetime,
     zone_sets: tuple[KnownZoneSet, ...] = (),
-) -> State:
+) -> RobotState:
     """Return the state of `vehicle` from its own report `said` at `sent` (UTC)."""
     nodes, edges = vehicle.way_ahead()
     errors = list(vehicle.errors)
@@ -53,7 +53,7 @@ def state_of(
     if said.route:
         points = tuple(ControlPoint(x=x, y=y) for x, y in (said.position, *said.route))
         path = PlannedPath(trajectory=Trajectory(control_points=points))
-    return State(
+    return RobotState(
         header_id=header_id,
         timestamp=sent,
         manufacturer=vehicle.identity.manufacturer,
@@ -88,7 +88,7 @@ def state_of(
 
 
 def telemetry_of(
-    state: State, name: str, kind: AssetKind, terrain: Terrain, stamp_s: float
+    state: RobotState, name: str, kind: AssetKind, terrain: Terrain, stamp_s: float
 ) -> AssetTelemetry | None:
     """Return the telemetry in `state` of the asset `name`, as of `stamp_s` on the station's clock.
 
@@ -127,7 +127,7 @@ def telemetry_of(
     )
 
 
-def _status(state: State) -> AssetStatus:
+def _status(state: RobotState) -> AssetStatus:
     levels = {error.error_level for error in state.errors}
     able = state.operating_mode in ("AUTOMATIC", "SEMIAUTOMATIC")
     stopped = state.safety_state.active_emergency_stop != "NONE"
@@ -136,13 +136,13 @@ def _status(state: State) -> AssetStatus:
     return "degraded" if "URGENT" in levels else "ok"
 
 
-def _post(state: State, terrain: Terrain) -> str | None:
+def _post(state: RobotState, terrain: Terrain) -> str | None:
     """Return the frame that the robot is at, or is going to, None for none of ours."""
     name = state.node_states[-1].node_id if state.node_states else state.last_node_id
     return name if name in terrain.world.frames else None
 
 
-def _task(state: State, running: ActionState | None) -> Task:
+def _task(state: RobotState, running: ActionState | None) -> Task:
     """Return what the robot does: in its own words if it has some, else what its state shows."""
     for info in state.information:
         task = TASKS.get(info.info_descriptor or "") if info.info_type == TASK else None
@@ -156,7 +156,7 @@ def _task(state: State, running: ActionState | None) -> Task:
     return _DOING.get(doing or "", "holding" if state.paused else "idle")
 
 
-def _route(state: State) -> tuple[Point, ...]:
+def _route(state: RobotState) -> tuple[Point, ...]:
     """Return the waypoints ahead: the planned path without its beginning, or the nodes ahead."""
     path = state.planned_path.trajectory if state.planned_path is not None else None
     if path is not None and path.degree == 1:

@@ -177,7 +177,7 @@ def say_nothing(_loop: asyncio.AbstractEventLoop, _context: dict[str, Any]) -> N
 
 
 @dataclass(frozen=True)
-class Received:
+class IncomingMessage:
     """A message as the broker delivered it; `retained`: it is from before one asked for it."""
 
     topic: str
@@ -186,7 +186,7 @@ class Received:
 
 
 @dataclass(frozen=True)
-class Sent:
+class OutgoingMessage:
     """A message to be sent; the broker drops it after `expiry_s` seconds."""
 
     topic: str
@@ -208,10 +208,10 @@ class BusClient:
 
     address: BrokerAddress
     name: str
-    heard: Callable[[Received], None]
+    heard: Callable[[IncomingMessage], None]
     changed: Callable[[bool, str], None]
     topics: Sequence[str] = ()
-    will: Callable[[], Sent] | None = None
+    will: Callable[[], OutgoingMessage] | None = None
     credentials: Credentials | None = None
     problem: str = "not connected yet"
     """The reason why there is no connection, "" while there is one."""
@@ -244,7 +244,7 @@ class BusClient:
                     self.changed(True, "")
                     async for message in client.messages:
                         topic = str(message.topic)
-                        self.heard(Received(topic, message.payload, message.retain))
+                        self.heard(IncomingMessage(topic, message.payload, message.retain))
             except (MqttError, OSError) as error:
                 why = str(error) or type(error).__name__
                 self._client, self.problem = None, why
@@ -254,7 +254,7 @@ class BusClient:
             await asyncio.sleep(retry_s)
             retry_s = min(2 * retry_s, LAST_RETRY_S)
 
-    def send(self, message: Sent) -> bool:
+    def send(self, message: OutgoingMessage) -> bool:
         """Send `message` now; return False, and send nothing, without a connection."""
         if self._client is None:
             return False
@@ -268,7 +268,7 @@ class BusClient:
         while self._sending:
             await asyncio.wait(tuple(self._sending))
 
-    async def _send(self, client: "Client", message: Sent) -> None:
+    async def _send(self, client: "Client", message: OutgoingMessage) -> None:
         from aiomqtt import MqttError  # noqa: PLC0415
         from paho.mqtt.packettypes import PacketTypes  # noqa: PLC0415
         from paho.mqtt.properties import Properties  # noqa: PLC0415

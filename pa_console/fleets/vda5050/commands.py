@@ -7,7 +7,6 @@ from datetime import datetime
 from typing import Literal, NamedTuple
 
 from pa_console.fleets.vda5050.messages import (
-    Action,
     ActionParameter,
     ActionState,
     ConnectionState,
@@ -15,7 +14,8 @@ from pa_console.fleets.vda5050.messages import (
     Factsheet,
     Node,
     Position,
-    State,
+    RobotAction,
+    RobotState,
 )
 from pa_console.fleets.vda5050.vehicle import (
     AUTHORIZATION,
@@ -33,7 +33,7 @@ from pa_console.schema.world import World
 START = "start"
 
 
-class Answer(NamedTuple):
+class RobotAnswer(NamedTuple):
     """A robot's answer to a command."""
 
     status: ReplyStatus
@@ -45,7 +45,7 @@ def is_order(command: DeviceCommand) -> bool:
     return command.verb not in ("hold", "report")
 
 
-def actions_at_once(command: DeviceCommand, token: str | None) -> tuple[Action, ...]:
+def actions_at_once(command: DeviceCommand, token: str | None) -> tuple[RobotAction, ...]:
     """Return the instant actions of `hold`, which are two, and of `report`."""
     if command.verb == "hold":
         return (
@@ -55,12 +55,12 @@ def actions_at_once(command: DeviceCommand, token: str | None) -> tuple[Action, 
     return (_action(command.command_id, command.verb, "NONE", _parameters(None, token)),)
 
 
-def cancel_before(command: DeviceCommand) -> Action:
+def cancel_before(command: DeviceCommand) -> RobotAction:
     """Return what ends a robot's running order, which it does not drop by itself for `command`."""
     return _action(f"{command.command_id}.before", CANCEL, "NONE")
 
 
-def resume_for(command: DeviceCommand) -> Action:
+def resume_for(command: DeviceCommand) -> RobotAction:
     """Return what ends a robot's pause, so that it can carry `command` out."""
     return _action(f"{command.command_id}.resume", RESUME, "NONE")
 
@@ -91,7 +91,7 @@ def order_of(
     return (first, last), (edge,)
 
 
-def answer_of(command_id: str, verb: str, state: State) -> Answer | None:
+def answer_of(command_id: str, verb: str, state: RobotState) -> RobotAnswer | None:
     """Return the answer to a command in `state`, None when it does not mention the command.
 
     A hold has ended when the pause has begun, no order is left, and this very state shows that the
@@ -99,7 +99,7 @@ def answer_of(command_id: str, verb: str, state: State) -> Answer | None:
     """
     for error in reversed(state.errors):
         if error.refers_to(command_id) and error.error_level == "WARNING":
-            return Answer("refused", error.error_description or error.error_type)
+            return RobotAnswer("refused", error.error_description or error.error_type)
     states = (*state.action_states, *state.instant_action_states)
     found = _find(states, command_id)
     if found is None:
@@ -107,17 +107,19 @@ def answer_of(command_id: str, verb: str, state: State) -> Answer | None:
     detail = found.action_result or ""
     match found.action_status:
         case "FAILED":
-            return Answer("failed", detail)
+            return RobotAnswer("failed", detail)
         case "FINISHED":
             left = _left_of_hold(command_id, state) if verb == "hold" else None
-            return Answer("done", detail) if left is None else Answer("acknowledged", left)
+            return (
+                RobotAnswer("done", detail) if left is None else RobotAnswer("acknowledged", left)
+            )
         case "RUNNING" | "PAUSED" | "RETRIABLE":
-            return Answer("progress", detail)
+            return RobotAnswer("progress", detail)
         case "WAITING" | "INITIALIZING":
-            return Answer("acknowledged", detail)
+            return RobotAnswer("acknowledged", detail)
 
 
-def _left_of_hold(command_id: str, state: State) -> str | None:
+def _left_of_hold(command_id: str, state: RobotState) -> str | None:
     """Return what keeps a robot that has paused from holding, None once it stands."""
     cancelled = _find(state.instant_action_states, f"{command_id}.cancel")
     if cancelled is not None and cancelled.action_status not in ENDED:
@@ -136,8 +138,8 @@ def _action(
     action_type: str,
     blocking: Literal["NONE", "HARD"],
     parameters: tuple[ActionParameter, ...] = (),
-) -> Action:
-    return Action(
+) -> RobotAction:
+    return RobotAction(
         action_id=action_id,
         action_type=action_type,
         blocking_type=blocking,
@@ -158,11 +160,11 @@ MOST_ASKED = 512
 
 
 @dataclass(frozen=True)
-class _Asked:
+class _PendingCommand:
     """A command as the station knows it, and what its robot answered last."""
 
     command: DeviceCommand
-    said: Answer | None = None
+    said: RobotAnswer | None = None
 
 
 @dataclass
@@ -172,14 +174,16 @@ class Robot:
     identity: Identity
     factsheet: Factsheet | None = None
     connection: ConnectionState = "OFFLINE"
-    state: State | None = None
+    state: RobotState | None = None
     latest: datetime | None = None
     """When the state that was taken in last was sent."""
     held: bool = False
     """True if the robot got a hold after its last order."""
     waiting: DeviceCommand | None = None
     """An order that goes out once its running one is cancelled."""
-    asked: OrderedDict[str, _Asked] = field(default_factory=OrderedDict[str, _Asked])
+    asked: OrderedDict[str, _PendingCommand] = field(
+        default_factory=OrderedDict[str, _PendingCommand]
+    )
     """Commands sent, by action id on the wire."""
 
     @property
@@ -205,7 +209,7 @@ class Robot:
 
     def ask(self, action_id: str, command: DeviceCommand) -> None:
         """Note that `command` goes out as `action_id`; a repeated one is answered anew."""
-        self.asked[action_id] = _Asked(command)
+        self.asked[action_id] = _PendingCommand(command)
         self.asked.move_to_end(action_id)
         if len(self.asked) > MOST_ASKED:
             self.asked.popitem(last=False)
@@ -215,7 +219,7 @@ class Robot:
         asked = self.asked.get(action_id) if action_id is not None else None
         return asked.command.command_id if asked is not None else action_id
 
-    def answers(self, state: State) -> Iterator[tuple[DeviceCommand, Answer]]:
+    def answers(self, state: RobotState) -> Iterator[tuple[DeviceCommand, RobotAnswer]]:
         """Take in `state`; yield what is new in it of the commands that were sent."""
         self.state = state
         for action_id, asked in list(self.asked.items()):

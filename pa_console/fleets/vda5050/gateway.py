@@ -7,10 +7,15 @@ from typing import Any
 
 from pa_console.fleets.vda5050.additions import MANUFACTURER
 from pa_console.fleets.vda5050.asset_state import state_of
-from pa_console.fleets.vda5050.broker import BrokerAddress, BusClient, Credentials, Received, Sent
+from pa_console.fleets.vda5050.broker import (
+    BrokerAddress,
+    BusClient,
+    Credentials,
+    IncomingMessage,
+    OutgoingMessage,
+)
 from pa_console.fleets.vda5050.messages import (
     REPLACES,
-    Connection,
     ConnectionState,
     Factsheet,
     InstantActions,
@@ -22,6 +27,7 @@ from pa_console.fleets.vda5050.messages import (
     PhysicalParameters,
     ProtocolFeatures,
     ProtocolLimits,
+    RobotConnection,
     Scope,
     Timing,
     TypeSpecification,
@@ -142,15 +148,15 @@ class Speaker:
 
     def say(self, message: Header, *, qos: int = 0, retain: bool = False) -> None:
         """Publish `message`, if there is a connection."""
-        self.client.send(Sent(self._topic(message.TOPIC), message.write(), qos, retain))
+        self.client.send(OutgoingMessage(self._topic(message.TOPIC), message.write(), qos, retain))
 
     def header(self, topic: str, sent: datetime | None = None) -> dict[str, Any]:
         """Return the header of the next message on `topic`, `sent` at that time or now."""
         return self._numbers.header(self.identity, topic, sent or self._now())
 
-    def connection(self, state: ConnectionState) -> Connection:
+    def connection(self, state: ConnectionState) -> RobotConnection:
         """Return the message that reports the connection's state."""
-        return Connection(**self.header(Connection.TOPIC), connection_state=state)
+        return RobotConnection(**self.header(RobotConnection.TOPIC), connection_state=state)
 
     async def leave(self) -> None:
         """Report a departure in good order."""
@@ -169,16 +175,18 @@ class Speaker:
     def _topic(self, name: str) -> str:
         return str(Topic(self._site, self.identity, name))
 
-    def _will(self) -> Sent:
+    def _will(self) -> OutgoingMessage:
         broken = self.connection("CONNECTION_BROKEN")
-        return Sent(self._topic(Connection.TOPIC), broken.write(), qos=1, retain=True)
+        return OutgoingMessage(
+            self._topic(RobotConnection.TOPIC), broken.write(), qos=1, retain=True
+        )
 
     def _changed(self, connected: bool, _why: str) -> None:
         if connected:
             self.say(self.connection("ONLINE"), qos=1, retain=True)
             self._arrived()
 
-    def _heard(self, received: Received) -> None:
+    def _heard(self, received: IncomingMessage) -> None:
         topic = Topic.of(received.topic)
         kind = next((kind for kind in self.HEARS if topic and topic.name == kind.TOPIC), None)
         if kind is None or received.retained:

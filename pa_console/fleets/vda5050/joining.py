@@ -18,14 +18,14 @@ from pa_console.schema.command import COMMANDS
 from pa_console.schema.world import AssetKind, AssetSpec, World
 
 TELEMETRY = (
-    messages.Connection,
-    messages.State,
+    messages.RobotConnection,
+    messages.RobotState,
     Factsheet,
     additions.Detections,
     additions.SiteDescription,
     additions.ClockDone,
     additions.IncidentDone,
-    additions.Told,
+    additions.ScenarioNews,
 )
 """The messages of robots, cameras and a simulated site."""
 
@@ -40,7 +40,7 @@ MOST_RETAINED_S = 10.0
 
 
 @dataclass(frozen=True)
-class Joined:
+class JoinedBus:
     """A bus that was joined, with the retained messages found there."""
 
     link: StationLink
@@ -55,7 +55,7 @@ def join(
     address: BrokerAddress,
     credentials: Credentials | None = None,
     telemetry: Credentials | None = None,
-) -> Joined:
+) -> JoinedBus:
     """Connect to the broker and receive the retained messages; raises ValueError without a broker.
 
     `telemetry` are the credentials of the connection that only receives.
@@ -78,12 +78,12 @@ def join(
                 site = delivery.message
             case Factsheet():
                 factsheets.setdefault(delivery.topic.identity, delivery.message)
-            case messages.Connection():
+            case messages.RobotConnection():
                 states[delivery.topic.identity] = delivery.message.connection_state
             case _:
                 pass
     online = frozenset(identity for identity, state in states.items() if state == "ONLINE")
-    return Joined(link, site, factsheets, online, tuple(deliveries))
+    return JoinedBus(link, site, factsheets, online, tuple(deliveries))
 
 
 def take_retained(link: StationLink) -> list[Delivery]:
@@ -103,7 +103,7 @@ def take_retained(link: StationLink) -> list[Delivery]:
 _NAME: TypeAdapter[str] = TypeAdapter(Name)
 
 
-def with_newcomers(world: World, joined: Joined) -> tuple[World, tuple[str, ...]]:
+def with_newcomers(world: World, joined: JoinedBus) -> tuple[World, tuple[str, ...]]:
     """Return `world` with the robots that are on the bus and not in it, and a line about each.
 
     Each becomes an asset of the kind that its factsheet shows, with that kind's platform.

@@ -32,7 +32,7 @@ MAP = "site"
 ConnectionState = Literal["ONLINE", "OFFLINE", "HIBERNATING", "CONNECTION_BROKEN"]
 
 
-class Connection(Header):
+class RobotConnection(Header):
     """The connection of a robot to the bus; retained, and left as its last will."""
 
     TOPIC: ClassVar[str] = "connection"
@@ -46,7 +46,7 @@ class ActionParameter(Wire):
     value: JsonValue
 
 
-class Action(Wire):
+class RobotAction(Wire):
     """Something that a robot is to do: `action_type` says what, `action_id` which one it is."""
 
     action_id: Id
@@ -63,7 +63,7 @@ class InstantActions(Header):
     """Actions that a robot is to carry out as soon as they arrive."""
 
     TOPIC: ClassVar[str] = "instantActions"
-    actions: Items[Action] = Field(max_length=MOST_ITEMS)
+    actions: Items[RobotAction] = Field(max_length=MOST_ITEMS)
 
 
 class Position(Wire):
@@ -81,7 +81,7 @@ class Node(Wire):
     sequence_id: Count
     released: bool
     node_position: Position | None = None
-    actions: Items[Action] = Field(default=(), max_length=MOST_ITEMS)
+    actions: Items[RobotAction] = Field(default=(), max_length=MOST_ITEMS)
 
 
 class Edge(Wire):
@@ -90,7 +90,7 @@ class Edge(Wire):
     edge_id: Id
     sequence_id: Count
     released: bool
-    actions: Items[Action] = Field(default=(), max_length=MOST_ITEMS)
+    actions: Items[RobotAction] = Field(default=(), max_length=MOST_ITEMS)
 
 
 class Order(Header):
@@ -178,7 +178,7 @@ class PowerSupply(Wire):
     charging: bool
 
 
-class Reference(Wire):
+class InfoReference(Wire):
     """The subject of an error or of an information."""
 
     reference_key: Id
@@ -193,7 +193,7 @@ class Error(Wire):
 
     error_type: Id
     error_level: ErrorLevel
-    error_references: Items[Reference] = Field(default=(), max_length=MOST_ITEMS)
+    error_references: Items[InfoReference] = Field(default=(), max_length=MOST_ITEMS)
     error_description: Text | None = None
 
     def refers_to(self, value: str) -> bool:
@@ -224,7 +224,7 @@ class KnownZoneSet(Wire):
     zone_set_status: Literal["ENABLED", "DISABLED"]
 
 
-class State(Header):
+class RobotState(Header):
     """The whole state of a robot, reported when something changes and periodically."""
 
     TOPIC: ClassVar[str] = "state"
@@ -258,7 +258,7 @@ class State(Header):
         return self.driving or speed_mps > STANDS_MPS
 
 
-class Zone(Wire):
+class VdaZone(Wire):
     """An area with a meaning; BLOCKED: not to be entered."""
 
     zone_id: Id
@@ -271,7 +271,7 @@ class Zones(Wire):
 
     map_id: Id = MAP
     zone_set_id: Id
-    zones: Items[Zone] = Field(max_length=MOST_ITEMS)
+    zones: Items[VdaZone] = Field(max_length=MOST_ITEMS)
 
 
 class ZoneSet(Header):

@@ -11,13 +11,13 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from pa_console.fleets.fleet import Countersigned, Forecast, Received
+from pa_console.fleets.fleet import Forecast, PlanCountersignature, Received
 from pa_console.fleets.vda5050 import additions, commands, messages
 from pa_console.fleets.vda5050.additions import Countersignature, RecordsAsked, StopAsked
 from pa_console.fleets.vda5050.asset_state import telemetry_of
-from pa_console.fleets.vda5050.broker import Sent
+from pa_console.fleets.vda5050.broker import OutgoingMessage
 from pa_console.fleets.vda5050.commands import Robot
-from pa_console.fleets.vda5050.joining import Joined
+from pa_console.fleets.vda5050.joining import JoinedBus
 from pa_console.fleets.vda5050.messages import Factsheet
 from pa_console.fleets.vda5050.reported_picture import ReportedPicture
 from pa_console.fleets.vda5050.sharing import CommandAuthority, SharedSession, signed_messages
@@ -49,7 +49,9 @@ class MqttFleet:
     goes by newer ones that others tell of.
     """
 
-    def __init__(self, world: World, joined: Joined, keys: CommandAuthority | None = None) -> None:
+    def __init__(
+        self, world: World, joined: JoinedBus, keys: CommandAuthority | None = None
+    ) -> None:
         self._link, self._keys = joined.link, keys
         self._rate = joined.site.rate if joined.site is not None else 1.0
         self._known = ReportedPicture(world)
@@ -61,7 +63,7 @@ class MqttFleet:
         self._told, self._dropped = Notices(), 0
         self._replies: list[CommandReply] = []
         self._shared: SharedSession | None = None
-        self._countersigned: list[Countersigned] = []
+        self._countersigned: list[PlanCountersignature] = []
         self._stop_asked = ""
         self._published_s, self._older_there = 0.0, False
         self._published: set[str] = set()
@@ -123,7 +125,7 @@ class MqttFleet:
             self._say("alarm", command.agent, "has not joined: nothing can be sent to it", "absent")
             return
         if why := robot.cannot(command):
-            self._reply(command, commands.Answer("refused", why))
+            self._reply(command, commands.RobotAnswer("refused", why))
             return
         on_wire = command.model_copy(update={"command_id": f"{self._session}.{command.command_id}"})
         robot.ask(on_wire.command_id, command)
@@ -221,7 +223,7 @@ class MqttFleet:
     def _has_order(robot: Robot, command: DeviceCommand) -> bool:
         return robot.state is not None and robot.state.order_id == command.command_id
 
-    def _at_once(self, robot: Robot, *actions: messages.Action) -> messages.InstantActions:
+    def _at_once(self, robot: Robot, *actions: messages.RobotAction) -> messages.InstantActions:
         header = self._header(robot.identity, messages.InstantActions.TOPIC)
         return messages.InstantActions(**header, actions=actions)
 
@@ -232,7 +234,7 @@ class MqttFleet:
     def _send(self, robot: Robot, *out: Header) -> bool:
         """Send messages to `robot` in order; return whether there was a connection."""
         sent = [
-            Sent(
+            OutgoingMessage(
                 str(Topic(self._link.address.site, robot.identity, message.TOPIC)),
                 message.write(),
                 qos=1,
@@ -246,7 +248,7 @@ class MqttFleet:
         self._say("alarm", SUBJECT, why, "unsent")
         return False
 
-    def _reply(self, command: DeviceCommand, answer: commands.Answer) -> None:
+    def _reply(self, command: DeviceCommand, answer: commands.RobotAnswer) -> None:
         self._replies.append(
             CommandReply(
                 command_id=command.command_id,
@@ -286,7 +288,7 @@ class MqttFleet:
 
     def _welcome(self, robot: Robot) -> None:
         self._asked_states += 1
-        request = messages.Action(
+        request = messages.RobotAction(
             action_id=f"{self._session}.state{self._asked_states}",
             action_type=STATE_REQUEST,
             blocking_type="NONE",
@@ -340,7 +342,7 @@ class MqttFleet:
             text = f"a signature from elsewhere does not count: {why}"
             self._say("warning", KEYS_SUBJECT, text, "countersignature")
             return
-        self._countersigned.append(Countersigned(request, person, signature))
+        self._countersigned.append(PlanCountersignature(request, person, signature))
 
     def _take(self, delivery: Delivery) -> None:
         """Take in one message; what cannot be believed is told, and changes nothing."""
@@ -352,18 +354,18 @@ class MqttFleet:
             return
         self._numbers.saw(topic.identity, topic.name, message.header_id)
         match message:
-            case messages.Connection():
+            case messages.RobotConnection():
                 self._take_connection(topic.identity, message)
             case Factsheet():
                 if (robot := self._robot(topic.identity)) is not None:
                     robot.factsheet = message
-            case messages.State():
+            case messages.RobotState():
                 self._take_state(delivery, message)
             case additions.Detections():
                 self._take_detections(delivery, message)
             case additions.SiteDescription() if topic.identity == additions.SITE:
                 self._weather = message.weather
-            case additions.Told() if topic.identity == additions.SITE:
+            case additions.ScenarioNews() if topic.identity == additions.SITE:
                 self._take_told(message)
             case additions.SignedMessage() if topic.identity == additions.TRUST:
                 self._take_signed(message)
@@ -384,7 +386,7 @@ class MqttFleet:
         """Take in what only a simulated site sends; nobody else is believed to."""
         self._say("alarm", identity.serial_number, f"sends {message.TOPIC!r}, which is not its own")
 
-    def _take_told(self, message: additions.Told) -> None:
+    def _take_told(self, message: additions.ScenarioNews) -> None:
         try:
             self._told.add(_HAPPENED.validate_json(message.event))
         except ValidationError:
@@ -407,7 +409,7 @@ class MqttFleet:
             self._say("warning", name, text, "stranger")
         return robot
 
-    def _take_connection(self, identity: Identity, message: messages.Connection) -> None:
+    def _take_connection(self, identity: Identity, message: messages.RobotConnection) -> None:
         if identity.serial_number in self.world.cameras or identity == additions.SITE:
             return
         robot = self._robot(identity)
@@ -429,7 +431,7 @@ class MqttFleet:
         elif before != "ONLINE" and self._ready:
             self._welcome(robot)
 
-    def _take_state(self, delivery: Delivery, state: messages.State) -> None:
+    def _take_state(self, delivery: Delivery, state: messages.RobotState) -> None:
         robot = self._robot(delivery.topic.identity)
         if robot is None:
             return
@@ -495,7 +497,7 @@ class MqttFleet:
 def zone_set(world: World, header: dict[str, Any]) -> messages.ZoneSet:
     """Return the restricted zones of `world` as a message: no robot may enter them by itself."""
     zones = tuple(
-        messages.Zone(
+        messages.VdaZone(
             zone_id=name,
             zone_type="BLOCKED",
             vertices=tuple(messages.ControlPoint(x=x, y=y) for x, y in zone.polygon),

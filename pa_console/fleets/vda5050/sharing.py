@@ -9,7 +9,7 @@ from typing import Protocol
 from pa_console.fleets.authorization import Records
 from pa_console.fleets.vda5050 import additions
 from pa_console.fleets.vda5050.additions import MANUFACTURER, RecordsAsked, SessionRecords, pack
-from pa_console.fleets.vda5050.broker import Sent
+from pa_console.fleets.vda5050.broker import OutgoingMessage
 from pa_console.fleets.vda5050.wire import MOST_BYTES, Identity, Numbers, Topic
 from pa_console.schema.command import DeviceCommand
 
@@ -54,7 +54,7 @@ class SharedSession:
         if known and message.first not in self._asked:
             self._asked.append(message.first)
 
-    def step(self, site: str, now: datetime) -> Iterator[Sent]:
+    def step(self, site: str, now: datetime) -> Iterator[OutgoingMessage]:
         """Yield the messages to publish now: new records, and some of the requested ones."""
         while self._told < len(self._ends) - 1:
             last = self._piece(self._told + 1)
@@ -71,7 +71,9 @@ class SharedSession:
             last += 1
         return last
 
-    def _message(self, site: str, now: datetime, first: int, last: int) -> Iterator[Sent]:
+    def _message(
+        self, site: str, now: datetime, first: int, last: int
+    ) -> Iterator[OutgoingMessage]:
         """Yield the records, if they can be read and sent; whoever lacks them asks again."""
         lines = self._lines(first, last)
         packed = pack(lines)
@@ -86,7 +88,7 @@ class SharedSession:
             signature=self._vouch(Records(self.session, first, last, self._hashes[last])),
         )
         topic = Topic(site, self.identity, SessionRecords.TOPIC)
-        yield Sent(str(topic), message.write(), qos=1)
+        yield OutgoingMessage(str(topic), message.write(), qos=1)
 
     def _lines(self, first: int, last: int) -> bytes:
         """Return lines with their ends; nothing where the file does not have them."""
@@ -130,12 +132,14 @@ class CommandAuthority(Protocol):
 
 def signed_messages(
     site: str, messages: Mapping[str, str], numbers: Numbers, sent: datetime
-) -> list[Sent]:
+) -> list[OutgoingMessage]:
     """Return the signed `messages` by kind as they are retained on the bus, in the right order."""
-    found: list[Sent] = []
+    found: list[OutgoingMessage] = []
     for kind in additions.SIGNED:
         if (message := messages.get(kind.TOPIC)) is not None:
             header = numbers.header(additions.TRUST, kind.TOPIC, sent)
             topic = Topic(site, additions.TRUST, kind.TOPIC)
-            found.append(Sent(str(topic), kind(**header, message=message).write(), 1, retain=True))
+            found.append(
+                OutgoingMessage(str(topic), kind(**header, message=message).write(), 1, retain=True)
+            )
     return found

@@ -22,13 +22,18 @@ from pa_console.fleets.vda5050.additions import (
     Detections,
     IncidentDone,
     IncidentMessage,
+    ScenarioNews,
     SeenContact,
     SeenRobot,
     SignedMessage,
     SiteDescription,
-    Told,
 )
-from pa_console.fleets.vda5050.broker import BrokerAddress, Credentials, Received, say_nothing
+from pa_console.fleets.vda5050.broker import (
+    BrokerAddress,
+    Credentials,
+    IncomingMessage,
+    say_nothing,
+)
 from pa_console.fleets.vda5050.gateway import Gateway, OnBus, Speaker
 from pa_console.fleets.vda5050.vehicle import Verify, anybody
 from pa_console.fleets.vda5050.wire import Header, Numbers, Topic, UnreadableError, in_milliseconds
@@ -269,8 +274,8 @@ class SimulatedSite:
             robot.report(said, self.now())
 
     def _tell(self, event: IncidentHappened | Noticed) -> None:
-        header = self._site.header(Told.TOPIC)
-        self._site.say(Told(**header, event=event.model_dump_json()), qos=1)
+        header = self._site.header(ScenarioNews.TOPIC)
+        self._site.say(ScenarioNews(**header, event=event.model_dump_json()), qos=1)
 
     def _describe(self) -> None:
         self._site.say(
@@ -289,7 +294,7 @@ class SimulatedSite:
             retain=True,
         )
 
-    def _hear_signed(self, received: Received) -> None:
+    def _hear_signed(self, received: IncomingMessage) -> None:
         """Let the vehicles go by a signed message; what cannot be read changes nothing."""
         with suppress(UnreadableError):
             self._options.take(SignedMessage.read(received.payload).message)
@@ -320,14 +325,14 @@ class _SiteSpeaker(Speaker):
         bus: OnBus,
         arrived: Callable[[], None],
         asked: Callable[[Header], None],
-        signed: Callable[[Received], None],
+        signed: Callable[[IncomingMessage], None],
     ) -> None:
         super().__init__(SITE.serial_number, bus)
         self._arrived, self._asked, self._signed = arrived, asked, signed
         trust = [str(Topic(bus.address.site, TRUST, kind.TOPIC)) for kind in SIGNED]
         self.client.topics = (*self.client.topics, *trust)
 
-    def _heard(self, received: Received) -> None:
+    def _heard(self, received: IncomingMessage) -> None:
         topic = Topic.of(received.topic)
         if topic is None or topic.identity != TRUST:
             super()._heard(received)

@@ -6,8 +6,8 @@ from time import monotonic
 
 from pa_console.fleets.vda5050 import additions
 from pa_console.fleets.vda5050.additions import SITE
-from pa_console.fleets.vda5050.broker import Sent
-from pa_console.fleets.vda5050.joining import Joined
+from pa_console.fleets.vda5050.broker import OutgoingMessage
+from pa_console.fleets.vda5050.joining import JoinedBus
 from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
 from pa_console.fleets.vda5050.sharing import CommandAuthority
 from pa_console.fleets.vda5050.wire import Header, Identity, Topic
@@ -23,7 +23,7 @@ class SiteFleet(MqttFleet):
     def __init__(
         self,
         world: World,
-        joined: Joined,
+        joined: JoinedBus,
         site: additions.SiteDescription,
         keys: CommandAuthority | None = None,
     ) -> None:
@@ -117,7 +117,7 @@ class SiteFleet(MqttFleet):
 
     def _tell_site(self, message: Header) -> None:
         topic = Topic(self._link.address.site, additions.SITE, message.TOPIC)
-        self._link.publish(Sent(str(topic), message.write(), qos=1))
+        self._link.publish(OutgoingMessage(str(topic), message.write(), qos=1))
 
     def _take_more(self, identity: Identity, message: Header) -> None:
         if identity != additions.SITE:
@@ -141,7 +141,7 @@ class SiteFleet(MqttFleet):
 
 
 def fleet_of(
-    joined: Joined, world: World, world_sha256: str, keys: CommandAuthority | None = None
+    joined: JoinedBus, world: World, world_sha256: str, keys: CommandAuthority | None = None
 ) -> MqttFleet:
     """Return the fleet of `world` on the bus that was joined.
 

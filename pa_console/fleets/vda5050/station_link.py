@@ -19,8 +19,8 @@ from pa_console.fleets.vda5050.broker import (
     BrokerAddress,
     BusClient,
     Credentials,
-    Received,
-    Sent,
+    IncomingMessage,
+    OutgoingMessage,
     say_nothing,
 )
 from pa_console.fleets.vda5050.wire import Header, Identity, Topic, UnreadableError
@@ -186,7 +186,7 @@ class StationLink:
         flooded, self._flooded = self._flooded, Counter()
         return flooded
 
-    def publish(self, *messages: Sent) -> bool:
+    def publish(self, *messages: OutgoingMessage) -> bool:
         """Send the messages in order; return False, and send none, without a connection."""
         return self._main.publish(messages)
 
@@ -197,7 +197,7 @@ class StationLink:
         for channel in self._channels:
             channel.join()
 
-    def _heard(self, kinds: Mapping[str, type[Header]], received: Received) -> None:
+    def _heard(self, kinds: Mapping[str, type[Header]], received: IncomingMessage) -> None:
         topic = _topic_of(received.topic)
         if topic is None or topic.name not in kinds:
             return
@@ -234,7 +234,7 @@ class _Channel:
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
-    def publish(self, messages: Sequence[Sent]) -> bool:
+    def publish(self, messages: Sequence[OutgoingMessage]) -> bool:
         """Send the messages in order; return False, and send none, without a connection."""
         if not self.up.is_set():
             return False
@@ -252,7 +252,7 @@ class _Channel:
         """Wait until the connection has ended."""
         self._thread.join(GOODBYE_S + 1.0)
 
-    def _send(self, messages: Sequence[Sent]) -> None:
+    def _send(self, messages: Sequence[OutgoingMessage]) -> None:
         for message in messages:
             self._client.send(message)
 

@@ -12,16 +12,16 @@ from datetime import datetime
 from pydantic import JsonValue
 
 from pa_console.fleets.vda5050.messages import (
-    Action,
     ActionState,
     ActionStatus,
     EdgeState,
     Error,
+    InfoReference,
     InstantActions,
     Node,
     NodeState,
     Order,
-    Reference,
+    RobotAction,
 )
 from pa_console.fleets.vda5050.wire import Header, Identity, in_milliseconds
 from pa_console.schema.command import CommandReply, DeviceCommand, ReplyStatus, Verb
@@ -62,7 +62,7 @@ def anybody(_token: str | None, _command: DeviceCommand) -> str:
 
 
 @dataclass(frozen=True)
-class _Known:
+class _TakenAction:
     """An action that was taken; `device_id` is that of the device command that carries it out.
 
     `command` is that command, for the action that it was made from.
@@ -104,7 +104,7 @@ class Vehicle:
         self.identity, self.paused, self._relays = identity, False, relays
         self._offers, self._now, self._verify = offers, now, verify
         self._began = in_milliseconds(now())
-        self._known: OrderedDict[str, _Known | None] = OrderedDict()
+        self._known: OrderedDict[str, _TakenAction | None] = OrderedDict()
         """The progress of every action, by its id; None after a refusal, or when it ended long
         ago."""
         self._told: list[str] = []
@@ -257,7 +257,7 @@ class Vehicle:
         )
         return (node,), tuple(edges)
 
-    def _recent(self) -> list[_Known]:
+    def _recent(self) -> list[_TakenAction]:
         found = (self._known.get(action_id) for action_id in self._told)
         return [k for k in found if k is not None and (k.answered or not self._relays)]
 
@@ -281,7 +281,7 @@ class Vehicle:
             return f"it says that it was sent {-age_s:.0f} s from now"
         return ""
 
-    def _command(self, action: Action, node: Node) -> DeviceCommand | None:
+    def _command(self, action: RobotAction, node: Node) -> DeviceCommand | None:
         """Return the command that `action` stands for, None for one that is not offered."""
         offered: dict[str, Verb] = {verb: verb for verb in self._offers if verb != "hold"}
         verb = offered.get(action.action_type)
@@ -309,13 +309,15 @@ class Vehicle:
             if known.state.action_status not in ENDED and known.command is not self._held_back:
                 yield known.command
 
-    def _note(self, action: Action, status: ActionStatus, carried_by: DeviceCommand | str) -> None:
+    def _note(
+        self, action: RobotAction, status: ActionStatus, carried_by: DeviceCommand | str
+    ) -> None:
         """Note an action that was taken, and the command that carries it out, or its id."""
         state = ActionState(
             action_id=action.action_id, action_type=action.action_type, action_status=status
         )
         alone = isinstance(carried_by, str)
-        known = _Known(
+        known = _TakenAction(
             state,
             carried_by if alone else carried_by.command_id,
             instant=alone or carried_by.verb in ("hold", "report"),
@@ -332,7 +334,7 @@ class Vehicle:
             self._told.remove(told)
         del self._told[:-MOST_OPEN]
 
-    def _remember(self, action_id: str, known: _Known | None) -> None:
+    def _remember(self, action_id: str, known: _TakenAction | None) -> None:
         self._known[action_id] = known
         if len(self._known) > MOST_KNOWN:
             self._known.popitem(last=False)
@@ -345,7 +347,9 @@ class Vehicle:
             for key, value in about:
                 if key == "actionId" and value:
                     self._remember(value, None)
-        references = (Reference(reference_key=key, reference_value=value) for key, value in about)
+        references = (
+            InfoReference(reference_key=key, reference_value=value) for key, value in about
+        )
         error = Error(
             error_type=kind,
             error_level="WARNING",
@@ -381,6 +385,6 @@ class Vehicle:
             )
 
 
-def _token(action: Action) -> str | None:
+def _token(action: RobotAction) -> str | None:
     token = action.parameter(AUTHORIZATION)
     return token if isinstance(token, str) else None

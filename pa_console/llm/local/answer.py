@@ -84,7 +84,7 @@ LOOSE = 3
 
 
 @dataclass(frozen=True)
-class Written:
+class FinishedAnswer:
     """A complete answer: the tokens of `prompt` and of the answer, so many of them `evaluated`."""
 
     prompt: Sequence[int]
@@ -142,7 +142,9 @@ class AnswerRun:
         except InterruptedEvaluationError:
             return "cancelled"
 
-    def go_on(self, sequence: int, context: list[int], last: Written, max_tokens: int) -> Finish:
+    def go_on(
+        self, sequence: int, context: list[int], last: FinishedAnswer, max_tokens: int
+    ) -> Finish:
         """Write to the end of `context`, the prompt, what begins as the answer `last`.
 
         Where the grammar goes another way, it is written from the start.

@@ -22,7 +22,13 @@ from llguidance.llamacpp import lltokenizer_from_vocab
 from numpy.typing import NDArray
 
 from pa_console.llm.backend import Chance, Finish, Request
-from pa_console.llm.local.answer import AnswerRun, Written, forced_tokens, likeliest, readable
+from pa_console.llm.local.answer import (
+    AnswerRun,
+    FinishedAnswer,
+    forced_tokens,
+    likeliest,
+    readable,
+)
 from pa_console.llm.local.runtime import InterruptedEvaluationError, Runtime, SharedContext
 from pa_console.llm.models.catalogue import ChatFormat
 from pa_console.schema.finding import Usage
@@ -157,7 +163,7 @@ ROWS = 16
 
 
 @dataclass
-class _Answer:
+class _OpenAnswer:
     """One answer being written; `open` until it is complete or too long."""
 
     matcher: LLMatcher
@@ -186,7 +192,7 @@ class Candidates:
         self._stop = re.compile(request.stop) if request.stop else None
 
     def answers(
-        self, sequence: int, likeliest: Written, begun: int
+        self, sequence: int, likeliest: FinishedAnswer, begun: int
     ) -> tuple[list[str], Finish, Usage]:
         """Write answers to the prompt of the `likeliest` one.
 
@@ -197,7 +203,7 @@ class Candidates:
         prompt, answer = likeliest.prompt, likeliest.tokens
         started = perf_counter()
         texts: list[str] = []
-        answers: list[_Answer] = []
+        answers: list[_OpenAnswer] = []
         cached, first = 0, 0.0
         finish: Finish = "stop"
         try:
@@ -240,13 +246,13 @@ class Candidates:
             yield from after[:-1]
             logits = after[-1]
 
-    def _begun(self, answer: Sequence[int], branch: BranchPoint) -> _Answer:
-        begun = _Answer(self._matcher(), list(answer[: branch.kept]))
+    def _begun(self, answer: Sequence[int], branch: BranchPoint) -> _OpenAnswer:
+        begun = _OpenAnswer(self._matcher(), list(answer[: branch.kept]))
         begun.matcher.consume_tokens([*begun.tokens, branch.token])
         self._take([branch.token, *forced_tokens(begun.matcher)], begun)
         return begun
 
-    def _write(self, answers: list[_Answer], start: int) -> None:
+    def _write(self, answers: list[_OpenAnswer], start: int) -> None:
         """Let every open answer take its next tokens, all of them evaluated at once."""
         while running := [(n, answer) for n, answer in enumerate(answers) if answer.open]:
             rows = self._shared.extend(
@@ -262,14 +268,14 @@ class Candidates:
                     answer.sampled += 1
                 self._take(tokens, answer)
 
-    def _take(self, tokens: list[int], answer: _Answer) -> None:
+    def _take(self, tokens: list[int], answer: _OpenAnswer) -> None:
         answer.pending = tokens
         answer.tokens += tokens
         found = self._stop is not None and self._stop.search(self._text(answer)) is not None
         answer.complete = found or answer.matcher.is_stopped()
         answer.open = not answer.complete and len(answer.tokens) < self._request.max_tokens
 
-    def _text(self, answer: _Answer) -> str:
+    def _text(self, answer: _OpenAnswer) -> str:
         data = readable(self._tokenizer, answer.tokens, self._ends)
         return codecs.decode(data, "utf-8", "replace")
 
@@ -291,7 +297,7 @@ class Decoder:
         self._tokenizer = lltokenizer_from_vocab(vocabulary, eos_token=sorted(self._ends))
         self._shared: SharedContext | None = None
         self._room = 0
-        self._last: dict[int, Written] = {}
+        self._last: dict[int, FinishedAnswer] = {}
         self.written: tuple[int, ...] = ()
         """The tokens of the last answer."""
         self.chances: tuple[Chance, ...] = ()
@@ -326,7 +332,9 @@ class Decoder:
             finish = run.write(sequence, context, max_tokens)
         self.written, self.chances = tuple(context[len(prompt) :]), tuple(run.chances)
         if finish == "stop":
-            self._last[sequence] = Written(context[: len(prompt)], self.written, run.text, run.done)
+            self._last[sequence] = FinishedAnswer(
+                context[: len(prompt)], self.written, run.text, run.done
+            )
         return finish, run.usage(len(prompt))
 
     def several(

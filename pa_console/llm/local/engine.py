@@ -15,10 +15,10 @@ from typing import Literal
 
 from pa_console.child_processes import OWN_FOLDER, python_command
 from pa_console.llm.backend import (
-    Completed,
     EngineDiedError,
     EngineError,
     Finish,
+    GenerationEnd,
     ModelUnavailableError,
     PromptRefusedError,
     Request,
@@ -29,12 +29,12 @@ from pa_console.llm.local.messages import (
     Done,
     FromWorker,
     Generate,
+    GenerationFailure,
     Load,
     LoadFailed,
-    Piece,
     PinnedFile,
     Ready,
-    Refused,
+    TextPiece,
     encode,
 )
 from pa_console.llm.local.threads import physical_cores
@@ -57,7 +57,7 @@ WAITING_LIMIT = 8 << 20
 
 EXIT_S = 2.0
 
-Answer = Piece | Done | Refused
+Answer = TextPiece | Done | GenerationFailure
 Signal = Literal["stop", "late", "ended"]
 
 
@@ -325,8 +325,8 @@ class Engine:
         if self._worker is not None:
             self._worker.strike()
 
-    async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
-        """Give the answer to `request` in pieces, then one Completed.
+    async def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
+        """Give the answer to `request` in pieces, then one GenerationEnd.
 
         One that `yields` ends as `cancelled` as soon as another one comes, and at once while
         another one waits. Raises ModelUnavailableError when the model cannot be loaded,
@@ -361,17 +361,17 @@ class Engine:
             async for _ in self.generate(beginning):
                 pass
 
-    async def _generate(self, request: Request) -> AsyncGenerator[str | Completed]:
+    async def _generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
         """Take the turn, wait for the model, ask."""
         async with self._turn:
             self._stop.clear()
             if request.yields and self._urgent:
-                yield Completed("", Usage(), "cancelled")
+                yield GenerationEnd("", Usage(), "cancelled")
                 return
             self._interruptible = request.yields
             worker = await self._living_worker()
             if not await self._loaded(worker):
-                yield Completed("", Usage(), "cancelled")
+                yield GenerationEnd("", Usage(), "cancelled")
                 return
             self._number += 1
             self.busy = True
@@ -419,7 +419,7 @@ class Engine:
 
     async def _exchange(
         self, worker: Worker, number: int, request: Request
-    ) -> AsyncGenerator[str | Completed]:
+    ) -> AsyncGenerator[str | GenerationEnd]:
         """Send `request` and pass the worker's messages on until it is over or too late."""
         worker.send(
             # The worker has the grammar: the schema is for servers, and may be long.
@@ -431,15 +431,15 @@ class Engine:
         while True:
             message = await worker.receive(limit)
             match message:
-                case Piece(id=id_) if id_ == number:
+                case TextPiece(id=id_) if id_ == number:
                     text += message.text
                     yield message.text
                 case Done(id=id_) if id_ == number:
                     self._tell_slowed(message.slowed)
                     finish = asked or message.finish
-                    yield Completed(text, message.usage, finish, message.texts, message.chances)
+                    yield GenerationEnd(text, message.usage, finish, message.texts, message.chances)
                     return
-                case Refused(id=id_) if id_ == number:
+                case GenerationFailure(id=id_) if id_ == number:
                     raise PromptRefusedError(message.error)
                 case "ended" if worker.error:
                     raise ModelUnavailableError(self._unusable(worker.error))
@@ -456,7 +456,7 @@ class Engine:
                 case "late":
                     await worker.kill()
                     usage = Usage(seconds=perf_counter() - started)
-                    yield Completed(text, usage, asked or "deadline")
+                    yield GenerationEnd(text, usage, asked or "deadline")
                     if not self._closed:
                         await self._living_worker()
                     return

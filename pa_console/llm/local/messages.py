@@ -65,7 +65,7 @@ class LoadFailed(StrictModel):
     error: str
 
 
-class Piece(StrictModel):
+class TextPiece(StrictModel):
     """More text of generation `id`."""
 
     op: Literal["piece"] = "piece"
@@ -89,7 +89,7 @@ class Done(StrictModel):
     slowed: bool = False
 
 
-class Refused(StrictModel):
+class GenerationFailure(StrictModel):
     """Generation `id` was not begun, or failed."""
 
     op: Literal["refused"] = "refused"
@@ -100,8 +100,8 @@ class Refused(StrictModel):
 ToWorker: TypeAdapter[Load | Generate | Cancel] = TypeAdapter(
     Annotated[Load | Generate | Cancel, Field(discriminator="op")]
 )
-FromWorker: TypeAdapter[Ready | LoadFailed | Piece | Done | Refused] = TypeAdapter(
-    Annotated[Ready | LoadFailed | Piece | Done | Refused, Field(discriminator="op")]
+FromWorker: TypeAdapter[Ready | LoadFailed | TextPiece | Done | GenerationFailure] = TypeAdapter(
+    Annotated[Ready | LoadFailed | TextPiece | Done | GenerationFailure, Field(discriminator="op")]
 )
 
 

@@ -87,7 +87,7 @@ class InterruptedEvaluationError(Exception):
     """The evaluation was stopped by the `stopped` callback."""
 
 
-class _Context:
+class _LlamaContext:
     """A context of `model`, with room for `n_ctx` tokens; raises ValueError without memory."""
 
     def __init__(self, runtime: "Runtime", n_ctx: int, chunk: int, sequences: int = 1) -> None:
@@ -162,7 +162,7 @@ class SharedContext:
     def __init__(self, runtime: "Runtime", width: int, n_ctx: int) -> None:
         """Raises ValueError when there is no memory for `n_ctx` tokens."""
         self.width, self._adapters = width, runtime.adapters
-        self._context = _Context(runtime, n_ctx, SHARED_CHUNK, width)
+        self._context = _LlamaContext(runtime, n_ctx, SHARED_CHUNK, width)
 
     def close(self) -> None:
         """Give the memory back; the context must not be used afterwards."""
@@ -236,7 +236,7 @@ class Runtime:
         self.stopped, self.cores = stopped, cores
         self.vocabulary = _api.llama_model_get_vocab(self.model)
         self.n_vocabulary: int = _api.llama_vocab_n_tokens(self.vocabulary)
-        self._contexts: dict[int, _Context] = {}
+        self._contexts: dict[int, _LlamaContext] = {}
         self._cached: dict[int, list[int]] = {}
         self._context(0)
 
@@ -341,7 +341,7 @@ class Runtime:
         """Return the evaluated state of `sequence`, for another context."""
         return self._context(sequence).state()
 
-    def _context(self, sequence: int) -> _Context:
+    def _context(self, sequence: int) -> _LlamaContext:
         """Return the context of `sequence`; raises ValueError when there is no memory for it."""
         if sequence not in self._contexts:
             self._make_room(sequence, ROOM)
@@ -353,7 +353,7 @@ class Runtime:
         old = self._contexts.get(sequence)
         if old is not None and room <= old.n_ctx:
             return
-        context = _Context(self, room, CHUNK)
+        context = _LlamaContext(self, room, CHUNK)
         self.adapters.use(context.handle, sequence)
         if old is not None:
             context.restore(old.state(), "what was evaluated does not fit into a larger context")

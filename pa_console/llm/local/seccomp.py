@@ -43,7 +43,7 @@ OF_FILES = (0x5401, 0x5450, 0x5451)
 """Requests of `ioctl`: settings of a terminal, and whether a file is closed at `exec`."""
 
 
-class Call(NamedTuple):
+class SystemCall(NamedTuple):
     """A system call: its number on x86-64 and on ARM64, where it may not exist."""
 
     name: str
@@ -52,75 +52,85 @@ class Call(NamedTuple):
 
 
 THREADS = (
-    Call("futex", 202, 98), Call("sched_yield", 24, 124), Call("sched_getaffinity", 204, 123),
-    Call("getcpu", 309, 168), Call("set_robust_list", 273, 99), Call("rseq", 334, 293),
-    Call("membarrier", 324, 283), Call("gettid", 186, 178), Call("exit", 60, 93),
-    Call("exit_group", 231, 94),
+    SystemCall("futex", 202, 98), SystemCall("sched_yield", 24, 124),
+    SystemCall("sched_getaffinity", 204, 123), SystemCall("getcpu", 309, 168),
+    SystemCall("set_robust_list", 273, 99), SystemCall("rseq", 334, 293),
+    SystemCall("membarrier", 324, 283), SystemCall("gettid", 186, 178), SystemCall("exit", 60, 93),
+    SystemCall("exit_group", 231, 94),
 )  # fmt: skip
 MEMORY = (
-    Call("munmap", 11, 215), Call("mremap", 25, 216), Call("madvise", 28, 233),
-    Call("brk", 12, 214),
+    SystemCall("munmap", 11, 215), SystemCall("mremap", 25, 216), SystemCall("madvise", 28, 233),
+    SystemCall("brk", 12, 214),
 )  # fmt: skip
 FILES = (
-    Call("read", 0, 63), Call("readv", 19, 65), Call("pread64", 17, 67), Call("preadv", 295, 69),
-    Call("write", 1, 64), Call("writev", 20, 66), Call("lseek", 8, 62), Call("close", 3, 57),
-    Call("close_range", 436, 436), Call("dup", 32, 23), Call("dup2", 33, None),
-    Call("dup3", 292, 24), Call("stat", 4, None), Call("lstat", 6, None), Call("fstat", 5, 80),
-    Call("newfstatat", 262, 79), Call("statx", 332, 291), Call("statfs", 137, 43),
-    Call("fstatfs", 138, 44), Call("access", 21, None), Call("faccessat", 269, 48),
-    Call("faccessat2", 439, 439), Call("readlink", 89, None), Call("readlinkat", 267, 78),
-    Call("getdents64", 217, 61), Call("getcwd", 79, 17), Call("fadvise64", 221, 223),
+    SystemCall("read", 0, 63), SystemCall("readv", 19, 65), SystemCall("pread64", 17, 67),
+    SystemCall("preadv", 295, 69), SystemCall("write", 1, 64), SystemCall("writev", 20, 66),
+    SystemCall("lseek", 8, 62), SystemCall("close", 3, 57), SystemCall("close_range", 436, 436),
+    SystemCall("dup", 32, 23), SystemCall("dup2", 33, None), SystemCall("dup3", 292, 24),
+    SystemCall("stat", 4, None), SystemCall("lstat", 6, None), SystemCall("fstat", 5, 80),
+    SystemCall("newfstatat", 262, 79), SystemCall("statx", 332, 291), SystemCall("statfs", 137, 43),
+    SystemCall("fstatfs", 138, 44), SystemCall("access", 21, None),
+    SystemCall("faccessat", 269, 48), SystemCall("faccessat2", 439, 439),
+    SystemCall("readlink", 89, None), SystemCall("readlinkat", 267, 78),
+    SystemCall("getdents64", 217, 61), SystemCall("getcwd", 79, 17),
+    SystemCall("fadvise64", 221, 223),
 )  # fmt: skip
 WAITING = (
-    Call("poll", 7, None), Call("ppoll", 271, 73), Call("select", 23, None),
-    Call("pselect6", 270, 72), Call("epoll_create1", 291, 20), Call("epoll_ctl", 233, 21),
-    Call("epoll_wait", 232, None), Call("epoll_pwait", 281, 22), Call("nanosleep", 35, 101),
-    Call("clock_nanosleep", 230, 115), Call("clock_gettime", 228, 113),
-    Call("clock_getres", 229, 114), Call("gettimeofday", 96, 169), Call("time", 201, None),
-    Call("times", 100, 153),
+    SystemCall("poll", 7, None), SystemCall("ppoll", 271, 73), SystemCall("select", 23, None),
+    SystemCall("pselect6", 270, 72), SystemCall("epoll_create1", 291, 20),
+    SystemCall("epoll_ctl", 233, 21), SystemCall("epoll_wait", 232, None),
+    SystemCall("epoll_pwait", 281, 22), SystemCall("nanosleep", 35, 101),
+    SystemCall("clock_nanosleep", 230, 115), SystemCall("clock_gettime", 228, 113),
+    SystemCall("clock_getres", 229, 114), SystemCall("gettimeofday", 96, 169),
+    SystemCall("time", 201, None), SystemCall("times", 100, 153),
 )  # fmt: skip
 SIGNALS = (
-    Call("rt_sigaction", 13, 134), Call("rt_sigprocmask", 14, 135), Call("rt_sigreturn", 15, 139),
-    Call("rt_sigpending", 127, 136), Call("sigaltstack", 131, 132),
-    Call("restart_syscall", 219, 128),
+    SystemCall("rt_sigaction", 13, 134), SystemCall("rt_sigprocmask", 14, 135),
+    SystemCall("rt_sigreturn", 15, 139), SystemCall("rt_sigpending", 127, 136),
+    SystemCall("sigaltstack", 131, 132), SystemCall("restart_syscall", 219, 128),
 )  # fmt: skip
 ITSELF = (
-    Call("getpid", 39, 172), Call("getppid", 110, 173), Call("getuid", 102, 174),
-    Call("geteuid", 107, 175), Call("getgid", 104, 176), Call("getegid", 108, 177),
-    Call("uname", 63, 160), Call("sysinfo", 99, 179), Call("getrusage", 98, 165),
-    Call("getpriority", 140, 141), Call("getrandom", 318, 278),
+    SystemCall("getpid", 39, 172), SystemCall("getppid", 110, 173), SystemCall("getuid", 102, 174),
+    SystemCall("geteuid", 107, 175), SystemCall("getgid", 104, 176),
+    SystemCall("getegid", 108, 177), SystemCall("uname", 63, 160), SystemCall("sysinfo", 99, 179),
+    SystemCall("getrusage", 98, 165), SystemCall("getpriority", 140, 141),
+    SystemCall("getrandom", 318, 278),
 )  # fmt: skip
 ALLOWED = THREADS + MEMORY + FILES + WAITING + SIGNALS + ITSELF
 
-OPEN, OPENAT = Call("open", 2, None), Call("openat", 257, 56)
-MMAP, MPROTECT = Call("mmap", 9, 222), Call("mprotect", 10, 226)
+OPEN, OPENAT = SystemCall("open", 2, None), SystemCall("openat", 257, 56)
+MMAP, MPROTECT = SystemCall("mmap", 9, 222), SystemCall("mprotect", 10, 226)
 CLONE, TGKILL, PRLIMIT = (
-    Call("clone", 56, 220),
-    Call("tgkill", 234, 131),
-    Call("prlimit64", 302, 261),
+    SystemCall("clone", 56, 220),
+    SystemCall("tgkill", 234, 131),
+    SystemCall("prlimit64", 302, 261),
 )
-PRCTL, FCNTL, IOCTL = Call("prctl", 157, 167), Call("fcntl", 72, 25), Call("ioctl", 16, 29)
-PIN = Call("sched_setaffinity", 203, 122)
+PRCTL, FCNTL, IOCTL = (
+    SystemCall("prctl", 157, 167),
+    SystemCall("fcntl", 72, 25),
+    SystemCall("ioctl", 16, 29),
+)
+PIN = SystemCall("sched_setaffinity", 203, 122)
 """Binds threads to cores, also those of other processes: allowed only if the environment asks for
 bound threads."""
 
 
 @dataclass(frozen=True)
-class Machine:
+class CpuKind:
     """The facts of a CPU kind for a filter; `seccomp` is the number of that call."""
 
     name: str
     audit: int
     seccomp: int
 
-    def number(self, call: Call) -> int | None:
+    def number(self, call: SystemCall) -> int | None:
         """Return the number of `call`."""
         return call.x86_64 if self.name == "x86_64" else call.aarch64
 
 
 MACHINES = {
-    "x86_64": Machine("x86_64", 0xC000003E, 317),
-    "aarch64": Machine("aarch64", 0xC00000B7, 277),
+    "x86_64": CpuKind("x86_64", 0xC000003E, 317),
+    "aarch64": CpuKind("aarch64", 0xC00000B7, 277),
 }
 
 
@@ -162,7 +172,7 @@ def restrict(*, pinned: bool = False) -> str:
     return f"the kernel takes no filter of system calls: {os.strerror(ctypes.get_errno())}"
 
 
-def program(machine: Machine, pid: int, *, pinned: bool = False) -> list[Instruction]:
+def program(machine: CpuKind, pid: int, *, pinned: bool = False) -> list[Instruction]:
     """Return the filter for the process `pid` on `machine`."""
     refuse, missing, allow = _fail(errno.EACCES), _fail(errno.ENOSYS), _return(ALLOW)
     code = [
@@ -196,7 +206,7 @@ def program(machine: Machine, pid: int, *, pinned: bool = False) -> list[Instruc
 
 
 def _by_argument(
-    machine: Machine, call: Call, argument: int, test: Sequence[Instruction]
+    machine: CpuKind, call: SystemCall, argument: int, test: Sequence[Instruction]
 ) -> list[Instruction]:
     """Return what decides about `call` by the low half of an argument."""
     number = machine.number(call)

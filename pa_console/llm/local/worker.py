@@ -19,12 +19,12 @@ from pa_console.llm.local.messages import (
     Cancel,
     Done,
     Generate,
+    GenerationFailure,
     Load,
     LoadFailed,
-    Piece,
     PinnedFile,
     Ready,
-    Refused,
+    TextPiece,
     ToWorker,
     encode,
 )
@@ -105,7 +105,7 @@ def serve(load: Load, inbox: Inbox, outbox: IO[bytes]) -> None:
         try:
             done = _answer(decoder, chat, request, send)
         except (ValueError, RuntimeError) as error:
-            send(Refused(id=request.id, error=str(error)))
+            send(GenerationFailure(id=request.id, error=str(error)))
         else:
             send(done.model_copy(update={"slowed": runtime.cores.busy()}))
 
@@ -138,7 +138,7 @@ def _answer(
     prompt = chat.tokens(request.system, request.user)
     if request.count == 1:
         finish, usage = decoder.answer(
-            sequence, prompt, request, lambda text: send(Piece(id=asked.id, text=text))
+            sequence, prompt, request, lambda text: send(TextPiece(id=asked.id, text=text))
         )
         return Done(id=asked.id, finish=finish, usage=usage, chances=decoder.chances)
     texts, finish, usage = decoder.several(sequence, prompt, request)

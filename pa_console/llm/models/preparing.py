@@ -60,7 +60,7 @@ class Preparation:
         return BYTES_A_WEIGHT[self.quantisation or "q8_0"]
 
 
-class Origin(StrictModel):
+class FileOrigin(StrictModel):
     """The origin of a prepared file, and its SHA-256 since, signed.
 
     `signer` is a public key in hexadecimal, `signature` is over PURPOSE and the other fields.
@@ -79,7 +79,7 @@ class Origin(StrictModel):
         wanted = (source_sha256, how.quantisation, how.vocabulary, version(LLAMA_CPP))
         return wanted == (self.source_sha256, self.quantisation, self.vocabulary, self.llama_cpp)
 
-    def signed(self) -> "Origin":
+    def signed(self) -> "FileOrigin":
         """Return the record signed with this machine's key; raises SigningError."""
         signer = load_signer()
         unsigned = self.model_copy(update={"signer": signer.public, "signature": ""})
@@ -96,7 +96,7 @@ class Origin(StrictModel):
         return PURPOSE + self.model_dump_json(exclude={"signature"}).encode()
 
 
-class Prepared(NamedTuple):
+class PreparedFile(NamedTuple):
     """A prepared file that was checked."""
 
     path: Path
@@ -108,16 +108,16 @@ def prepared_path(name: str, how: Preparation) -> Path:
     return models_folder() / f"{_prepared_name(name, how)}.gguf"
 
 
-def find_pinned(name: str, how: Preparation, pin: Sha256) -> Prepared | None:
+def find_pinned(name: str, how: Preparation, pin: Sha256) -> PreparedFile | None:
     """Return the prepared weights when their SHA-256 is the pinned one, else None."""
     path = prepared_path(name, how)
     try:
-        return Prepared(path, pin) if hash_file(path) == pin else None
+        return PreparedFile(path, pin) if hash_file(path) == pin else None
     except OSError:
         return None
 
 
-def find_recorded(name: str, how: Preparation, source_sha256: str) -> Prepared | None:
+def find_recorded(name: str, how: Preparation, source_sha256: str) -> PreparedFile | None:
     """Return the prepared weights when this machine's signed record vouches for them, else None.
 
     That is for weights that nobody pinned: the record must be of that source, and the hash in it
@@ -125,10 +125,10 @@ def find_recorded(name: str, how: Preparation, source_sha256: str) -> Prepared |
     """
     path = prepared_path(name, how)
     try:
-        origin = Origin.model_validate_json(_origin_path(path).read_bytes())
+        origin = FileOrigin.model_validate_json(_origin_path(path).read_bytes())
         if not (origin.of(how, source_sha256) and origin.is_ours()):
             return None
-        return Prepared(path, origin.sha256) if hash_file(path) == origin.sha256 else None
+        return PreparedFile(path, origin.sha256) if hash_file(path) == origin.sha256 else None
     except (OSError, ValidationError, SigningError):
         return None
 
@@ -141,7 +141,7 @@ def prepare(
     progress: Progress = silent,
     *,
     pin: Sha256 | None = None,
-) -> Prepared:
+) -> PreparedFile:
     """Return the prepared weights of `source`, made now unless they are there.
 
     The file appears only when it is complete and, where there is a `pin`, has that SHA-256; another
@@ -170,7 +170,7 @@ def _make(  # noqa: PLR0917
     source_sha256: str,
     progress: Progress,
     pin: Sha256 | None,
-) -> Prepared:
+) -> PreparedFile:
     total = int(source.stat().st_size / SOURCE_BYTES_A_WEIGHT * how.weight_bytes)
     folder.mkdir(parents=True, exist_ok=True)
     try:
@@ -200,14 +200,14 @@ def _make(  # noqa: PLR0917
             )
         partial.replace(path)
         progress(total, total, f"{how} weights are ready")
-        return Prepared(path, digest)
+        return PreparedFile(path, digest)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
 
 def _record(path: Path, folder: Path, how: Preparation, source_sha256: str, digest: str) -> None:
     """Note beside `path` what it will be; without a key to sign with, it is made at every start."""
-    origin = Origin(
+    origin = FileOrigin(
         source_sha256=source_sha256,
         quantisation=how.quantisation,
         vocabulary=how.vocabulary,

@@ -34,7 +34,7 @@ OTHERS = ("openai-organization", "openai-project", "x-stainless-")
 
 
 @dataclass(frozen=True)
-class Piece:
+class AnswerChunk:
     """A piece of an answer, with the probability of its tokens as far as the server reports it.
 
     `finish` is why the answer ended, in the last piece; '' before.
@@ -69,7 +69,7 @@ class ServerClient:
         extra: Mapping[str, Any],
         *,
         chances: bool = False,
-    ) -> AsyncGenerator[Piece]:
+    ) -> AsyncGenerator[AnswerChunk]:
         """Yield the answer to a prompt piece by piece, the last one with its `finish`.
 
         `extra` is what the request has besides, such as a way to constrain the answer. Leaving it
@@ -125,20 +125,20 @@ class ServerClient:
         except Exception as error:
             raise self._failed(error) from None
 
-    async def _next(self, stream: "AsyncStream[ChatCompletionChunk]", length: int) -> Piece:
+    async def _next(self, stream: "AsyncStream[ChatCompletionChunk]", length: int) -> AnswerChunk:
         """Return the next piece, which begins behind `length` characters of the answer."""
         try:
             chunk = await anext(stream)
             choice = chunk.choices[0] if chunk.choices else None
             if choice is None:
-                return Piece("")
+                return AnswerChunk("")
             text = choice.delta.content or ""
             chances: list[Chance] = []
             at = length
             for token in (choice.logprobs.content or ()) if choice.logprobs else ():
                 chances.append((at, float(token.logprob)))
                 at += len(token.token)
-            return Piece(text, tuple(chances), choice.finish_reason or "")
+            return AnswerChunk(text, tuple(chances), choice.finish_reason or "")
         except StopAsyncIteration:
             raise ServerError(BROKE_OFF) from None
         except Exception as error:

@@ -20,9 +20,9 @@ from contextlib import aclosing
 from dataclasses import dataclass, field
 from typing import Any, Literal, cast
 
-from pa_console.llm.backend import BackendOptions, Chance, Completed, Request, ServerError
+from pa_console.llm.backend import BackendOptions, Chance, GenerationEnd, Request, ServerError
 from pa_console.llm.remote.address import KEY_VARIABLES, ServerAddress, ServerKey
-from pa_console.llm.remote.client import MOST_TOLD, Piece, ServerClient
+from pa_console.llm.remote.client import MOST_TOLD, AnswerChunk, ServerClient
 from pa_console.llm.roles.grammar import Schema
 from pa_console.schema.events.event import ServerState
 from pa_console.schema.finding import Usage
@@ -263,8 +263,8 @@ class ServerEngine:
             await asyncio.gather(self._probing, return_exceptions=True)
         await self._client.close()
 
-    async def generate(self, request: Request) -> AsyncGenerator[str | Completed]:
-        """Give the answer to `request` in pieces, then one Completed.
+    async def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
+        """Give the answer to `request` in pieces, then one GenerationEnd.
 
         Of several answers none is given: a server does not tell them. An answer that does not meet
         the schema of the request is asked for once more; its pieces are not given. Raises
@@ -272,7 +272,7 @@ class ServerEngine:
         whichever is shorter; the server is then looked at again before it is asked anything else.
         """
         if request.count > 1:
-            yield Completed("", Usage(), "stop")
+            yield GenerationEnd("", Usage(), "stop")
             return
         clock = asyncio.get_running_loop().time
         began = clock()
@@ -281,7 +281,7 @@ class ServerEngine:
             await self._wait_for_probe(limit - began)
             wrong = ""
             for number in range(TRIES):
-                written = _Written(began)
+                written = _GrowingAnswer(began)
                 async with aclosing(self._ask(request, limit - clock(), wrong)) as pieces:
                     async for piece in pieces:
                         written.add(piece, clock())
@@ -309,7 +309,7 @@ class ServerEngine:
         if not self.usable:
             raise ServerError(self.detail)
 
-    def _ask(self, request: Request, within_s: float, wrong: str) -> AsyncGenerator[Piece]:
+    def _ask(self, request: Request, within_s: float, wrong: str) -> AsyncGenerator[AnswerChunk]:
         way, schema, user = self.report.way, request.schema, request.user
         extra: Schema = {}
         if schema is not None and way is not None:
@@ -350,21 +350,21 @@ def open_server(name: str, options: BackendOptions) -> ServerEngine:
     )
 
 
-class _Written:
+class _GrowingAnswer:
     """An answer as it comes."""
 
     def __init__(self, began: float) -> None:
         self.text, self._chances = "", list[Chance]()
         self._began, self._first, self._pieces = began, 0.0, 0
 
-    def add(self, piece: Piece, now: float) -> None:
+    def add(self, piece: AnswerChunk, now: float) -> None:
         if piece.text and not self._pieces:
             self._first = now - self._began
         self.text += piece.text
         self._chances += piece.chances
         self._pieces += bool(piece.text)
 
-    def completed(self, answer: str, now: float) -> Completed:
+    def completed(self, answer: str, now: float) -> GenerationEnd:
         """Return the end; chances count for the text as it was written only."""
         usage = Usage(
             completion_tokens=self._pieces,
@@ -373,7 +373,7 @@ class _Written:
             seconds=now - self._began,
         )
         chances = tuple(self._chances) if answer == self.text else ()
-        return Completed(answer, usage, "stop", chances=chances)
+        return GenerationEnd(answer, usage, "stop", chances=chances)
 
 
 def read_answer(text: str, schema: Schema | None) -> tuple[str, str]:

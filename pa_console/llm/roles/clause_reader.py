@@ -23,7 +23,7 @@ from pa_console.language.facts import told_assets, told_frames, tracks_of_digest
 from pa_console.language.name_linking import link_names
 from pa_console.llm.backend import Backend, OnText, Request, ask_model, confidence
 from pa_console.llm.roles.grammar import TEXT_SCHEMA, Schema, begun_grammar
-from pa_console.llm.roles.judge import OrderRead
+from pa_console.llm.roles.judge import OrderReading
 from pa_console.llm.roles.prompts import Prompt, mission_line
 from pa_console.resources import data_folder
 from pa_console.schema.document import DocumentError, read_text
@@ -195,7 +195,7 @@ class ClauseReader:
         """The name of the model that answers."""
         return self._engine.name
 
-    async def read(self, asked: ReadingQuestion, on_text: OnText | None = None) -> OrderRead:
+    async def read(self, asked: ReadingQuestion, on_text: OnText | None = None) -> OrderReading:
         """Return what an order asks, as far as that is in canonical clauses about what there is.
 
         `on_text` gets the answer in pieces. Never raises EngineError.
@@ -211,15 +211,17 @@ class ClauseReader:
         )
         answer = await ask_model(self._engine, request, on_text)
         if answer.error:
-            return OrderRead("", answer.error, answer.usage, text=answer.text, fatal=answer.fatal)
+            return OrderReading(
+                "", answer.error, answer.usage, text=answer.text, fatal=answer.fatal
+            )
         try:
             words = str(json.loads(answer.text)["reason"]).removeprefix(ASKED)
         except (ValueError, KeyError, TypeError):
             error = "its answer is not of the form asked for"
-            return OrderRead("", error, answer.usage, text=answer.text)
+            return OrderReading("", error, answer.usage, text=answer.text)
         read = f"{ASKED}{words}"
         if not all(regex.fullmatch(each, read, flags=regex.V1) for each in asked.patterns):
             error = f"no reading in canonical clauses: {words[:120]}"
-            return OrderRead("", error, answer.usage, text=answer.text)
+            return OrderReading("", error, answer.usage, text=answer.text)
         sure = confidence(answer.chances, answer.text, words)
-        return OrderRead(read, "", answer.usage, sure, answer.text)
+        return OrderReading(read, "", answer.usage, sure, answer.text)

@@ -52,7 +52,7 @@ class JudgeQuestion:
 
 
 @dataclass(frozen=True)
-class OrderRead:
+class OrderReading:
     """A model's reading of an order, and its confidence in it, 0 to 1."""
 
     asked: str
@@ -96,13 +96,15 @@ class Judge:
         sure = confidence(begun.chances, begun.text, begun.text)
         return Judgement(whole.text, verdict, error, begun.usage.going_on(whole.usage), sure)
 
-    async def read(self, asked: JudgeQuestion) -> OrderRead:
+    async def read(self, asked: JudgeQuestion) -> OrderReading:
         """Return what the answer begins with: what was asked; never raises EngineError."""
         begun = await self._ask(asked, asked.grammar)
         if begun.error:
-            return OrderRead("", begun.error, begun.usage)
+            return OrderReading("", begun.error, begun.usage)
         said = begun.text.partition(': "')[2].removesuffix(PLANNED)
-        return OrderRead(said, "", begun.usage, confidence(begun.chances, begun.text, begun.text))
+        return OrderReading(
+            said, "", begun.usage, confidence(begun.chances, begun.text, begun.text)
+        )
 
     async def _ask(
         self, asked: JudgeQuestion, grammar: str, begun: str = "", on_text: OnText | None = None
@@ -128,7 +130,7 @@ class _Opinion(StrictModel):
     verdict: JudgeOpinion
 
 
-class _Answer(StrictModel):
+class _JudgeAnswer(StrictModel):
     """The JSON that the judge writes, opinions first so that the verdict rests on them.
 
     A short verdict has only the ids of violated rules, after the feedback.
@@ -146,7 +148,7 @@ def read_verdict(text: str, rule_ids: Sequence[str] = ()) -> tuple[Verdict | Non
     In a short verdict, those of `rule_ids` that are not named as violated comply.
     """
     try:
-        answer = _Answer.model_validate_json(text)
+        answer = _JudgeAnswer.model_validate_json(text)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"]))

@@ -178,7 +178,7 @@ class RoleModel:
         return self.server.name if self.server is not None else ""
 
 
-class Answer(Protocol):
+class RoleAnswer(Protocol):
     """The answer of a role, with the reason why it cannot be used, '' if it can."""
 
     @property
@@ -187,7 +187,7 @@ class Answer(Protocol):
         ...
 
 
-AnswerT = TypeVar("AnswerT", bound=Answer)
+AnswerT = TypeVar("AnswerT", bound=RoleAnswer)
 
 
 async def first_answer(

@@ -37,7 +37,7 @@ from pydantic import TypeAdapter, ValidationError
 from pa_console.policy.findings import finding
 from pa_console.policy.monitor import Monitor
 from pa_console.policy.rule_checks import check_rule
-from pa_console.policy.rule_variables import Sighting, Sightings, goes_to
+from pa_console.policy.rule_variables import Sightings, TrackSighting, goes_to
 from pa_console.policy.rulebook import CompiledRule, Rulebook, compile_rule
 from pa_console.schema.base import Point
 from pa_console.schema.command import ADDRESSING
@@ -302,7 +302,7 @@ def _order(words: Iterable[object]) -> Values:
 
 GIVEN = ("assets", "tracks", "gates", "after", "timeline", "sightings")
 MISSION_TEXT = "Secure the checkpoint."
-_SIGHTINGS: TypeAdapter[list[Sighting]] = TypeAdapter(list[Sighting])
+_SIGHTINGS: TypeAdapter[list[TrackSighting]] = TypeAdapter(list[TrackSighting])
 
 
 def run_example(rule: Rule, example: RuleExample) -> Finding:

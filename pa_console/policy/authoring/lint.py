@@ -209,7 +209,7 @@ class LintFinding:
 
 
 @dataclass
-class Searched:
+class SearchDoubts:
     """The doubts that searching brought up, and the extent of the search."""
 
     findings: list[LintFinding] = field(default_factory=list[LintFinding])
@@ -254,7 +254,7 @@ def search_rules(  # noqa: PLR0917 - a rule set, where, and how much is searched
     states: int,
     seed: int = 0,
     step: Callable[[], None] = lambda: None,
-) -> Searched:
+) -> SearchDoubts:
     """Run the rules in the states of their examples, and in as many `states` drawn by `seed`.
 
     Then say them in other words. `step` is called `search_steps` times. Raises ExpressionError
@@ -273,7 +273,7 @@ def search_rules(  # noqa: PLR0917 - a rule set, where, and how much is searched
         *conflicts.doubts(states // CONFLICTS_OF, step),
         *hard_to_retrieve(rules),
     ]
-    return Searched(
+    return SearchDoubts(
         _placed(document, rule_set, doubts),
         search.states,
         len(given),

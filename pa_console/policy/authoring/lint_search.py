@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from pa_console.policy.authoring.lint_states import (
     LintSituation,
-    State,
+    SearchState,
     draw_situation,
     mission_of,
     rehearsal_of,
@@ -36,7 +36,7 @@ class Doubt(NamedTuple):
 
 
 @dataclass
-class Seen:
+class SearchedRule:
     """The results of one rule in the searched states; each state is a bit."""
 
     applied: int = 0
@@ -50,7 +50,7 @@ class Search:
     """Every rule's findings in `states` states, by the rule's id."""
 
     states: int = 0
-    rules: dict[str, Seen] = field(default_factory=dict[str, Seen])
+    rules: dict[str, SearchedRule] = field(default_factory=dict[str, SearchedRule])
 
 
 def checkable(rules: Iterable[Rule]) -> tuple[CompiledRule, ...]:
@@ -59,11 +59,11 @@ def checkable(rules: Iterable[Rule]) -> tuple[CompiledRule, ...]:
 
 
 def search_states(
-    rules: Iterable[Rule], states: Iterable[State], step: Callable[[], None] = lambda: None
+    rules: Iterable[Rule], states: Iterable[SearchState], step: Callable[[], None] = lambda: None
 ) -> Search:
     """Return what every check decides in each of `states`; `step` is called after each."""
     book = Rulebook("searched", "", checkable(rules))
-    search = Search(rules={rule.id: Seen() for rule in book.rules})
+    search = Search(rules={rule.id: SearchedRule() for rule in book.rules})
     for state in states:
         bit = 1 << search.states
         monitor = Monitor(book, state.world, state.sightings)

@@ -19,7 +19,7 @@ from pa_console.policy.authoring.examples import (
     example_rehearsal,
     example_sightings,
 )
-from pa_console.policy.rule_variables import Sighting, Sightings, goes_to
+from pa_console.policy.rule_variables import Sightings, TrackSighting, goes_to
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Action, Plan
@@ -235,7 +235,7 @@ _TRACK_COURSE: tuple[tuple[str, tuple[object, ...]], ...] = (
 )
 
 
-class State(NamedTuple):
+class SearchState(NamedTuple):
     """A mission, a plan, and its consequences."""
 
     plan: Plan
@@ -250,7 +250,7 @@ def mission_of(text: str) -> Mission:
     return Mission(id="lint", text=text, created=datetime(2000, 1, 1, tzinfo=UTC))
 
 
-def example_states(rules: Iterable[Rule]) -> Iterator[State]:
+def example_states(rules: Iterable[Rule]) -> Iterator[SearchState]:
     """Yield the state of every example with a plan that makes sense."""
     for rule in rules:
         for example in rule.examples:
@@ -263,10 +263,12 @@ def example_states(rules: Iterable[Rule]) -> Iterator[State]:
             except (ValidationError, AttributeError, KeyError, TypeError, ValueError):
                 continue  # `pa-console rules check` tells of it
             mission = mission_of(example.mission or MISSION_TEXT)
-            yield State(plan, rehearsal, mission, WORLD, seen)
+            yield SearchState(plan, rehearsal, mission, WORLD, seen)
 
 
-def drawn_states(world: World, texts: Sequence[str], count: int, seed: int) -> Iterator[State]:
+def drawn_states(
+    world: World, texts: Sequence[str], count: int, seed: int
+) -> Iterator[SearchState]:
     """Yield `count` states of the small `world`; equal seeds give equal states."""
     dice = random.Random(seed)
     for _ in range(count):
@@ -280,7 +282,7 @@ def drawn_states(world: World, texts: Sequence[str], count: int, seed: int) -> I
             situation.course[name] = _some(_TRACK_COURSE, dice, 0.4)
         seen = Sightings(world, _seen(world, situation, dice))
         mission = mission_of(dice.choice(texts))
-        yield State(plan, rehearsal_of(world, situation, plan), mission, world, seen)
+        yield SearchState(plan, rehearsal_of(world, situation, plan), mission, world, seen)
 
 
 def draw_situation(world: World, dice: random.Random) -> LintSituation:
@@ -318,11 +320,11 @@ def _some(
     return {name: dice.choice(values) for name, values in facts if dice.random() < likely}
 
 
-def _seen(world: World, situation: LintSituation, dice: random.Random) -> Iterator[Sighting]:
+def _seen(world: World, situation: LintSituation, dice: random.Random) -> Iterator[TrackSighting]:
     for name in (*situation.tracks, "V9"):
         if dice.random() < 0.3:
             place = dice.choice([*world.zones, *world.frames])
             gate = place if place in world.gates else dice.choice(world.gates)
             stamp_s = NOW_S - dice.choice((1.0, 30.0, 90.0))
             harmless = dice.random() < 0.5
-            yield Sighting(name, place, gate, stamp_s, noncombatants=not harmless)
+            yield TrackSighting(name, place, gate, stamp_s, noncombatants=not harmless)

@@ -81,24 +81,24 @@ def names_of(fields: Fields | None, every: Iterable[str]) -> Iterable[str]:
 
 def fields_read(tree: Node, shapes: Shapes) -> Fields:
     """Return what the expression `tree` reads of the variables that `shapes` describes."""
-    roots = {name: _Place(shape) for name, shape in shapes.items()}
-    reader = _Reader(roots)
+    roots = {name: _ReadValue(shape) for name, shape in shapes.items()}
+    reader = _FieldReader(roots)
     _whole(reader.read(tree, {}))
     return {name: roots[name].fields() for name in reader.named}
 
 
 @dataclass
-class _Place:
+class _ReadValue:
     """A value that an expression is given, and what has been read of it."""
 
     shape: Shape
     whole: bool = False
-    parts: "dict[str, _Place]" = field(default_factory=dict)  # pyright: ignore[reportUnknownVariableType] - its own type
-    element: "_Place | None" = None
+    parts: "dict[str, _ReadValue]" = field(default_factory=dict)  # pyright: ignore[reportUnknownVariableType] - its own type
+    element: "_ReadValue | None" = None
 
     def __post_init__(self) -> None:
         if isinstance(self.shape, Many):
-            self.element = _Place(self.shape.of)
+            self.element = _ReadValue(self.shape.of)
 
     def fields(self) -> Fields | None:
         if self.element is not None:
@@ -107,14 +107,14 @@ class _Place:
             return None
         return {name: part.fields() for name, part in self.parts.items()}
 
-    def part(self, name: str) -> "_Place | None":
+    def part(self, name: str) -> "_ReadValue | None":
         """Return the field `name`, None when there is none or it is a plain value."""
         if not isinstance(self.shape, Record) or name not in self.shape.fields:
             return None
-        return self.parts.setdefault(name, _Place(self.shape.fields[name]))
+        return self.parts.setdefault(name, _ReadValue(self.shape.fields[name]))
 
 
-_Value = _Place | None
+_Value = _ReadValue | None
 """The record behind a value; None for a plain value, or for one that is read as a whole."""
 
 
@@ -125,10 +125,10 @@ def _whole(value: _Value) -> None:
         _whole(value.element)
 
 
-class _Reader:
+class _FieldReader:
     """Follows the values through an expression; `named` are the variables that it speaks of."""
 
-    def __init__(self, roots: Mapping[str, _Place]) -> None:
+    def __init__(self, roots: Mapping[str, _ReadValue]) -> None:
         self._roots = roots
         self.named: set[str] = set()
 

@@ -50,7 +50,7 @@ _TOKEN = re.compile(
 
 
 @dataclass(frozen=True)
-class Token:
+class ExpressionToken:
     """A piece of the source; `close` is the place of the bracket that closes this one."""
 
     kind: Kind
@@ -84,7 +84,7 @@ class Source:
         self._refuse_growth()
 
     @property
-    def tokens(self) -> tuple[Token, ...]:
+    def tokens(self) -> tuple[ExpressionToken, ...]:
         """The tokens in it."""
         return tuple(self._tokens)
 
@@ -211,8 +211,8 @@ _BEFORE_VALUE = frozenset(("(", "[", "{", ",", ":", "?", "&&", "||", "!", "+", "
                            "==", "!=", "<", ">", "<=", ">=", "in"))  # fmt: skip
 
 
-def _tokens(text: str) -> list[Token]:
-    found: list[Token] = []
+def _tokens(text: str) -> list[ExpressionToken]:
+    found: list[ExpressionToken] = []
     place = 0
     while place < len(text):
         match = _TOKEN.match(text, place)
@@ -223,7 +223,7 @@ def _tokens(text: str) -> list[Token]:
         place = match.end()
         kind = match.lastgroup
         if kind != "space":
-            found.append(Token(kind, match[0]))  # pyright: ignore[reportArgumentType] - a group's
+            found.append(ExpressionToken(kind, match[0]))  # pyright: ignore[reportArgumentType] - a group's
             if len(found) > MAX_TOKENS:
                 raise ValueError(
                     f"too large: more than {MAX_TOKENS} names, values and signs; split the rule"
@@ -231,7 +231,7 @@ def _tokens(text: str) -> list[Token]:
     return found
 
 
-def _matched(tokens: list[Token]) -> tuple[list[Token], str]:
+def _matched(tokens: list[ExpressionToken]) -> tuple[list[ExpressionToken], str]:
     """Return the tokens with the place of its partner in every opening bracket.
 
     Where brackets do not match there are none, and it is said what is wrong.
@@ -249,7 +249,7 @@ def _matched(tokens: list[Token]) -> tuple[list[Token], str]:
             if not waiting or _OPEN.index(tokens[waiting[-1]].text) != _CLOSE.index(token.text):
                 return [], f"{token.text!r} closes nothing"
             opening = waiting.pop()
-            matched[opening] = Token("sign", tokens[opening].text, place)
+            matched[opening] = ExpressionToken("sign", tokens[opening].text, place)
     if waiting:
         return [], f"{tokens[waiting[-1]].text!r} is not closed"
     return matched, ""
@@ -329,18 +329,18 @@ class Listing:
 Node = Constant | Variable | Select | Index | Call | Operation | Listing
 
 
-def syntax_tree(tokens: Sequence[Token]) -> Node:
+def syntax_tree(tokens: Sequence[ExpressionToken]) -> Node:
     """Return the tree of an expression; raises SyntaxTreeError where it is not understood."""
-    parser = _Parser(tokens)
+    parser = _ExpressionParser(tokens)
     tree = parser.expression()
     parser.end()
     return tree
 
 
-class _Parser:
+class _ExpressionParser:
     """Reads tokens from left to right; how deep it recurses is bounded as their brackets are."""
 
-    def __init__(self, tokens: Sequence[Token]) -> None:
+    def __init__(self, tokens: Sequence[ExpressionToken]) -> None:
         self._tokens, self._at = tokens, 0
 
     def expression(self) -> Node:

@@ -14,7 +14,7 @@ from textual.screen import Screen
 from textual.widgets import Input, Select, Static
 
 from pa_console.evaluation.run_record import RUNS, RunRecord, read_runs
-from pa_console.evaluation.statistics import Table
+from pa_console.evaluation.statistics import ReportTable
 from pa_console.session.recording import Player
 from pa_console.tui.recordings import PlayableLog, log_of_run, open_log
 from pa_console.tui.refresh import is_open
@@ -61,7 +61,7 @@ class EvaluationScreen(Screen[None]):
         self._records: list[RunRecord] = []
         self._filter = RunFilter()
         self._stamp: tuple[int, int] | None = (-1, -1)
-        self._built: list[Table] | None = None
+        self._built: list[ReportTable] | None = None
         self._problem = ""
 
     def compose(self) -> ComposeResult:

@@ -12,7 +12,7 @@ from textual.content import Content
 from textual.widgets import Static
 
 from pa_console.evaluation.run_record import Opinion, RunRecord
-from pa_console.evaluation.statistics import Rate, Table
+from pa_console.evaluation.statistics import ReportTable, SuccessRate
 from pa_console.schema.evaluation import Expectation
 from pa_console.schema.mission import Metrics
 from pa_console.schema.text import count, duration_text
@@ -210,8 +210,8 @@ def totals_text(shown: Sequence[RunRecord], runs: int, problem: str) -> Content:
         return Content.styled(f"✘ {problem}", BAD)
     of = "" if len(shown) == runs else f" of {runs:,}"
     parts: list[Part] = [(f"{len(shown):,}{of} {'run' if runs == 1 else 'runs'}", "bold")]
-    strict = Rate.of(record.strict for record in shown)
-    hybrid = Rate.of(record.hybrid for record in shown if record.hybrid is not None)
+    strict = SuccessRate.of(record.strict for record in shown)
+    hybrid = SuccessRate.of(record.hybrid for record in shown if record.hybrid is not None)
     for name, rate in (("strict", strict), ("hybrid", hybrid)):
         if rate.value is not None:
             span = f" ({100 * rate.low:.0f}–{100 * rate.high:.0f})"
@@ -240,7 +240,7 @@ LEAST_TEXT = 14
 """Columns of text wrap down to this many cells before a table grows wider than the screen."""
 
 
-def tables_text(tables: Sequence[Table], width: int) -> Content:
+def tables_text(tables: Sequence[ReportTable], width: int) -> Content:
     """Return all tables, one below the other, in `width` cells as far as their numbers allow."""
     lines: list[Content] = []
     for table in tables:
@@ -252,7 +252,7 @@ def tables_text(tables: Sequence[Table], width: int) -> Content:
     return Content("\n").join(lines)
 
 
-def _grid(table: Table, width: int) -> list[Content]:
+def _grid(table: ReportTable, width: int) -> list[Content]:
     """Return heading, rule and rows; columns of numbers stay whole and are aligned right."""
     numeric = [table.numeric(index) for index in range(len(table.columns))]
     widths = _widths(table, numeric, width)
@@ -264,7 +264,7 @@ def _grid(table: Table, width: int) -> list[Content]:
     return lines
 
 
-def _widths(table: Table, numeric: Sequence[bool], width: int) -> list[int]:
+def _widths(table: ReportTable, numeric: Sequence[bool], width: int) -> list[int]:
     """Return the cells of each column; the widest of text give way, titles of numbers wrap."""
     columns = list(zip(table.columns, *table.rows, strict=True))
     widths: list[int] = []
@@ -302,13 +302,13 @@ LEAST_WIDTH = 40
 class ReportTables(ScrollableContainer):
     """A pane of tables, or of a text in their place; it scrolls both ways."""
 
-    _tables: Sequence[Table] = ()
+    _tables: Sequence[ReportTable] = ()
 
     def compose(self) -> ComposeResult:
         """Hold one text."""
         yield Static(id="evaluation-text", markup=False)
 
-    def show(self, tables: Sequence[Table], instead: Content) -> None:
+    def show(self, tables: Sequence[ReportTable], instead: Content) -> None:
         """Show `tables`, or `instead` when there are none."""
         self._tables = tables
         if tables:

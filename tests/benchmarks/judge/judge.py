@@ -14,7 +14,7 @@ from pa_console.cli.options import ModelOption
 from pa_console.cli.verbs.evaluate import to_rich
 from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.evaluation.run_record import RunRecord, read_runs
-from pa_console.evaluation.statistics import Table, fraction_cell, seconds
+from pa_console.evaluation.statistics import ReportTable, fraction_cell, seconds
 from pa_console.llm.backend import ModelUnavailableError
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import LocalModel, find_model
@@ -74,8 +74,8 @@ def show(report: JudgeReport) -> None:
         out.print_line(note)
 
 
-def _confusion_table(report: JudgeReport) -> Table:
-    return Table(
+def _confusion_table(report: JudgeReport) -> ReportTable:
+    return ReportTable(
         name="success",
         title=f"{report.model} against the truth: positive is Success",
         columns=("verdict on", "TP", "FP", "FN", "TN", "none", "precision", "recall", "F1"),
@@ -94,8 +94,8 @@ def _confusion_table(report: JudgeReport) -> Table:
     )
 
 
-def _failure_table(report: JudgeReport) -> Table:
-    return Table(
+def _failure_table(report: JudgeReport) -> ReportTable:
+    return ReportTable(
         name="failure",
         title="The same with Failure as the positive: what is caught",
         columns=("verdict on", "precision", "recall", "F1", "accuracy", "median s", "p95 s"),
@@ -113,8 +113,8 @@ def _failure_table(report: JudgeReport) -> Table:
     )
 
 
-def _group_table(name: str, title: str, lines: tuple[Quality, ...]) -> Table:
-    return Table(
+def _group_table(name: str, title: str, lines: tuple[Quality, ...]) -> ReportTable:
+    return ReportTable(
         name=name,
         title=title,
         columns=("of", "runs", "successes", "F1 Success", "F1 Failure", "median s", "p95 s"),

@@ -5,7 +5,7 @@ from collections.abc import AsyncGenerator, Callable, Iterable, Sequence
 from dataclasses import replace
 
 from pa_console.evaluation.run_record import Opinion
-from pa_console.evaluation.statistics import Confusion, Rate, spread
+from pa_console.evaluation.statistics import Confusion, SuccessRate, spread
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.llm.roles.judge import Judge, JudgeQuestion
 from pa_console.llm.roles.role_model import PROMPT_FORMATS
@@ -216,7 +216,7 @@ def _quality(
         fn=found.fn,
         tn=found.tn,
         silent=found.silent,
-        accuracy=_share(Rate(found.tp + found.tn, found.judged)),
+        accuracy=_share(SuccessRate(found.tp + found.tn, found.judged)),
         success=_class(found),
         failure=_class(found.flipped),
         median_s=seconds.median if seconds is not None else None,
@@ -233,7 +233,7 @@ def _class(found: Confusion) -> Class:
     )
 
 
-def _share(rate: Rate) -> Share | None:
+def _share(rate: SuccessRate) -> Share | None:
     if rate.value is None:
         return None
     return Share(value=rate.value, low=rate.low, high=rate.high)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pa_console.evaluation.run_record import Opinion
-from pa_console.evaluation.statistics import Confusion, Rate, spread, wilson
+from pa_console.evaluation.statistics import Confusion, SuccessRate, spread, wilson
 
 COUNTS = st.integers(0, 400).flatmap(lambda runs: st.tuples(st.integers(0, runs), st.just(runs)))
 
@@ -29,7 +29,7 @@ def test_intervals_are_those_of_the_literature(
 
 @given(COUNTS)
 def test_an_interval_contains_its_rate_and_is_a_share(counts: tuple[int, int]) -> None:
-    rate = Rate(*counts)
+    rate = SuccessRate(*counts)
     assert 0.0 <= rate.low <= rate.high <= 1.0
     if rate.value is not None:
         assert rate.low <= rate.value <= rate.high
@@ -39,12 +39,12 @@ def test_an_interval_contains_its_rate_and_is_a_share(counts: tuple[int, int]) -
 def test_more_runs_with_the_same_share_tell_more(counts: tuple[int, int]) -> None:
     successes, runs = counts
     if runs:
-        few, many = Rate(successes, runs), Rate(10 * successes, 10 * runs)
+        few, many = SuccessRate(successes, runs), SuccessRate(10 * successes, 10 * runs)
         assert many.high - many.low < few.high - few.low
 
 
 def test_no_runs_have_no_rate_and_tell_nothing() -> None:
-    assert Rate.of([]).value is None
+    assert SuccessRate.of([]).value is None
     assert wilson(0, 0) == (0.0, 1.0)
 
 
@@ -83,8 +83,8 @@ def test_a_judge_that_always_agrees_is_as_precise_as_runs_succeed() -> None:
     truths = (True, True, True, False)
     always: list[Judged] = [("Success", truth) for truth in truths]
     found = Confusion.of(always)
-    assert found.precision == found.base == Rate(3, 4)
-    assert found.caught == Rate(0, 1)
+    assert found.precision == found.base == SuccessRate(3, 4)
+    assert found.caught == SuccessRate(0, 1)
 
 
 @given(st.lists(st.floats(0, 1e6), min_size=1))

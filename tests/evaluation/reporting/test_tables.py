@@ -8,12 +8,12 @@ from rich.console import Console
 
 from pa_console.cli.verbs.evaluate import to_rich
 from pa_console.evaluation.report import build_tables
-from pa_console.evaluation.run_facts import Breach
+from pa_console.evaluation.run_facts import RuleBreach
 from pa_console.evaluation.run_record import RunRecord
 from pa_console.evaluation.statistics import (
     NOTHING,
-    Rate,
-    Table,
+    ReportTable,
+    SuccessRate,
     main_runs,
     main_variant,
     rate_cell,
@@ -30,11 +30,11 @@ from tests.evaluation.records import made_evaluation, made_record, many_records
 LONG = settings(deadline=None, max_examples=depth(30), suppress_health_check=[HealthCheck.too_slow])
 
 
-def named(records: list[RunRecord], name: str) -> Table:
+def named(records: list[RunRecord], name: str) -> ReportTable:
     return next(table for table in build_tables(records) if table.name == name)
 
 
-def row(table: Table, *start: str) -> dict[str, str]:
+def row(table: ReportTable, *start: str) -> dict[str, str]:
     found = next(cells for cells in table.rows if cells[: len(start)] == start)
     return dict(zip(table.columns, found, strict=True))
 
@@ -84,8 +84,8 @@ def test_a_table_in_the_terminal_holds_every_word_of_it() -> None:
 
 
 def test_a_rate_shows_share_interval_and_counts() -> None:
-    assert rate_cell(Rate(5, 10)) == "50% (24–76) 5/10"
-    assert rate_cell(Rate(0, 0)) == NOTHING
+    assert rate_cell(SuccessRate(5, 10)) == "50% (24–76) 5/10"
+    assert rate_cell(SuccessRate(0, 0)) == NOTHING
 
 
 def test_table_one_stands_beside_the_papers() -> None:
@@ -236,7 +236,7 @@ def test_reasons_lose_names_and_numbers() -> None:
 
 def test_the_way_of_failing_tells_broken_rules_and_conditions() -> None:
     assert failure_kind(made_record()) is None
-    breach = Breach(rule_id="WF-02", what="NorthGate is not covered", at_s=3.0)
+    breach = RuleBreach(rule_id="WF-02", what="NorthGate is not covered", at_s=3.0)
     kind = failure_kind(
         made_record(strict=False, broken=(breach,), failed=("size(run.moved) == 0",))
     )

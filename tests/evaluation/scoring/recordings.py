@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from pa_console.evaluation.oracle import find_breaches
-from pa_console.evaluation.run_facts import Breach, IssuedCommand, RunRecording
+from pa_console.evaluation.run_facts import IssuedCommand, RuleBreach, RunRecording
 from pa_console.evaluation.score import RunRecorder, begin, play, watch
 from pa_console.resources import data_folder
 from pa_console.schema.base import Point
@@ -75,7 +75,7 @@ class Take:
         return self
 
     @property
-    def breaches(self) -> tuple[Breach, ...]:
+    def breaches(self) -> tuple[RuleBreach, ...]:
         """What of all rules is broken so far."""
         self.recorder.sample()
         return find_breaches(self.recorder.recording, ALL_RULES)

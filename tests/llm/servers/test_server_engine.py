@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.llm.backend import Completed, Request, ServerError
+from pa_console.llm.backend import GenerationEnd, Request, ServerError
 from pa_console.llm.remote.address import KEY_VARIABLE, ServerAddress, ServerKey
 from pa_console.llm.remote.client import ServerClient
 from pa_console.llm.remote.engine import WAYS, ServerEngine, Way, read_answer
@@ -52,12 +52,12 @@ async def serving(
             await engine.close()
 
 
-async def answered(engine: ServerEngine, asked: Request) -> tuple[str, Completed]:
+async def answered(engine: ServerEngine, asked: Request) -> tuple[str, GenerationEnd]:
     """Return the pieces joined, and the end."""
     pieces, end = "", None
     async with aclosing(engine.generate(asked)) as items:
         async for item in items:
-            if isinstance(item, Completed):
+            if isinstance(item, GenerationEnd):
                 end = item
             else:
                 pieces += item

@@ -21,7 +21,7 @@ from pa_console.language.reading import agree, asked_words, read_asked, read_rea
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.llm.roles.grammar import slot_grammar
-from pa_console.llm.roles.judge import Judge, JudgeQuestion, OrderRead
+from pa_console.llm.roles.judge import Judge, JudgeQuestion, OrderReading
 from pa_console.mission.context import Services
 from pa_console.mission.judge import DOUBT, LEAST, compare_with_order
 from pa_console.mission.propose import PlanQuestion, ask_for_plan
@@ -120,7 +120,7 @@ class OrderReader:
         own_gaps = len(gaps)
         fits = not compare_with_order(judged.asked, moves).gaps
         sure = min(proposal.confidence, judged.confidence or 1.0)
-        second, same, alone, shown = OrderRead(""), False, False, (asked, plan)
+        second, same, alone, shown = OrderReading(""), False, False, (asked, plan)
         again = services.second_reader  # one without adapters is not measured, and not fitted to
         if isinstance(again, Judge) and (sure < DOUBT or not fits or gaps):
             second = await _reads(again, services, question, task, hits)
@@ -169,7 +169,7 @@ def _orders(plan: Plan) -> frozenset[tuple[str, str]]:
 
 async def _reads(
     judge: Judge, services: Services, question: PlanQuestion, task: Mission, hits: Sequence[RuleHit]
-) -> OrderRead:
+) -> OrderReading:
     world, prompt_format = services.fleet.world, services.prompt_format
     rules = [services.rulebook.get(hit.rule_id) for hit in hits]
     prompt = prompt_format.judge(world, question.digest, rules, task, None, None)

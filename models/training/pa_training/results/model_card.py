@@ -10,7 +10,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from pa_console.evaluation.report import markdown_cell
 from pa_console.evaluation.run_record import RunRecord, read_runs
-from pa_console.evaluation.statistics import Rate, grouped, rate_cell, seconds
+from pa_console.evaluation.statistics import SuccessRate, grouped, rate_cell, seconds
 from pa_console.evaluation.tables_outcomes import decision_seconds
 from pa_console.llm.models.cache import hash_file
 from pa_console.llm.models.catalogue import Catalog, ModelEntry
@@ -152,8 +152,8 @@ def _evaluated(records: Sequence[RunRecord]) -> list[tuple[str, ...]]:
     return [
         (
             *group,
-            rate_cell(Rate.of(run.strict for run in runs)),
-            rate_cell(Rate.of(run.hybrid for run in runs)),
+            rate_cell(SuccessRate.of(run.strict for run in runs)),
+            rate_cell(SuccessRate.of(run.hybrid for run in runs)),
             seconds(median(map(decision_seconds, runs))),
         )
         for group, runs in groups.items()
