@@ -48,7 +48,7 @@ class Page:
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchHit:
     """A section that contains all the words; `excerpt` is the text around the first of them."""
 
     page: Page
@@ -77,14 +77,14 @@ class Manual:
         hint = f" Did you mean {' or '.join(match[0] for match in near)}?" if near else ""
         raise ValueError(f"the manual has no page {topic!r}.{hint} Pages: {', '.join(pages)}")
 
-    def search(self, words: str) -> list[Found]:
+    def search(self, words: str) -> list[SearchHit]:
         """Return the sections that contain every word, in any case; empty without words.
 
         Sections with one of the words in their heading come first.
         """
         wanted = words.lower().split()
         found = [
-            Found(page, number, _excerpt(section.text, wanted))
+            SearchHit(page, number, _excerpt(section.text, wanted))
             for page in self.pages
             for number, section in enumerate(page.sections)
             if wanted

@@ -6,18 +6,18 @@ from typing import Any, cast
 
 import typer
 
-from pa_console.settings.sources import Loaded, load_settings
+from pa_console.settings.sources import LoadedSettings, load_settings
 
 WITHOUT = ("settings", "doctor")
 """Verbs that must work with a settings file that cannot be used: they mend it."""
 
 
 @dataclass(frozen=True)
-class _Chosen:
+class _SettingsOption:
     """The settings of `--set`, and the loaded settings with them."""
 
     given: Mapping[str, object]
-    loaded: Loaded | None = None
+    loaded: LoadedSettings | None = None
 
 
 def read_assignments(words: Sequence[str]) -> dict[str, object]:
@@ -45,7 +45,7 @@ def set_defaults(context: typer.Context, words: Sequence[str]) -> None:
         loaded = load_settings(given)
         loaded.export()
         context.default_map = _defaults(loaded)
-    context.obj = _Chosen(given, loaded)
+    context.obj = _SettingsOption(given, loaded)
 
 
 def given_settings(context: typer.Context) -> Mapping[str, object]:
@@ -58,7 +58,7 @@ def given_words(context: typer.Context) -> list[str]:
     return list(context.find_root().params.get("assignments") or ())
 
 
-def settings_of(context: typer.Context, **options: object) -> Loaded:
+def settings_of(context: typer.Context, **options: object) -> LoadedSettings:
     """Return the settings, with those `options` of the verb that were given on its command line."""
     typed = {
         name: value
@@ -69,12 +69,12 @@ def settings_of(context: typer.Context, **options: object) -> Loaded:
     return (chosen.loaded or load_settings(chosen.given)).with_options(typed)
 
 
-def _chosen(context: typer.Context) -> _Chosen:
+def _chosen(context: typer.Context) -> _SettingsOption:
     found = context.find_root().obj
-    return found if isinstance(found, _Chosen) else _Chosen({})
+    return found if isinstance(found, _SettingsOption) else _SettingsOption({})
 
 
-def _defaults(loaded: Loaded) -> dict[str, Any]:
+def _defaults(loaded: LoadedSettings) -> dict[str, Any]:
     """Return the settings as defaults of the verbs that open a world, by verb and parameter."""
     values = loaded.values
     site = {"world": values.world, "rules": values.rules}

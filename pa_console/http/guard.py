@@ -83,7 +83,7 @@ def internal_error() -> ProblemError:
 MOST_BUCKETS = 1024
 
 
-class Rate:
+class RequestRate:
     """Lets each name have `burst` requests at once, and `per_s` a second after that."""
 
     def __init__(self, per_s: float, burst: int, clock: Callable[[], float] = monotonic) -> None:
@@ -145,7 +145,7 @@ class Guard:
             return
         if scope["type"] != "http":
             return
-        answer = _Answer(send)
+        answer = _GuardedResponse(send)
         with self._listening.request(scope["client"]) as scope[CONNECTION]:
             try:
                 self._admit(scope)
@@ -172,13 +172,13 @@ class Guard:
                                field="Origin")  # fmt: skip
 
     async def _tell(
-        self, problem: ProblemError, scope: Scope, receive: Receive, answer: "_Answer"
+        self, problem: ProblemError, scope: Scope, receive: Receive, answer: "_GuardedResponse"
     ) -> None:
         if not answer.begun:
             await problem.response()(scope, receive, answer)
 
 
-class _Answer:
+class _GuardedResponse:
     """Sends an answer with the headers that every one has."""
 
     def __init__(self, send: Send) -> None:

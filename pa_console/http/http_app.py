@@ -24,10 +24,10 @@ from pa_console.http.guard import (
     Guard,
     ProblemDetails,
     ProblemError,
-    Rate,
+    RequestRate,
     internal_error,
 )
-from pa_console.http.served_session import Numbered, ServedSession
+from pa_console.http.served_session import NumberedEvent, ServedSession
 from pa_console.http.tokens import Bearer, TokenBook
 from pa_console.schema.events import event as ev
 
@@ -66,7 +66,7 @@ class _Doors:
 
     def __init__(self, tokens: TokenBook) -> None:
         self._tokens = tokens
-        self._rates = {name: Rate(*limit) for name, limit in RATES.items()}
+        self._rates = {name: RequestRate(*limit) for name, limit in RATES.items()}
 
     def enter(self, given: Given, role: Role, rate: str = "") -> Bearer:
         """Return whose token is `given`, within the limit of `rate` if one is named.
@@ -251,7 +251,7 @@ def _add_events(app: FastAPI, session: ServedSession) -> None:
             raise ProblemError(429, "too-many-streams", f"{MOST_READERS} streams are open already",
                                remedy="close one", after_s=10)  # fmt: skip
         doors, after = _doors(request), _number(session, last_event_id)
-        reader = _Reader(who.person, frozenset(kind or ()), lambda: doors.lets_read(given))
+        reader = _StreamReader(who.person, frozenset(kind or ()), lambda: doors.lets_read(given))
         return StreamingResponse(
             _stream(session, after, reader, readers), media_type="text/event-stream"
         )
@@ -364,7 +364,7 @@ def _number(session: ServedSession, last: str | None) -> int:
 
 
 @dataclass(frozen=True)
-class _Reader:
+class _StreamReader:
     """The reader of an event stream, its kinds of events, none for all, and its right to read."""
 
     person: str
@@ -373,7 +373,7 @@ class _Reader:
 
 
 async def _stream(
-    session: ServedSession, after: int, reader: _Reader, readers: dict[str, int]
+    session: ServedSession, after: int, reader: _StreamReader, readers: dict[str, int]
 ) -> AsyncGenerator[str]:
     """Yield events as text, and a comment now and then while none comes.
 
@@ -394,7 +394,7 @@ async def _stream(
         readers[reader.person] -= 1
 
 
-def _sent(session: ServedSession, item: Numbered) -> str:
+def _sent(session: ServedSession, item: NumberedEvent) -> str:
     event: ev.Event = item.event
     started = session.state.started
     data = json.dumps(event.model_dump(mode="json"), ensure_ascii=False)
@@ -406,7 +406,7 @@ KEEP_S = 5
 END_S = 3
 
 
-class _Server(uvicorn.Server):
+class _HttpServer(uvicorn.Server):
     """One that leaves the process's signals to the session, which has to end in order."""
 
     @contextmanager
@@ -443,7 +443,7 @@ async def serving(
         timeout_keep_alive=KEEP_S,
         timeout_graceful_shutdown=END_S,
     )
-    server = _Server(config)
+    server = _HttpServer(config)
     work = asyncio.create_task(server.serve([listening]))
     try:
         yield f"http://{ADDRESS}:{port}"

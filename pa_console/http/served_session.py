@@ -48,7 +48,7 @@ SILENT_S = 15.0
 """The silence after which a reader gets a sign of life of the session, seconds."""
 
 
-class Numbered(NamedTuple):
+class NumberedEvent(NamedTuple):
     """An event with its number among the logged ones, from 1."""
 
     number: int
@@ -82,7 +82,7 @@ class EventFeed:
         self._ended = True
         self._wake()
 
-    async def follow(self, after: int) -> AsyncGenerator[Numbered | None]:
+    async def follow(self, after: int) -> AsyncGenerator[NumberedEvent | None]:
         """Yield every event after the one with the number `after`, and None while none comes.
 
         Raises LogError when the log, which is read for what is older, cannot be.
@@ -97,7 +97,7 @@ class EventFeed:
                 continue
             for event in list(islice(self._last, number - gone, None)):
                 number += 1
-                yield Numbered(number, event)
+                yield NumberedEvent(number, event)
             if number < self.number:
                 continue
             if self._ended:
@@ -111,13 +111,13 @@ class EventFeed:
         self._changed.set()
         self._changed = asyncio.Event()
 
-    async def _from_log(self, after: int, until: int) -> AsyncGenerator[Numbered]:
+    async def _from_log(self, after: int, until: int) -> AsyncGenerator[NumberedEvent]:
         """Yield what the log has between two numbers, the latter included."""
         path = self._log()
         if path is None:
             return
         told = enumerate(read_log(path), start=1)
-        wanted = (Numbered(number, event) for number, event in told if number > after)
+        wanted = (NumberedEvent(number, event) for number, event in told if number > after)
         while piece := await asyncio.to_thread(_some, wanted):
             for item in piece:
                 if item.number > until:
@@ -125,7 +125,7 @@ class EventFeed:
                 yield item
 
 
-def _some(items: Iterator[Numbered]) -> list[Numbered]:
+def _some(items: Iterator[NumberedEvent]) -> list[NumberedEvent]:
     return list(islice(items, PIECE))
 
 

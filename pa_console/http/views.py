@@ -28,19 +28,19 @@ from pa_console.session.state import SessionState
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
-class Said(BaseModel):
+class RequestBody(BaseModel):
     """A body that a client sends: what it does not know is refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class MissionBody(Said):
+class MissionBody(RequestBody):
     """A mission in plain language."""
 
     text: Annotated[str, Field(min_length=1, max_length=MAX_MISSION_TEXT)]
 
 
-class QuestionBody(Said):
+class QuestionBody(RequestBody):
     """A question about the record."""
 
     text: Annotated[
@@ -53,14 +53,14 @@ class QuestionBody(Said):
     ]
 
 
-class ActionBody(Said):
+class ActionBody(RequestBody):
     """One command of a plan of the operator's own."""
 
     agent: Annotated[str, Field(max_length=64)]
     command: Annotated[str, Field(max_length=160)]
 
 
-class DecisionBody(Said):
+class DecisionBody(RequestBody):
     """A decision on the waiting plan, named by its `request_id` and its hash.
 
     `shown_sha256` is that of the plan as `/v1/plans` gave it: the approval is for the plan that was
@@ -88,7 +88,7 @@ class DecisionBody(Said):
     ] = ""
 
 
-class SignatureBody(Said):
+class SignatureBody(RequestBody):
     """A second person's signature under the waiting plan."""
 
     person: Annotated[str, Field(min_length=1, max_length=64, description="whose signature it is")]

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from pa_console.language.lexicon import word_lists
 from pa_console.language.mentions import KINDS
 from pa_console.language.name_linking import LinkedText
-from pa_console.language.references.reader import CONTACTS, Token, read_tokens
+from pa_console.language.references.reader import CONTACTS, WordToken, read_tokens
 from pa_console.schema.world import AssetKind, World
 
 GOING, STAYING = "go", "stay"
@@ -109,10 +109,10 @@ def demands_of(world: World, text: str) -> Demands:
 
 
 @dataclass
-class _Clause:
+class _DemandClause:
     """The tokens of a clause, and whether it is a question or stands under a condition."""
 
-    tokens: list[Token] = field(default_factory=list[Token])
+    tokens: list[WordToken] = field(default_factory=list[WordToken])
     question: bool = False
     conditional: bool = False
     joined: bool = False
@@ -123,7 +123,7 @@ class _Reading:
     """The clauses of one order, read from left to right."""
 
     def __init__(
-        self, world: World, linked: LinkedText, typed: str, tokens: Sequence[Token]
+        self, world: World, linked: LinkedText, typed: str, tokens: Sequence[WordToken]
     ) -> None:
         self._linked, self._typed, self._tokens = linked, typed, tokens
         self._assets = {name.lower(): name for name in world.assets}
@@ -141,26 +141,28 @@ class _Reading:
                 yield found
             before = found
 
-    def _clauses(self) -> Iterator[_Clause]:
-        sentence: list[_Clause] = [_Clause()]
+    def _clauses(self) -> Iterator[_DemandClause]:
+        sentence: list[_DemandClause] = [_DemandClause()]
         for at, token in enumerate(self._tokens):
             if token.word in _STOPS:
                 yield from self._sentence(sentence, question=token.word == "?")
-                sentence = [_Clause()]
+                sentence = [_DemandClause()]
             elif token.word in _JOINS and self._is_whole(sentence[-1]) and self._begins(at + 1):
-                sentence.append(_Clause(joined=True))
+                sentence.append(_DemandClause(joined=True))
             else:
                 sentence[-1].tokens.append(token)
         yield from self._sentence(sentence, question=False)
 
-    def _sentence(self, clauses: Sequence[_Clause], *, question: bool) -> Iterator[_Clause]:
+    def _sentence(
+        self, clauses: Sequence[_DemandClause], *, question: bool
+    ) -> Iterator[_DemandClause]:
         """Yield the clauses of a sentence: a condition in it may be one for all of them."""
         conditional = any(token.word in _CONDITION for one in clauses for token in one.tokens)
         for clause in clauses:
             clause.question, clause.conditional = question, conditional
             yield clause
 
-    def _is_whole(self, clause: _Clause) -> bool:
+    def _is_whole(self, clause: _DemandClause) -> bool:
         """Return whether a clause is complete, so that the next words are no list in it."""
         words = [token.word for token in clause.tokens]
         acts = {_FORMS[word] for word in words if word in _FORMS}
@@ -182,7 +184,7 @@ class _Reading:
     def _word(self, at: int) -> str:
         return self._tokens[at].word if 0 <= at < len(self._tokens) else ""
 
-    def _demand(self, clause: _Clause, before: Demand | None) -> Demand | None:
+    def _demand(self, clause: _DemandClause, before: Demand | None) -> Demand | None:
         """Read a clause; None if it is told, asked or not clear."""
         tokens = list(dropwhile(lambda token: token.word in _JOINS, clause.tokens))
         words = [token.word for token in tokens]
@@ -295,7 +297,7 @@ class _Reading:
         """Return whether a word is the name of an asset, or looks like one that is not here."""
         return word in self._assets or _ASSET_NAME.fullmatch(word) is not None
 
-    def _is_about_the_same(self, words: Sequence[str], clause: _Clause) -> bool:
+    def _is_about_the_same(self, words: Sequence[str], clause: _DemandClause) -> bool:
         """Return whether a clause that names no asset is about those of the clause before it."""
         return bool(_IT & {*words}) or (clause.joined and words[0] in _MODAL | _NOT)
 
@@ -304,7 +306,7 @@ class _Reading:
         named = self._is_asset(word) or word in self._places or plain in KINDS or plain in CONTACTS
         return named or word in _KNOWN or word in _FORMS or word in _NOT or word in _IT
 
-    def _said(self, tokens: Sequence[Token]) -> str:
+    def _said(self, tokens: Sequence[WordToken]) -> str:
         """Return the operator's own words for some tokens."""
         typed = self._linked._replace(original=self._typed)
         return typed.said(tokens[0].start, tokens[-1].end).strip()

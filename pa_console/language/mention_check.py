@@ -59,14 +59,14 @@ _CORRECTS = re.compile(
 _NAMED: frozenset[Sort] = frozenset(("place", "asset", "track"))
 
 
-class Accounted(NamedTuple):
+class AccountedMention(NamedTuple):
     """One mention of the order, and whether reading, plan or unmet lines account for it."""
 
     mention: Mention
     accounted: bool
 
 
-class Unsupported(NamedTuple):
+class UnsupportedPart(NamedTuple):
     """A part of a reading, with its sort, that the order does not support."""
 
     sort: Sort
@@ -76,8 +76,8 @@ class Unsupported(NamedTuple):
 class MentionCheck(NamedTuple):
     """Every mention of an order, and what its reading names beyond them."""
 
-    mentions: tuple[Accounted, ...]
-    unsupported: tuple[Unsupported, ...] = ()
+    mentions: tuple[AccountedMention, ...]
+    unsupported: tuple[UnsupportedPart, ...] = ()
     moves: bool = False
     """True if the plan moves an asset."""
     unfounded: bool = False
@@ -120,17 +120,17 @@ def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
     """
     mentions = find_mentions(world, text, picture.tracks)
     moves = any(action.verb not in _STAYS for action in plan.actions)
-    made = _Made(world, picture, asked, plan, unmet)
+    made = _OrderResult(world, picture, asked, plan, unmet)
     if made.refused and not moves:
-        return MentionCheck(tuple(Accounted(one, accounted=True) for one in mentions))
+        return MentionCheck(tuple(AccountedMention(one, accounted=True) for one in mentions))
     excluded = excluded_names(world, text)
     dropped = _dropped(excluded, link_names(world, text), mentions)
     listed = (
-        Accounted(one, not one.asked or one in dropped or made.accounts_for(one))
+        AccountedMention(one, not one.asked or one in dropped or made.accounts_for(one))
         for one in mentions
     )
-    found = _Words(world, picture, text, mentions).lacking(made) if asked else ()
-    against = (Unsupported("asset", n) for a in made.asks for n in a.who.names if n in excluded)
+    found = _OrderWords(world, picture, text, mentions).lacking(made) if asked else ()
+    against = (UnsupportedPart("asset", n) for a in made.asks for n in a.who.names if n in excluded)
     lacking = tuple(dict.fromkeys((*found, *against)))
     names = any(one.sort in ("place", "asset", "track") for one in mentions)
     unfounded = made.is_unfounded(lacking) and not names and not _GATES.search(text.lower())
@@ -153,7 +153,7 @@ def _dropped(excluded: Collection[str], linked: str, mentions: Sequence[Mention]
     return found
 
 
-class _Made:
+class _OrderResult:
     """The result of an order: the names in its reading, its plan and the unmet lines."""
 
     def __init__(
@@ -182,7 +182,7 @@ class _Made:
         """The places of the assets that the reading names: *the one at the north gate*."""
         self._acting = len({action.agent for action in acting})
 
-    def is_unfounded(self, lacking: Sequence[Unsupported]) -> bool:
+    def is_unfounded(self, lacking: Sequence[UnsupportedPart]) -> bool:
         """Return whether every place of the reading is `lacking` in the words of the order.
 
         For a reading without a place its assets are compared, and for one without names its tasks.
@@ -250,7 +250,7 @@ class _Made:
         return bool(self._tasks & {*tasks, "refused"})
 
 
-class _Words:
+class _OrderWords:
     """The parts of a reading that the words of an order support."""
 
     def __init__(
@@ -266,25 +266,25 @@ class _Words:
             one.sort == "verb" and one.asked and "hold" not in one.tasks for one in mentions
         )
 
-    def lacking(self, made: _Made) -> Iterator[Unsupported]:
+    def lacking(self, made: _OrderResult) -> Iterator[UnsupportedPart]:
         """Yield what `made` names and nothing here supports."""
         for name in made.subjects:
             if name in self._world.assets and not self._has_asset(name):
-                yield Unsupported("asset", name)
+                yield UnsupportedPart("asset", name)
             if name in self._world.frames and name not in self._names:
-                yield Unsupported("place", name)
+                yield UnsupportedPart("place", name)
         for ask in made.asks:
             if ask.task in ("refused", "unreadable"):
                 continue
             if ask.place not in ("", NOWHERE) and not self._has_place(ask.place, ask):
-                yield Unsupported("place", ask.place)
+                yield UnsupportedPart("place", ask.place)
             for name in filter(None, (*ask.who.names, ask.leaving)):
                 left = name == ask.leaving and _at(self._picture, name) in self._names
                 if not left and not self._has_asset(name):
-                    yield Unsupported("asset", name)
+                    yield UnsupportedPart("asset", name)
             yield from self._team(ask.who)
             if not self._has_task(ask):
-                yield Unsupported("verb", ask.words)
+                yield UnsupportedPart("verb", ask.words)
 
     def _has_place(self, place: str, ask: Ask) -> bool:
         """Return True if `place` is named or, without any named place, follows from the picture."""
@@ -334,14 +334,14 @@ class _Words:
         free = [other for other in team if other in assets and is_free(assets[other], alone)]
         return team == [name] or free == [name]
 
-    def _team(self, team: Who) -> Iterator[Unsupported]:
+    def _team(self, team: Who) -> Iterator[UnsupportedPart]:
         if team.kind is not None and not self._has_kind(team.kind):
-            yield Unsupported("kind", PLAIN_KINDS[team.kind])
+            yield UnsupportedPart("kind", PLAIN_KINDS[team.kind])
         if team.count == "all":
             if _EVERY.search(self._text) is None:
-                yield Unsupported("number", "all")
+                yield UnsupportedPart("number", "all")
         elif team.count > 1 and not self._has_number(team.count):
-            yield Unsupported("number", str(team.count))
+            yield UnsupportedPart("number", str(team.count))
 
     def _has_number(self, number: int) -> bool:
         paired = number == 2 and _PAIR.search(self._text) is not None

@@ -83,7 +83,7 @@ class Mention(NamedTuple):
     """The tasks that a verb means."""
 
 
-class _Clause(NamedTuple):
+class _MentionClause(NamedTuple):
     """A part of the text between two stops, and whether it asks for anything."""
 
     text: str
@@ -140,7 +140,7 @@ class _Finder:
         for clause in _clauses(text):
             yield from self._of(clause)
 
-    def _of(self, clause: _Clause) -> Iterator[Mention]:
+    def _of(self, clause: _MentionClause) -> Iterator[Mention]:
         words = [(found[0], found.start()) for found in _WORD.finditer(clause.text)]
         assets: set[int] = set()
         for at, (word, start) in enumerate(words):
@@ -189,9 +189,9 @@ def _squashed(name: str) -> str:
     return re.sub(r"[\W_]", "", name).lower()
 
 
-def _clauses(text: str) -> list[_Clause]:
+def _clauses(text: str) -> list[_MentionClause]:
     """Return the clauses of `text`, quoted ones first."""
-    quoted = [_Clause(found[0], asks=False, quoted=True) for found in _QUOTED.finditer(text)]
+    quoted = [_MentionClause(found[0], asks=False, quoted=True) for found in _QUOTED.finditer(text)]
     parts = [found[0] for found in _CLAUSE.finditer(_QUOTED.sub(" , ", text)) if found[0].strip()]
     addressed = _addressed(parts)
     asks = [_asks(part) for part in parts]
@@ -200,7 +200,10 @@ def _clauses(text: str) -> list[_Clause]:
     told = zip(parts, asks, strict=True)
     return [
         *quoted,
-        *(_Clause(part, ask, addressed=at < addressed) for at, (part, ask) in enumerate(told)),
+        *(
+            _MentionClause(part, ask, addressed=at < addressed)
+            for at, (part, ask) in enumerate(told)
+        ),
     ]
 
 
@@ -222,7 +225,7 @@ def _asks(clause: str) -> bool:
 
 
 def _kinds(
-    words: Sequence[tuple[str, int]], assets: set[int], clause: _Clause
+    words: Sequence[tuple[str, int]], assets: set[int], clause: _MentionClause
 ) -> Iterator[Mention]:
     """Yield the kinds that are spoken of, and how many of them or of all assets."""
     for at, (word, start) in enumerate(words):

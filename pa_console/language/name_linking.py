@@ -236,7 +236,7 @@ _LONGEST = 4
 _MOST_DIGITS = 4
 
 
-class _Token(NamedTuple):
+class _NameToken(NamedTuple):
     word: str
     start: int
     end: int
@@ -305,7 +305,7 @@ class _Linker:
     def __init__(self, names: WorldNames, text: str) -> None:
         self._names, self._text = names, text
         self._tokens = [
-            _Token(found.group().lower(), found.start(), found.end())
+            _NameToken(found.group().lower(), found.start(), found.end())
             for found in _TOKEN.finditer(text)
         ]
         self._linked = 0
@@ -429,6 +429,6 @@ class _Linker:
         pairs = pairwise(self._tokens[first:end])
         return end <= len(self._tokens) and all(self._joined(*pair) for pair in pairs)
 
-    def _joined(self, one: _Token, other: _Token) -> bool:
+    def _joined(self, one: _NameToken, other: _NameToken) -> bool:
         gap = self._text[one.end : other.start]
         return (gap.removeprefix(".") if one.word in _BEFORE_NUMBER else gap) in _JOINTS

@@ -15,7 +15,7 @@ from pa_console.language.name_linking import link_names
 from pa_console.language.references.description import fitting, is_bare
 from pa_console.language.references.description_grammar import find_descriptions
 from pa_console.language.references.reader import BARE, Reader, asset_at, place_at, read_tokens
-from pa_console.language.references.scene import Scene
+from pa_console.language.references.scene import ReferenceScene
 from pa_console.schema.events.intake import QuestionTopic
 
 
@@ -39,12 +39,12 @@ _SUGGESTING = ("do", "does")
 """Verbs that with *not* may be an order: *Why don't you stop?*"""
 
 
-class _Asked(NamedTuple):
+class _TopicWords(NamedTuple):
     topic: QuestionTopic
     subjects: tuple[str, ...] = ()
 
 
-def read_question(scene: Scene, text: str) -> Question | None:
+def read_question(scene: ReferenceScene, text: str) -> Question | None:
     """Return the question that `text` asks of the console, None where it is none."""
     linked = link_names(scene.world, text)
     tokens = read_tokens(linked)
@@ -58,14 +58,14 @@ def read_question(scene: Scene, text: str) -> Question | None:
 class _Grammar:
     """Tries one form of a question after another on the words that `reader` has."""
 
-    def __init__(self, scene: Scene, text: str, reader: Reader) -> None:
+    def __init__(self, scene: ReferenceScene, text: str, reader: Reader) -> None:
         self._scene, self._text, self._reader = scene, text, reader
 
-    def question(self) -> _Asked | None:
+    def question(self) -> _TopicWords | None:
         reader = self._reader
         while reader.take(*_WORDS["opening"]):
             pass
-        ways: tuple[Callable[[], _Asked | None], ...] = (
+        ways: tuple[Callable[[], _TopicWords | None], ...] = (
             self._alternatives, self._against, self._why_gate, self._why_plan, self._why_asset,
             self._why_not_asset,
         )  # fmt: skip
@@ -89,16 +89,16 @@ class _Grammar:
 
     # ------------------------------------------------------------------ why this plan
 
-    def _why_plan(self) -> _Asked | None:
+    def _why_plan(self) -> _TopicWords | None:
         """Read *Why?*, *why that plan*, *why was it refused*, *why can't I approve it*."""
         reader = self._reader
         if not self._why():
             return None
         if reader.take(*_WORDS["that"]) and self._at_end():
-            return _Asked("plan")
+            return _TopicWords("plan")
         reader.take("not")
         if self._at_end():
-            return _Asked("plan")
+            return _TopicWords("plan")
         auxiliary = reader.take_in(_WORDS["auxiliaries"])
         if not auxiliary and not reader.take(*_WORDS["plan_subjects"]):
             return None
@@ -107,7 +107,7 @@ class _Grammar:
         reader.take(*_WORDS["plan_subjects"])
         reader.take_in(_WORDS["auxiliaries"])
         reader.skip(_WORDS["nothing_else"])
-        return _Asked("plan") if reader.take(*_WORDS["done_to_plan"]) else None
+        return _TopicWords("plan") if reader.take(*_WORDS["done_to_plan"]) else None
 
     def _at_end(self) -> bool:
         """Return whether the text ends here; further words are not passed over."""
@@ -118,7 +118,7 @@ class _Grammar:
 
     # ------------------------------------------------------------------ why him, why not him
 
-    def _why_asset(self) -> _Asked | None:
+    def _why_asset(self) -> _TopicWords | None:
         """Read *why Drone_T04*, *why did you send the robot*, *why is that drone going there*."""
         reader = self._reader
         if not self._why():
@@ -126,14 +126,14 @@ class _Grammar:
         if subjects := self._assets():
             if reader.take(*_WORDS["instead_of"]):
                 others = self._assets()
-                return _Asked("other_asset", others) if others else None
+                return _TopicWords("other_asset", others) if others else None
             self._task()
-            return _Asked("asset", subjects)
+            return _TopicWords("asset", subjects)
         if not reader.take_in(_WORDS["auxiliaries"]):
             return None
         return self._sending(negated=False)
 
-    def _why_not_asset(self) -> _Asked | None:
+    def _why_not_asset(self) -> _TopicWords | None:
         """Read *why not the robot*, *why didn't you send Robot_T02*, *why is he not sent*.
 
         *Why don't you send the robot?* asks for it.
@@ -147,18 +147,18 @@ class _Grammar:
             reader.take("instead")
             self._place()
             reader.take("instead")
-            return _Asked("other_asset", subjects) if subjects else None
+            return _TopicWords("other_asset", subjects) if subjects else None
         auxiliary = reader.take_in(_WORDS["auxiliaries"])
         suggests = auxiliary in _SUGGESTING and reader.word() == "not"
         return self._sending(negated=True) if auxiliary and not suggests else None
 
-    def _sending(self, *, negated: bool) -> _Asked | None:
+    def _sending(self, *, negated: bool) -> _TopicWords | None:
         """Read who was sent or was not: *you send the robot there*, *the robot not going home*."""
         reader = self._reader
         no = bool(reader.take("not"))
         if reader.take("it"):
             subjects = self._assets()
-            return _Asked("asset", subjects) if subjects and not (no or negated) else None
+            return _TopicWords("asset", subjects) if subjects and not (no or negated) else None
         if reader.take(*_WORDS["speakers"]):
             no = bool(reader.take("not")) or no
             if not reader.take_in(_WORDS["sending"]):
@@ -174,17 +174,17 @@ class _Grammar:
         self._task()
         if not subjects or no != negated:
             return None
-        return _Asked("other_asset" if no else "asset", subjects)
+        return _TopicWords("other_asset" if no else "asset", subjects)
 
-    def _against(self) -> _Asked | None:
+    def _against(self) -> _TopicWords | None:
         """Read *what speaks against the robot*."""
         if not self._reader.take(*_WORDS["against"]):
             return None
         if self._reader.take(*_WORDS["that"]) and self._at_end():
-            return _Asked("plan")
+            return _TopicWords("plan")
         subjects = self._assets()
         self._task()
-        return _Asked("other_asset", subjects) if subjects else None
+        return _TopicWords("other_asset", subjects) if subjects else None
 
     def _task(self) -> None:
         """Read the purpose of sending an asset, if it is only a place."""
@@ -249,7 +249,7 @@ class _Grammar:
 
     # ------------------------------------------------------------------ why a gate is bare
 
-    def _why_gate(self) -> _Asked | None:
+    def _why_gate(self) -> _TopicWords | None:
         """Read *why is nobody at the north gate*, *why has the gate no guard*."""
         reader = self._reader
         if not self._why():
@@ -259,7 +259,7 @@ class _Grammar:
         if auxiliary and reader.take(*_WORDS["nobody"]):
             reader.take("there", "left", "standing")
             gate = self._gate() if reader.take(*_WORDS["at"]) else ""
-            return _Asked("gate", (gate,)) if gate else None
+            return _TopicWords("gate", (gate,)) if gate else None
         reader.take("you", "we", "they")
         leaves = bool(reader.take("leave", "left", "leaving"))
         gate = self._gate()
@@ -272,7 +272,7 @@ class _Grammar:
             bare = reader.take("no guard", "no guards", "no cover", "nobody")
         if not bare and auxiliary in ("has", "had", "does"):
             bare = reader.take("no guard", "no guards", "no cover", "nobody", "lost its guard")
-        return _Asked("gate", (gate,)) if bare else None
+        return _TopicWords("gate", (gate,)) if bare else None
 
     def _gate(self) -> str:
         """Read which gate is meant: its name, the marked one, or the one that has no guard."""
@@ -292,14 +292,14 @@ class _Grammar:
 
     # ------------------------------------------------------------------ what else
 
-    def _alternatives(self) -> _Asked | None:
+    def _alternatives(self) -> _TopicWords | None:
         """Read *What would you do instead*, *what else could we do*, *any other option*."""
         forms = (self._what_else, self._how_else, self._other_options, self._differently)
         start = self._reader.at
         for form in forms:
             self._reader.at = start
             if form() and self._at_end():
-                return _Asked("alternatives")
+                return _TopicWords("alternatives")
         return None
 
     def _what_else(self) -> bool:

@@ -18,13 +18,13 @@ from pa_console.language.references import reader as words
 from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.reader import (
     Reader,
-    Token,
+    WordToken,
     asset_at,
     number_of,
     place_at,
     read_tokens,
 )
-from pa_console.language.references.scene import Scene
+from pa_console.language.references.scene import ReferenceScene
 from pa_console.schema.mission import MOST_STARTS, PLACE, SUBJECT, SubjectKind
 from pa_console.schema.world import PLAIN_KINDS, AssetKind
 
@@ -61,7 +61,7 @@ class ReadCondition:
 
 
 @dataclass
-class _Said:
+class _ConditionParts:
     """The parts read so far: the subject in words, its kind and its state, in CEL."""
 
     each: SubjectKind = "asset"
@@ -70,7 +70,7 @@ class _Said:
     terms: list[str] = field(default_factory=list[str])
 
 
-def read_condition(scene: Scene, tokens: Sequence[Token]) -> ReadCondition | None:
+def read_condition(scene: ReferenceScene, tokens: Sequence[WordToken]) -> ReadCondition | None:
     """Return the condition in `tokens`, None if a word of them is not understood."""
     reader = Reader(tokens)
     there_is = bool(reader.take("there is", "there are", "there 's"))
@@ -93,22 +93,26 @@ def read_condition(scene: Scene, tokens: Sequence[Token]) -> ReadCondition | Non
 # ------------------------------------------------------------------ the subject
 
 
-def _subject(scene: Scene, reader: Reader) -> _Said | None:
+def _subject(scene: ReferenceScene, reader: Reader) -> _ConditionParts | None:
     """Read the subject; None if it is not understood."""
     charge_of = bool(reader.take("the battery of", "the charge of"))
     name = asset_at(scene, reader)
     if name:
-        return _Said("asset", name, terms=[f"id == {_text(name)}"])
+        return _ConditionParts("asset", name, terms=[f"id == {_text(name)}"])
     gate = "" if charge_of else place_at(scene, reader)
     if gate:
-        return _Said("gate", gate, terms=[f"id == {_text(gate)}"]) if gate in scene.gates else None
+        return (
+            _ConditionParts("gate", gate, terms=[f"id == {_text(gate)}"])
+            if gate in scene.gates
+            else None
+        )
     if reader.take_in(_SOMEBODY):
-        return _Said("track", "somebody")
+        return _ConditionParts("track", "somebody")
     article = bool(reader.take(*_ARTICLES))
     return _asset_noun(scene, reader, article=article) or _other_noun(reader)
 
 
-def _asset_noun(scene: Scene, reader: Reader, *, article: bool) -> _Said | None:
+def _asset_noun(scene: ReferenceScene, reader: Reader, *, article: bool) -> _ConditionParts | None:
     """Read *drone*, *ground vehicle*, *scout*, *asset*; a bare *vehicle* comes to a gate."""
     ground = bool(reader.take("ground"))
     word = reader.word()
@@ -117,7 +121,7 @@ def _asset_noun(scene: Scene, reader: Reader, *, article: bool) -> _Said | None:
         return None
     if single in ASSETS:
         reader.at += 1
-        return _Said("asset", f"an {single}" if single[0] in "aeiou" else f"a {single}")
+        return _ConditionParts("asset", f"an {single}" if single[0] in "aeiou" else f"a {single}")
     team = scene.members(word)
     if not team or not article:
         return None
@@ -127,16 +131,16 @@ def _asset_noun(scene: Scene, reader: Reader, *, article: bool) -> _Said | None:
     if whole and len(kinds) == 1:
         kind = next(iter(kinds))
         plain = "ground vehicle" if kind == "ugv" else PLAIN_KINDS[kind]
-        return _Said("asset", f"a {plain}", terms=[f"it.kind == {_text(kind)}"])
+        return _ConditionParts("asset", f"a {plain}", terms=[f"it.kind == {_text(kind)}"])
     names = ", ".join(_text(name) for name in scene.in_order(team))
-    return _Said("asset", f"a {single}", terms=[f"id in [{names}]"])
+    return _ConditionParts("asset", f"a {single}", terms=[f"id in [{names}]"])
 
 
-def _other_noun(reader: Reader) -> _Said | None:
+def _other_noun(reader: Reader) -> _ConditionParts | None:
     """Read *gate*, and *unknown vehicle* with its known identity."""
     if reader.take("gate", "gates", "post", "entrance"):
-        return _Said("gate", "a gate")
-    said = _Said("track")
+        return _ConditionParts("gate", "a gate")
+    said = _ConditionParts("track")
     adjectives: list[str] = []
     while word := reader.take_in(_KNOWN.keys()):
         cel, plain = _KNOWN[word]
@@ -153,7 +157,7 @@ def _other_noun(reader: Reader) -> _Said | None:
     return said
 
 
-def _place(scene: Scene, reader: Reader, said: _Said) -> None:
+def _place(scene: ReferenceScene, reader: Reader, said: _ConditionParts) -> None:
     """Read *at the east gate* after an asset or a track."""
     start = reader.at
     if said.each == "gate" or not reader.take_in(words.IN):
@@ -171,7 +175,7 @@ def _place(scene: Scene, reader: Reader, said: _Said) -> None:
 # ------------------------------------------------------------------ what is so of it
 
 
-def _of_asset(scene: Scene, reader: Reader, said: _Said) -> str:
+def _of_asset(scene: ReferenceScene, reader: Reader, said: _ConditionParts) -> str:
     """Read the state of an asset, and return it in words; '' if it is not understood."""
     start = reader.at
     if reader.take("'s") and not reader.take_in(words.CHARGE):
@@ -193,7 +197,7 @@ def _of_asset(scene: Scene, reader: Reader, said: _Said) -> str:
     return "" if has else _state(reader, said) or _arrives(scene, reader, said)
 
 
-def _state(reader: Reader, said: _Said) -> str:
+def _state(reader: Reader, said: _ConditionParts) -> str:
     """Read a state of an asset after *is*; '' where none is here."""
     if reader.take("low", "flat", "nearly empty", "almost empty", "out of battery"):
         if reader.take("on", "of"):
@@ -208,7 +212,7 @@ def _state(reader: Reader, said: _Said) -> str:
     return ""
 
 
-def _arrives(scene: Scene, reader: Reader, said: _Said) -> str:
+def _arrives(scene: ReferenceScene, reader: Reader, said: _ConditionParts) -> str:
     if said.where or not reader.take("at", "arrives at", "reaches", "back at", "comes to", "in"):
         return ""
     place = place_at(scene, reader)
@@ -236,7 +240,7 @@ def _charge(reader: Reader, *, has: bool) -> tuple[str, float] | None:
     return ("below" if below else "above"), percent
 
 
-def _of_gate(_: Scene, reader: Reader, said: _Said) -> str:
+def _of_gate(_: ReferenceScene, reader: Reader, said: _ConditionParts) -> str:
     """Read how a gate is guarded, and return it in words; '' where it is not understood."""
     bare = "!it.covered && size(it.unsure) == 0"
     if reader.take("has no", "has not a", "is without a", "is without", "loses its last",
@@ -254,7 +258,7 @@ def _of_gate(_: Scene, reader: Reader, said: _Said) -> str:
     return ""
 
 
-def _of_track(scene: Scene, reader: Reader, said: _Said) -> str:
+def _of_track(scene: ReferenceScene, reader: Reader, said: _ConditionParts) -> str:
     """Read what a track does, and return it in words; '' where it is not understood."""
     if reader.take("ignores", "defies", "disregards"):
         reader.take("a", "the", "its", "our")
@@ -275,13 +279,13 @@ def _of_track(scene: Scene, reader: Reader, said: _Said) -> str:
     return ""
 
 
-def _comes(scene: Scene, reader: Reader, said: _Said) -> str:
+def _comes(scene: ReferenceScene, reader: Reader, said: _ConditionParts) -> str:
     """Read to where, and return it in words."""
     target = _target(scene, reader, said, "to")
     return _so(said, _STAYS, f"comes{target or (' to a gate' if not said.where else '')}")
 
 
-def _is_track(scene: Scene, reader: Reader, said: _Said) -> str:
+def _is_track(scene: ReferenceScene, reader: Reader, said: _ConditionParts) -> str:
     reader.take("to be")
     reader.take("identified as", "known to be", "found to be")
     if word := reader.take_in(_KNOWN.keys()):
@@ -296,7 +300,7 @@ def _is_track(scene: Scene, reader: Reader, said: _Said) -> str:
     return _so(said, _STAYS, f"is{target}") if target else ""
 
 
-def _target(scene: Scene, reader: Reader, said: _Said, joint: str) -> str:
+def _target(scene: ReferenceScene, reader: Reader, said: _ConditionParts, joint: str) -> str:
     """Read the destination of a contact: *to the east gate*, *at any gate*; '' for none."""
     start = reader.at
     reader.take("to", "at", "towards", "toward", "for", "in front of", "near", "outside")
@@ -310,7 +314,7 @@ def _target(scene: Scene, reader: Reader, said: _Said, joint: str) -> str:
     return ""
 
 
-def _so(said: _Said, cel: str, plain: str) -> str:
+def _so(said: _ConditionParts, cel: str, plain: str) -> str:
     said.terms.append(cel)
     return plain
 
@@ -376,7 +380,7 @@ class ReadStanding:
     most_an_hour: int = MOST_STARTS
 
 
-def read_standing(scene: Scene, text: str) -> ReadStanding | Unclear | None:
+def read_standing(scene: ReferenceScene, text: str) -> ReadStanding | Unclear | None:
     """Return a standing order, the question about one, or None for a text that is none."""
     linked = link_names(scene.world, text)
     unasked, limit = _UNASKED.search(linked), _LIMIT.search(linked)
@@ -450,7 +454,7 @@ def _with_slots(each: SubjectKind, order: str) -> str | Unclear:
     return text if text.endswith((".", "!")) else f"{text}."
 
 
-def _slot(each: SubjectKind, reader: Reader, tokens: tuple[Token, ...], at: int) -> str:
+def _slot(each: SubjectKind, reader: Reader, tokens: tuple[WordToken, ...], at: int) -> str:
     """Read words that stand for the subject or its gate; '' where none are here."""
     if reader.take(*_PLACES.get(each, ())):
         return PLACE

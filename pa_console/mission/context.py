@@ -7,7 +7,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Self
 
 from pa_console.fleets.fleet import Fleet
-from pa_console.language.references.scene import Move, PastMission, Scene, after
+from pa_console.language.references.scene import Move, PastMission, ReferenceScene, after
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.remote.servers import NO_SERVERS, Servers
 from pa_console.llm.roles.clause_reader import ClauseReader
@@ -47,9 +47,9 @@ class PastOrders:
     pointer: str = ""
     """The asset, gate or track that the operator has marked; '' for none."""
 
-    def scene(self, world: World, picture: Picture) -> Scene:
+    def scene(self, world: World, picture: Picture) -> ReferenceScene:
         """Return what an order can point at in `picture`."""
-        return Scene(world, picture, tuple(self.missions), self.pointer)
+        return ReferenceScene(world, picture, tuple(self.missions), self.pointer)
 
     def remember(
         self, mission: Mission, moves: Iterable[Move], *, undid: bool, corrects: bool
@@ -178,7 +178,7 @@ class Services:
         return (RoleModel.on(server), own) if server is not None and server.usable else (own,)
 
     @property
-    def scene(self) -> Scene:
+    def scene(self) -> ReferenceScene:
         """The present referents of words."""
         return self.past.scene(self.fleet.world, self.fleet.picture())
 
@@ -254,7 +254,7 @@ class MissionContext:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class MissionResult:
     """The result of a mission, and its reason."""
 
     status: MissionStatus

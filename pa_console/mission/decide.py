@@ -20,8 +20,8 @@ from pa_console.mission.approval import (
     request_approval,
     unasked_decision,
 )
-from pa_console.mission.context import MissionContext, Outcome
-from pa_console.mission.plan import LIKELIER_OTHERWISE, Candidate, Planned
+from pa_console.mission.context import MissionContext, MissionResult
+from pa_console.mission.plan import LIKELIER_OTHERWISE, Candidate, PlanForDecision
 from pa_console.mission.premises import way_to_safety
 from pa_console.mission.propose import other_readings
 from pa_console.mission.understand import NotUnderstood, StandingOffer
@@ -48,7 +48,7 @@ class Readings:
 
 
 @dataclass(frozen=True)
-class Decided:
+class AdmissibleDecision:
     """An admissible decision, the request that it answers, and the readings on offer in it."""
 
     request: ev.ApprovalRequested
@@ -57,16 +57,16 @@ class Decided:
 
 
 @dataclass(frozen=True)
-class Approved:
+class ApprovedPlan:
     """The plan to execute, and who decided that on which request."""
 
-    planned: Planned
-    decided: Decided
+    planned: PlanForDecision
+    decided: AdmissibleDecision
 
 
 async def decide(
-    context: MissionContext, planned: Planned, before: Readings, answer: Decide
-) -> Decided:
+    context: MissionContext, planned: PlanForDecision, before: Readings, answer: Decide
+) -> AdmissibleDecision:
     """Step 6: request approval of a plan until there is an admissible decision.
 
     Beside it stands what else the order may mean; what was read `before` remains on offer.
@@ -96,7 +96,9 @@ async def decide(
     return replace(await answered(context, request, answer), readings=readings)
 
 
-async def _reconsider(context: MissionContext, planned: Planned, before: Readings) -> Readings:
+async def _reconsider(
+    context: MissionContext, planned: PlanForDecision, before: Readings
+) -> Readings:
     """Find what else the order may mean: what the judge has read, and other readings.
 
     Those are looked for where the models are unsure. What an operator has chosen is not read
@@ -121,7 +123,7 @@ async def _reconsider(context: MissionContext, planned: Planned, before: Reading
 
 async def answered(
     context: MissionContext, request: ev.ApprovalRequested, decide: Decide
-) -> Decided:
+) -> AdmissibleDecision:
     """Emit `request` and wait for an admissible decision, by as many people as it takes.
 
     An approval that is not enough alone stands until the request is answered. Signatures from
@@ -160,7 +162,7 @@ async def answered(
             )
         )
         if not problem:
-            return Decided(request, decision)
+            return AdmissibleDecision(request, decision)
 
 
 def countersignature(signed: PlanCountersignature) -> Decision:
@@ -196,7 +198,7 @@ def _unasked(context: MissionContext, request: ev.ApprovalRequested) -> Decision
 
 async def offer_standing(
     context: MissionContext, offered: StandingOffer, decide: Decide
-) -> Outcome:
+) -> MissionResult:
     """Show a standing order; it starts its missions by itself once an operator has approved it.
 
     It is in force then, and by nothing else. One that cannot be in force beside the others is
@@ -219,15 +221,15 @@ async def offer_standing(
     if decided.decision.kind != "approve":
         why = "; ".join(decided.request.blocked_by) or decided.decision.reason
         status: MissionStatus = "held" if decided.request.blocked_by else "rejected"
-        return Outcome(status, why or f"rejected by {decided.decision.by}")
+        return MissionResult(status, why or f"rejected by {decided.decision.by}")
     standing.approve(offered.condition)
     context.emit(ev.StandingOrderApproved(order=order, by=decided.decision.by))
-    return Outcome("verified", f"standing order {order.id} is in force until it is revoked")
+    return MissionResult("verified", f"standing order {order.id} is in force until it is revoked")
 
 
 async def ask_back(
     context: MissionContext, asked: NotUnderstood, number: int, decide: Decide
-) -> str | Outcome:
+) -> str | MissionResult:
     """Ask the operator for the meaning, for the time `number`, and return the answer.
 
     No plan was made, and none is approved by an answer.
@@ -242,20 +244,20 @@ async def ask_back(
     decided = await answered(context, request, decide)
     if decided.decision.kind == "answer":
         return " ".join(decided.decision.asked.split())
-    return Outcome("held", "; ".join(decided.request.blocked_by))
+    return MissionResult("held", "; ".join(decided.request.blocked_by))
 
 
-def rejection(shown: Candidate, decided: Decided) -> Outcome:
+def rejection(shown: Candidate, decided: AdmissibleDecision) -> MissionResult:
     """Return what a mission comes to whose plan was rejected."""
     blocked_by, decision = decided.request.blocked_by, decided.decision
     if shown.examination.blocked:
-        return Outcome("refused", "; ".join(blocked_by))
+        return MissionResult("refused", "; ".join(blocked_by))
     if blocked_by:
-        return Outcome("held", "; ".join(blocked_by))
-    return Outcome("rejected", decision.reason or f"rejected by {decision.by}")
+        return MissionResult("held", "; ".join(blocked_by))
+    return MissionResult("rejected", decision.reason or f"rejected by {decision.by}")
 
 
-def _baseless(context: MissionContext, planned: Planned, said: str) -> bool:
+def _baseless(context: MissionContext, planned: PlanForDecision, said: str) -> bool:
     """Return whether a reading moves an asset and names nothing from the order's words."""
     reading, world = read_asked(said), context.services.fleet.world
     if reading is None or all(ask.task in _STILL for ask in reading.asks):

@@ -54,7 +54,7 @@ TIMED_OUT = "timed out"
 
 
 @dataclass
-class _Open:
+class _OpenCommand:
     """A command on its way; `sent` and `heard` are ticks."""
 
     command: DeviceCommand
@@ -84,7 +84,7 @@ class Dispatch:
         Those that are not answered at all within `acknowledge_s` are given up.
         """
         self._acknowledge_s = acknowledge_s
-        self._open = {command.command_id: _Open(command, tick) for command in commands}
+        self._open = {command.command_id: _OpenCommand(command, tick) for command in commands}
         self._started, self._dt_s, self._limit_s = tick, dt_s, limit_s
         self.final: dict[str, CommandReply] = {}
         """The last reply per agent, once its command has ended."""
@@ -150,7 +150,7 @@ class Dispatch:
     def _seconds(self, since: int, tick: int) -> float:
         return (tick - since) * self._dt_s
 
-    def _give_up(self, entry: _Open, tick: int, what: str) -> CommandReply:
+    def _give_up(self, entry: _OpenCommand, tick: int, what: str) -> CommandReply:
         sent = f", sent {entry.times + 1} times" if entry.heard is None and entry.times else ""
         return self._note(_failed(entry, tick, f"{TIMED_OUT}: {what}{sent}"))
 
@@ -165,7 +165,7 @@ def _is_news(reply: CommandReply, last: CommandReply) -> bool:
     return reply.tick >= last.tick and reply != last
 
 
-def _failed(entry: _Open, tick: int, detail: str) -> CommandReply:
+def _failed(entry: _OpenCommand, tick: int, detail: str) -> CommandReply:
     return CommandReply(
         command_id=entry.command.command_id,
         agent=entry.command.agent,

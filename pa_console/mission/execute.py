@@ -27,7 +27,7 @@ TOLD_S = 2.0
 
 
 @dataclass(frozen=True)
-class Executed:
+class ExecutedPlan:
     """The result of an approved plan; `before` is the picture that it began in."""
 
     before: Picture
@@ -61,7 +61,7 @@ class Execution:
         """Note an ordering that was broken while the plan ran: that halts it."""
         self._breaches.append(broken)
 
-    async def run(self, approved: Examination, request: ev.ApprovalRequested) -> Executed:
+    async def run(self, approved: Examination, request: ev.ApprovalRequested) -> ExecutedPlan:
         """Step 7: send every command and follow it until telemetry can show how it ended.
 
         A broken premise or ordering halts the plan to the safe state that was approved with it in
@@ -76,7 +76,7 @@ class Execution:
         if problem := self._services.journal.commit():
             gate.halt()
             emit(ev.PlanHalted(attempt=request.attempt, reasons=(problem,)))
-            return Executed(premises.before, halted=(problem,))
+            return ExecutedPlan(premises.before, halted=(problem,))
         limit_s = MARGIN_S + 2 * (timeline.duration_s if timeline is not None else 0.0)
         commands = device_commands(approved.plan, request.request_id)
         self._safety = request.if_halted
@@ -95,7 +95,7 @@ class Execution:
         self._dispatch = None
         gate.finish()
         self._context.stopwatch.add("execution_s", fleet.time_s - start)
-        return Executed(premises.before, dispatch.final, halted)
+        return ExecutedPlan(premises.before, dispatch.final, halted)
 
     def halt(self) -> tuple[DeviceCommand, ...]:
         """End the plan; return the commands that bring whoever is under way to a safe state.

@@ -24,8 +24,8 @@ from pa_console.llm.roles.grammar import (
 from pa_console.llm.roles.judge import Judge, Judgement, JudgeQuestion, OrderReading
 from pa_console.llm.roles.role_model import PromptFormat, RoleModel, first_answer
 from pa_console.mission.context import MissionContext
-from pa_console.mission.plan import Candidate, Planned, ReadAgain, with_commands_given
-from pa_console.mission.propose import Answered
+from pa_console.mission.plan import Candidate, PlanForDecision, ReadAgain, with_commands_given
+from pa_console.mission.propose import PlannerAnswer
 from pa_console.mission.tasking.fulfilment import gaps
 from pa_console.mission.tasking.moves import PlanMoves
 from pa_console.policy.findings import ORDER_ID
@@ -218,7 +218,7 @@ def likelier(shown: Candidate) -> bool:
     return read is not None and read.measured and not read.same and read.confidence >= LEAST
 
 
-async def judge(context: MissionContext, planned: Planned) -> Planned:
+async def judge(context: MissionContext, planned: PlanForDecision) -> PlanForDecision:
     """Step 6: ask for the JudgeLLM's verdict on the plan to decide on; a blocked plan needs none.
 
     A trained judge reads the order for itself. Where it objects and its reading is the likelier
@@ -239,7 +239,7 @@ async def judge(context: MissionContext, planned: Planned) -> Planned:
 
 
 async def _as_read_again(
-    context: MissionContext, answered: Answered, shown: Candidate
+    context: MissionContext, answered: PlannerAnswer, shown: Candidate
 ) -> Candidate:
     """Let another model read an order that is in doubt; where it is surer, its reading is served.
 
@@ -267,7 +267,7 @@ async def _as_read_again(
 
 
 async def _judged(
-    context: MissionContext, answered: Answered, candidate: Candidate, asked: str = ""
+    context: MissionContext, answered: PlannerAnswer, candidate: Candidate, asked: str = ""
 ) -> Candidate:
     """Return `candidate` with the judge's verdict on its plan.
 
@@ -320,7 +320,7 @@ async def _judged(
 
 
 def _case(
-    answered: Answered, candidate: Candidate, rehearsal: Rehearsal, asked: str = ""
+    answered: PlannerAnswer, candidate: Candidate, rehearsal: Rehearsal, asked: str = ""
 ) -> PlanCase:
     found, question = candidate.examination, answered.question
     return PlanCase(

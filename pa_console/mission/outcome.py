@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from pa_console.language.reading import read_reason
-from pa_console.mission.context import Outcome
+from pa_console.mission.context import MissionResult
 from pa_console.mission.tasking.fulfilment import is_to_be_warned
 from pa_console.policy.expressions.deadlines import shared_deadline
 from pa_console.policy.monitor import Monitor
@@ -170,7 +170,7 @@ class Results:
             return None
         return next((a for a in self.open_alarms() if a.id == self.mission.alarm), None)
 
-    def conclude(self) -> Outcome:
+    def conclude(self) -> MissionResult:
         """Return what the plans, the workflow, the orderings and the alarm come to.
 
         Verified takes all of them; what telemetry could not tell is not verified.
@@ -184,7 +184,7 @@ class Results:
         passed = passed and self.progress.over and self.progress.settled
         passed = passed and not open_rules and not self.unanswered
         status: MissionStatus = "verified" if passed else "unverified"
-        return Outcome(status, "; ".join(dict.fromkeys(reasons)))
+        return MissionResult(status, "; ".join(dict.fromkeys(reasons)))
 
 
 def begun(plan: Plan, task: Mission, picture: Picture) -> Mission | None:

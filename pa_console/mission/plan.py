@@ -10,15 +10,15 @@ from pa_console.llm.roles.grammar import PLANNED
 from pa_console.mission.context import MissionContext
 from pa_console.mission.examine import Examination, examine
 from pa_console.mission.propose import (
-    Answered,
-    Attempt,
     Instead,
+    NumberedPlan,
+    PlannerAnswer,
     ask_for_others,
     ask_planner,
     ask_who,
     commands_for,
 )
-from pa_console.mission.retrieve import Retrieved
+from pa_console.mission.retrieve import RetrievedRules
 from pa_console.mission.tasking.fulfilment import gaps
 from pa_console.mission.tasking.moves import PlanMoves
 from pa_console.mission.tasking.obstacles import Unmet, unmet_asks
@@ -185,24 +185,27 @@ blocked."""
 
 
 @dataclass(frozen=True)
-class Planned:
+class PlanForDecision:
     """The plan to decide on, and the planner's answer for its task."""
 
-    answered: Answered
+    answered: PlannerAnswer
     best: Candidate
 
 
 @dataclass(frozen=True)
-class Unplanned:
+class PlanningFailure:
     """The planner gave no plan; `error` says why."""
 
-    answered: Answered
+    answered: PlannerAnswer
     error: str
 
 
 async def plan(
-    context: MissionContext, retrieved: Retrieved, reasons: Sequence[str] = (), previous: str = ""
-) -> Planned | Unplanned:
+    context: MissionContext,
+    retrieved: RetrievedRules,
+    reasons: Sequence[str] = (),
+    previous: str = "",
+) -> PlanForDecision | PlanningFailure:
     """Steps 3 to 6: ask for a plan until nothing blocks it, at most 1 + repairs times.
 
     `reasons` say what was wrong with the `previous` plan. The least bad plan is the one to decide
@@ -224,7 +227,7 @@ async def plan(
                 asked = answered.question.asked
                 read = read_asked(asked) if asked else read_reason(proposal.plan.reason)
                 reading = reading or read
-            attempt = Attempt(
+            attempt = NumberedPlan(
                 answered.attempt,
                 proposal.plan,
                 proposal.confidence,
@@ -249,19 +252,19 @@ async def plan(
         previous = answer
         context.emit(ev.RepairRequested(attempt=context.attempts, reasons=tuple(reasons)))
     if best is None:
-        return Unplanned(answered, error)
-    return Planned(answered, best)
+        return PlanningFailure(answered, error)
+    return PlanForDecision(answered, best)
 
 
-async def take(context: MissionContext, answered: Answered, written: Plan) -> Planned:
+async def take(context: MissionContext, answered: PlannerAnswer, written: Plan) -> PlanForDecision:
     """Step 6 for a plan that the operator wrote: it is examined like any other."""
     number = context.next_attempt()
     context.emit(
         ev.PlanProposed(attempt=number, author="operator", text=written.answer, plan=written)
     )
     retrieved = answered.retrieved
-    candidate = await _examined(context, retrieved, Attempt(number, written), None, own=True)
-    return Planned(answered, candidate)
+    candidate = await _examined(context, retrieved, NumberedPlan(number, written), None, own=True)
+    return PlanForDecision(answered, candidate)
 
 
 async def reexamine(context: MissionContext, task: Mission, approved: Plan) -> Examination | None:
@@ -271,7 +274,7 @@ async def reexamine(context: MissionContext, task: Mission, approved: Plan) -> E
 
 
 async def _first_sound(
-    context: MissionContext, answered: Answered, reading: Reading | None, best: Candidate
+    context: MissionContext, answered: PlannerAnswer, reading: Reading | None, best: Candidate
 ) -> Candidate:
     """Examine the planner's other answers until one is sound; return the best of them all.
 
@@ -290,7 +293,7 @@ async def _first_sound(
 
 async def with_commands_given(
     context: MissionContext,
-    answered: Answered,
+    answered: PlannerAnswer,
     asked: str,
     reading: Reading | None,
     best: Candidate,
@@ -316,8 +319,8 @@ async def with_commands_given(
 
 async def _examined(
     context: MissionContext,
-    retrieved: Retrieved,
-    attempt: Attempt,
+    retrieved: RetrievedRules,
+    attempt: NumberedPlan,
     reading: Reading | None,
     *,
     own: bool = False,

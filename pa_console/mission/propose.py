@@ -28,7 +28,7 @@ from pa_console.llm.roles.prompts import Prompt, paper_prompt
 from pa_console.llm.roles.role_model import RoleModel, first_answer
 from pa_console.mission.context import MissionContext, Services
 from pa_console.mission.picture_text import digest_picture, select
-from pa_console.mission.retrieve import Retrieved
+from pa_console.mission.retrieve import RetrievedRules
 from pa_console.mission.tasking.choices import commands_serving
 from pa_console.schema.command import Verb
 from pa_console.schema.events import event as ev
@@ -80,7 +80,7 @@ class PlanQuestion:
 
 
 @dataclass(frozen=True)
-class Attempt:
+class NumberedPlan:
     """A plan under its number in the mission; `confidence` is its planner's in what was asked."""
 
     number: int
@@ -91,11 +91,11 @@ class Attempt:
 
 
 @dataclass(frozen=True)
-class Answered:
+class PlannerAnswer:
     """A question for a task, and the whole answer of `model` to it, number `attempt`."""
 
     model: RoleModel
-    retrieved: Retrieved
+    retrieved: RetrievedRules
     question: PlanQuestion
     proposal: Proposal
     attempt: int
@@ -132,7 +132,7 @@ class Answered:
 
 def ask_for_plan(
     services: Services,
-    retrieved: Retrieved,
+    retrieved: RetrievedRules,
     reasons: Sequence[str] = (),
     previous: str = "",
     model: RoleModel | None = None,
@@ -169,8 +169,8 @@ def ask_for_plan(
 
 
 async def ask_planner(
-    context: MissionContext, retrieved: Retrieved, reasons: Sequence[str], previous: str
-) -> Answered:
+    context: MissionContext, retrieved: RetrievedRules, reasons: Sequence[str], previous: str
+) -> PlannerAnswer:
     """Steps 3 to 5, once; `reasons` say what was wrong with the `previous` plan.
 
     Where a model on a server gives no plan, the session's own is asked in its place.
@@ -180,7 +180,7 @@ async def ask_planner(
     def on_text(piece: str) -> None:
         emit(ev.TextStreamed(role="planner", attempt=attempt, text=piece))
 
-    async def ask(model: RoleModel) -> Answered:
+    async def ask(model: RoleModel) -> PlannerAnswer:
         question = ask_for_plan(context.services, retrieved, reasons, previous, model)
         prompt = question.prompt
         watch.add("picture_s", question.picture_s)
@@ -205,7 +205,7 @@ async def ask_planner(
                 )
         if retrieved.chosen:
             proposal = replace(proposal, confidence=None)
-        return Answered(model, retrieved, question, proposal, attempt)
+        return PlannerAnswer(model, retrieved, question, proposal, attempt)
 
     answered = await first_answer(context.services.planners, ask, context.turn_to_own)
     emit(_proposed(answered, answered.proposal, attempt))
@@ -217,7 +217,7 @@ async def ask_planner(
 async def _served(
     context: MissionContext,
     model: RoleModel,
-    retrieved: Retrieved,
+    retrieved: RetrievedRules,
     question: PlanQuestion,
     on_text: OnText,
 ) -> Proposal:
@@ -233,8 +233,8 @@ async def _served(
 
 
 async def ask_for_others(
-    context: MissionContext, answered: Answered, *, as_asked: bool = False
-) -> list[Attempt]:
+    context: MissionContext, answered: PlannerAnswer, *, as_asked: bool = False
+) -> list[NumberedPlan]:
     """Step 5 once more, several answers at once: the other plans, the likeliest first.
 
     With `as_asked` all of them say of what was asked what the first answer said. All of them are
@@ -248,7 +248,7 @@ async def ask_for_others(
         found, usage = await answered.model.planner.several(
             question.prompt, question.grammar, count, answered.begun if as_asked else ""
         )
-    others: list[Attempt] = []
+    others: list[NumberedPlan] = []
     for proposal in found:
         number = context.next_attempt()
         given = replace(
@@ -259,11 +259,11 @@ async def ask_for_others(
         context.emit(_proposed(answered, given, number, instead_of=first))
         if given.plan is not None:
             by_server = answered.model.server is not None
-            others.append(Attempt(number, given.plan, given.confidence, by_server))
+            others.append(NumberedPlan(number, given.plan, given.confidence, by_server))
     return others
 
 
-async def other_readings(context: MissionContext, answered: Answered, count: int) -> list[str]:
+async def other_readings(context: MissionContext, answered: PlannerAnswer, count: int) -> list[str]:
     """Return the planner's other likely readings, the likeliest first.
 
     At most `count` are tried. None if its answer has no reading.
@@ -282,7 +282,7 @@ async def other_readings(context: MissionContext, answered: Answered, count: int
 
 async def commands_for(
     context: MissionContext,
-    retrieved: Retrieved,
+    retrieved: RetrievedRules,
     asked: str,
     most: int,
     verbs: Sequence[Verb] = (),
@@ -308,11 +308,11 @@ async def commands_for(
 
 async def ask_who(
     context: MissionContext,
-    answered: Answered,
+    answered: PlannerAnswer,
     asked: str,
     slots: Sequence[CommandSlot],
     instead: Instead = "",
-) -> Attempt | None:
+) -> NumberedPlan | None:
     """Step 5 once more, with the commands of `slots` given: who of those open to it has each.
 
     The plan says that this was `asked`; `instead` says who read that in the mission, if not the
@@ -331,14 +331,14 @@ async def ask_who(
             told = told.model_copy(update={f"as_{instead}": True})
         context.emit(told)
     return (
-        Attempt(number, given.plan, sure, by_server and not instead)
+        NumberedPlan(number, given.plan, sure, by_server and not instead)
         if given.plan is not None
         else None
     )
 
 
 async def _given_commands(
-    context: MissionContext, answered: Answered, asked: str, slots: Sequence[CommandSlot]
+    context: MissionContext, answered: PlannerAnswer, asked: str, slots: Sequence[CommandSlot]
 ) -> Proposal:
     """Return a plan for the reading `asked` with the commands of `slots`."""
     model, question, task = answered.model, answered.question, answered.retrieved.task
@@ -352,7 +352,7 @@ async def _given_commands(
 
 
 def _proposed(
-    answered: Answered,
+    answered: PlannerAnswer,
     proposal: Proposal,
     attempt: int,
     *,

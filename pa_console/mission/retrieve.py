@@ -11,7 +11,7 @@ from pa_console.schema.rule import RuleHit
 
 
 @dataclass(frozen=True)
-class Retrieved:
+class RetrievedRules:
     """The next plan's task, and the rules in the planner's prompt for it.
 
     `task` is the mission itself, or a phase of its workflow; with `verbs`, the planner is given no
@@ -32,7 +32,7 @@ class Retrieved:
 
 def retrieve(
     context: MissionContext, task: Mission, verbs: tuple[Verb, ...] = (), chosen: str = ""
-) -> Retrieved:
+) -> RetrievedRules:
     """Step 2: find the rules that concern the words of `task`, and the pinned ones.
 
     By variant, the planner is given pinned rules, best ones, or both.
@@ -48,4 +48,4 @@ def retrieve(
     seconds = perf_counter() - started
     context.stopwatch.add("retrieval_s", seconds)
     context.emit(ev.RulesRetrieved(method=retriever.method, hits=hits, seconds=seconds))
-    return Retrieved(task, hits, verbs, chosen)
+    return RetrievedRules(task, hits, verbs, chosen)

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 from pa_console.language.references.resolution import chosen, names_something
 from pa_console.language.references.scene import Move
-from pa_console.mission.context import Emit, MissionContext, Outcome, Services, ordered_by
+from pa_console.mission.context import Emit, MissionContext, MissionResult, Services, ordered_by
 from pa_console.mission.decide import (
-    Approved,
+    ApprovedPlan,
     Decide,
     Readings,
     ask_back,
@@ -24,13 +24,13 @@ from pa_console.mission.dispatch import StepFeed
 from pa_console.mission.execute import Execution
 from pa_console.mission.judge import judge
 from pa_console.mission.outcome import Results, WorkflowProgress, begun
-from pa_console.mission.plan import Candidate, Unplanned, plan, reexamine, take
+from pa_console.mission.plan import Candidate, PlanningFailure, plan, reexamine, take
 from pa_console.mission.report import PlanFacts, ReportFacts, after_action_report
-from pa_console.mission.retrieve import Retrieved, retrieve
+from pa_console.mission.retrieve import RetrievedRules, retrieve
 from pa_console.mission.spelling import read_words
 from pa_console.mission.understand import (
     NotUnderstood,
-    Refused,
+    RefusedMission,
     StandingOffer,
     Understood,
     understand,
@@ -87,7 +87,7 @@ class MissionRun:
         self._context = MissionContext(services, mission, emit, self._monitor)
         self._progress = WorkflowProgress(services.rulebook, mission)
         self._execution = Execution(self._context, station.feed)
-        self._retrieved: Retrieved | None = None
+        self._retrieved: RetrievedRules | None = None
         self._readings = Readings()
         self._understood: Understood | None = None
         self._ordered: list[Move] = []
@@ -119,7 +119,7 @@ class MissionRun:
             outcome = await self._plan_after_plan()
         self.close(outcome)
 
-    async def _understand(self) -> Outcome | None:
+    async def _understand(self) -> MissionResult | None:
         """Step 1: read the mission's words, and ask back what one answer settles.
 
         None where it can be planned; it is worked on as it was read from then on.
@@ -127,18 +127,18 @@ class MissionRun:
         answers: dict[str, str] = {}
         for number in range(MOST_QUESTIONS + 1):
             match await understand(self._context, answers):
-                case Refused(reason):
-                    return Outcome("refused", reason)
+                case RefusedMission(reason):
+                    return MissionResult("refused", reason)
                 case Understood() as understood:
                     self._begin_as(understood)
                     return None
                 case StandingOffer() as offered:
                     return await offer_standing(self._context, offered, self._station.decide)
                 case NotUnderstood(question) if number == MOST_QUESTIONS:
-                    return Outcome("held", f"not understood: {question}")
+                    return MissionResult("held", f"not understood: {question}")
                 case NotUnderstood() as asked:
                     answer = await ask_back(self._context, asked, number, self._station.decide)
-                    if isinstance(answer, Outcome):
+                    if isinstance(answer, MissionResult):
                         return answer
                     self._answered(asked, answer, answers)
         return None
@@ -175,7 +175,7 @@ class MissionRun:
         self._facts.mission = mission
         self._results = Results(mission, self._progress, self._monitor, self._station.open_alarms)
 
-    def close(self, outcome: Outcome) -> None:
+    def close(self, outcome: MissionResult) -> None:
         """Step 8: tell the report and the end of the mission."""
         facts, picture = self._facts, self._services.fleet.picture()
         self._services.standing.ended(self.mission.id, picture.time_s)
@@ -206,7 +206,7 @@ class MissionRun:
         """End the running plan; return the commands that bring its agents to a safe state."""
         return self._execution.halt()
 
-    async def _plan_after_plan(self) -> Outcome:
+    async def _plan_after_plan(self) -> MissionResult:
         """Steps 2 to 8, once for every plan that the mission takes."""
         task = self._progress.task or self.mission
         reasons: tuple[str, ...] = ()
@@ -214,12 +214,12 @@ class MissionRun:
         while True:
             phase = self._progress.phase
             approved = await self._until_approved(self._retrieve(task), reasons)
-            if isinstance(approved, Outcome):
+            if isinstance(approved, MissionResult):
                 return self._stopped_short(approved, phase, reasons)
             reasons = await self._carry_out(approved, task, phase)
             if reasons:
                 if len(self._facts.halts) > MAX_HALTS:
-                    return Outcome("unverified", f"halted: {'; '.join(reasons)}")
+                    return MissionResult("unverified", f"halted: {'; '.join(reasons)}")
                 task = self._progress.task or task
                 continue
             tries[task.text] = tries.get(task.text, 0) + 1
@@ -231,7 +231,7 @@ class MissionRun:
                 return self._results.conclude()
             reasons, task = self._results.lacking(following, task), following
 
-    def _retrieve(self, task: Mission) -> Retrieved:
+    def _retrieve(self, task: Mission) -> RetrievedRules:
         """Step 2; what the operator has said that a task asks stands for the same words."""
         before = self._retrieved
         chosen = before.chosen if before is not None and before.task.text == task.text else ""
@@ -240,8 +240,8 @@ class MissionRun:
         return retrieved
 
     async def _until_approved(
-        self, retrieved: Retrieved, reasons: Sequence[str]
-    ) -> Approved | Outcome:
+        self, retrieved: RetrievedRules, reasons: Sequence[str]
+    ) -> ApprovedPlan | MissionResult:
         """Steps 3 to 6: plan and examine, judge, decide.
 
         They are gone through again for the operator's own plan or reading, and for an approved plan
@@ -249,7 +249,7 @@ class MissionRun:
         """
         context, voided = self._context, 0
         planned = await plan(context, retrieved, reasons)
-        while not isinstance(planned, Unplanned):
+        while not isinstance(planned, PlanningFailure):
             planned = await judge(context, planned)
             decided = await decide(context, planned, self._readings, self._station.decide)
             self._readings, decision, shown = decided.readings, decided.decision, planned.best
@@ -269,25 +269,29 @@ class MissionRun:
                 why = self._services.gate.inadmissible(
                     decided.request, decision, self._services.rulebook
                 )
-                return Outcome("held", why) if why else Approved(planned, decided)
+                return MissionResult("held", why) if why else ApprovedPlan(planned, decided)
             changed = f"the situation changed: {'; '.join(fresh.broken)}"
             self._emit(ev.PlanVoided(attempt=shown.attempt, reason=changed))
             voided += 1
             if voided == MAX_VOIDED:
-                return Outcome("held", changed)
+                return MissionResult("held", changed)
             again, answer = planned.answered.retrieved, fresh.plan.answer
             planned = await plan(context, again, fresh.broken, answer)
-        return Outcome("held", planned.error or "the planner gave no plan")
+        return MissionResult("held", planned.error or "the planner gave no plan")
 
-    def _stopped_short(self, stopped: Outcome, phase: str, halted: Sequence[str]) -> Outcome:
+    def _stopped_short(
+        self, stopped: MissionResult, phase: str, halted: Sequence[str]
+    ) -> MissionResult:
         """Return what a mission comes to whose next plan was not approved."""
         status, reason = stopped.status, stopped.reason
         if halted and self._facts.plans:
             why = f"{'; '.join(halted)}; the next plan was {status}: {reason}"
-            return Outcome("unverified", why)
-        return Outcome(status, f"phase {phase}: {reason}" if phase else reason)
+            return MissionResult("unverified", why)
+        return MissionResult(status, f"phase {phase}: {reason}" if phase else reason)
 
-    async def _carry_out(self, approved: Approved, task: Mission, phase: str) -> tuple[str, ...]:
+    async def _carry_out(
+        self, approved: ApprovedPlan, task: Mission, phase: str
+    ) -> tuple[str, ...]:
         """Step 7 for one plan: execute, verify, watch its consequences, have its outcome judged.
 
         Return why it was halted. The report has a plan that was cut short as well.

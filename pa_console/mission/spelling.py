@@ -218,7 +218,7 @@ _CODE = re.compile(
 )
 
 
-class _Words(NamedTuple):
+class _UnknownWords(NamedTuple):
     """The number of words of a text without names, and the words that are no English."""
 
     number: int
@@ -251,7 +251,7 @@ def question_back(typed: str, read: str, world: World, rulebook: Rulebook) -> st
     return ""
 
 
-def _words(text: str, world: World, rulebook: Rulebook) -> _Words:
+def _words(text: str, world: World, rulebook: Rulebook) -> _UnknownWords:
     dictionary, names = english(), name_words(world)
     known = rule_words(rulebook).union(names.words)
     count, strange, slips = 0, list[str](), list[str]()
@@ -266,7 +266,7 @@ def _words(text: str, world: World, rulebook: Rulebook) -> _Words:
         elif not (base in _ALPHABET or dictionary.is_common(base) or dictionary.is_common(low)):
             near = len(base) >= SHORT and base.isascii() and dictionary.is_near(base, names)
             (slips if near else strange).append(word)
-    return _Words(count, tuple(strange), tuple(slips))
+    return _UnknownWords(count, tuple(strange), tuple(slips))
 
 
 def _without_names(text: str, world: World) -> str:

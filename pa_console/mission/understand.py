@@ -18,7 +18,7 @@ from pa_console.schema.mission import MAX_MISSION_TEXT, Mission, StandingOrder, 
 
 
 @dataclass(frozen=True)
-class Refused:
+class RefusedMission:
     """A mission that no plan may serve; `reason` names the rules."""
 
     reason: str
@@ -63,7 +63,7 @@ class StandingOffer:
 
 async def understand(
     context: MissionContext, answers: Answers
-) -> Refused | NotUnderstood | Understood | StandingOffer:
+) -> RefusedMission | NotUnderstood | Understood | StandingOffer:
     """Step 1: decide what the mission's words alone rule out, and find what they point at.
 
     Ruled out is what the rules on words refuse, and what is no order. No model has been asked so
@@ -82,7 +82,9 @@ async def understand(
     return read
 
 
-async def _standing(context: MissionContext) -> Refused | NotUnderstood | StandingOffer | None:
+async def _standing(
+    context: MissionContext,
+) -> RefusedMission | NotUnderstood | StandingOffer | None:
     """Return a standing order to approve, or the fault of one; None if there is none.
 
     Its order is tried for one subject: an order that can never be read, or that the rules on words
@@ -144,7 +146,7 @@ def _read(context: MissionContext, answers: Answers) -> NotUnderstood | Understo
     return Understood(read, references, found.undoes, found.corrects)
 
 
-async def _refused(context: MissionContext, mission: Mission) -> Refused | None:
+async def _refused(context: MissionContext, mission: Mission) -> RefusedMission | None:
     services = context.services
     if not services.variant.checks:
         return None
@@ -158,4 +160,4 @@ async def _refused(context: MissionContext, mission: Mission) -> Refused | None:
     if not blocking:
         return None
     context.emit(ev.PlanChecked(attempt=1, findings=findings, seconds=seconds))
-    return Refused("; ".join(blocking))
+    return RefusedMission("; ".join(blocking))

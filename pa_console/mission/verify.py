@@ -19,7 +19,7 @@ from pa_console.llm.roles.judge import Judgement, JudgeQuestion
 from pa_console.llm.roles.role_model import PromptFormat, RoleModel, first_answer
 from pa_console.mission.context import MissionContext
 from pa_console.mission.dispatch import TIMED_OUT
-from pa_console.mission.execute import EPSILON_S, Executed, cover_stamp, doubt_of
+from pa_console.mission.execute import EPSILON_S, ExecutedPlan, cover_stamp, doubt_of
 from pa_console.mission.judge import compared_grammar
 from pa_console.mission.picture_text import digest_picture
 from pa_console.mission.tasking.moves import PlanMoves
@@ -33,7 +33,7 @@ from pa_console.schema.world import World
 STILL_MPS = 0.5
 
 
-class _Seen(NamedTuple):
+class _Conclusion(NamedTuple):
     """A conclusion from telemetry, its reason, and when its oldest report was sent."""
 
     outcome: Outcome
@@ -51,7 +51,7 @@ class _Evidence:
     end_s: float
 
 
-def verify(context: MissionContext, plan: Plan, executed: Executed) -> Verification:
+def verify(context: MissionContext, plan: Plan, executed: ExecutedPlan) -> Verification:
     """Step 7: compare the present telemetry with what an executed plan should have brought about.
 
     A plan that was halted is not verified.
@@ -102,7 +102,9 @@ def verify_plan(
     )
 
 
-def _overall(actions: tuple[ActionOutcome, ...], gates: Mapping[str, _Seen]) -> tuple[Outcome, str]:
+def _overall(
+    actions: tuple[ActionOutcome, ...], gates: Mapping[str, _Conclusion]
+) -> tuple[Outcome, str]:
     """Return the worst outcome of all and the reasons for it."""
     reasons: dict[Outcome, list[str]] = {"fail": [], "unknown": [], "pass": []}
     for gate, seen in gates.items():
@@ -117,7 +119,7 @@ def _overall(actions: tuple[ActionOutcome, ...], gates: Mapping[str, _Seen]) -> 
     return "pass", "telemetry shows every action and every gate's cover"
 
 
-def _gates(before: Picture, after: Picture, end_s: float) -> Iterator[tuple[str, _Seen]]:
+def _gates(before: Picture, after: Picture, end_s: float) -> Iterator[tuple[str, _Conclusion]]:
     """Yield for every gate that was covered before the plan whether it is after its end."""
     for gate, was in before.gates.items():
         if not was.covered:
@@ -125,75 +127,78 @@ def _gates(before: Picture, after: Picture, end_s: float) -> Iterator[tuple[str,
         now = after.gates.get(gate)
         if now is None or now.unknown:
             unsure = f", {', '.join(now.unsure)} cannot be relied on" if now is not None else ""
-            yield gate, _Seen("unknown", f"cover is unknown{unsure}")
+            yield gate, _Conclusion("unknown", f"cover is unknown{unsure}")
         elif not now.covered:
-            yield gate, _Seen("fail", "is no longer covered")
+            yield gate, _Conclusion("fail", "is no longer covered")
         else:
             stamp_s = cover_stamp(now, after)
             if stamp_s < end_s - EPSILON_S:
-                yield gate, _Seen("unknown", "has not been reported covered since the plan ended")
+                yield (
+                    gate,
+                    _Conclusion("unknown", "has not been reported covered since the plan ended"),
+                )
             else:
-                yield gate, _Seen("pass", "is covered", stamp_s)
+                yield gate, _Conclusion("pass", "is covered", stamp_s)
 
 
-def _action(action: Action, evidence: _Evidence, reply: CommandReply | None) -> _Seen:
+def _action(action: Action, evidence: _Evidence, reply: CommandReply | None) -> _Conclusion:
     """Judge one action; what telemetry contradicts has failed even when nobody answered."""
     after = evidence.after
     asset = after.assets.get(action.agent)
     if asset is None:
-        return _Seen("unknown", "no telemetry of this asset")
+        return _Conclusion("unknown", "no telemetry of this asset")
     silent = reply is None or reply.detail.startswith(TIMED_OUT)
     if reply is not None and reply.status != "done" and not silent:
-        return _Seen("fail", reply.detail or reply.status, asset.stamp_s)
+        return _Conclusion("fail", reply.detail or reply.status, asset.stamp_s)
     doubt = doubt_of(asset, after, evidence.end_s)
     if after.time_s - asset.stamp_s > evidence.world.stale_s and not doubt:
         doubt = f"the last telemetry is {after.time_s - asset.stamp_s:.0f} s old"
     if doubt:
-        return _Seen("unknown", doubt)
+        return _Conclusion("unknown", doubt)
     seen = _seen(action, evidence, asset)
     if silent and seen.outcome == "pass":
         detail = reply.detail if reply is not None else "the device never answered"
-        return _Seen("unknown", f"{detail}; telemetry: {seen.reason}", seen.stamp_s)
+        return _Conclusion("unknown", f"{detail}; telemetry: {seen.reason}", seen.stamp_s)
     return seen
 
 
-def _seen(action: Action, evidence: _Evidence, asset: AssetTelemetry) -> _Seen:
+def _seen(action: Action, evidence: _Evidence, asset: AssetTelemetry) -> _Conclusion:
     """Judge one action by telemetry alone; the asset's report is fresh and sound."""
     where = asset.at or "between frames"
     stamp_s = asset.stamp_s
     if asset.status == "failed":
-        return _Seen("fail", f"it has failed, {where}", stamp_s)
+        return _Conclusion("fail", f"it has failed, {where}", stamp_s)
     match action.verb:
         case "hold":
             still = asset.speed_mps < STILL_MPS
             outcome, reason = ("pass", f"still at {where}") if still else ("fail", "still moving")
-            return _Seen(outcome, reason, stamp_s)
+            return _Conclusion(outcome, reason, stamp_s)
         case "report":
-            return _Seen("pass", f"report received, at {where}", stamp_s)
+            return _Conclusion("pass", f"report received, at {where}", stamp_s)
         case "identify" | "warn":
             seen = _tracks(action, evidence)
             stamps = [s for s in (seen.stamp_s, stamp_s) if s is not None]
-            return _Seen(seen.outcome, seen.reason, min(stamps))
+            return _Conclusion(seen.outcome, seen.reason, min(stamps))
         case "move_to" | "observe" | "block" | "return_to_base":
             target = action.target or evidence.world.base
     if asset.at != target:
-        return _Seen("fail", f"it is at {where}", stamp_s)
+        return _Conclusion("fail", f"it is at {where}", stamp_s)
     if asset.post != target:
         heading = asset.post or "elsewhere"
-        return _Seen("fail", f"it is at {where} on its way to {heading}", stamp_s)
-    return _Seen("pass", f"at {target}", stamp_s)
+        return _Conclusion("fail", f"it is at {where} on its way to {heading}", stamp_s)
+    return _Conclusion("pass", f"at {target}", stamp_s)
 
 
-def _tracks(action: Action, evidence: _Evidence) -> _Seen:
+def _tracks(action: Action, evidence: _Evidence) -> _Conclusion:
     """Judge `identify` or `warn` by the tracks at its frame that sensors see now."""
     here = [track for track in evidence.after.tracks.values() if track.gate == action.target]
     if not here:
-        return _Seen("unknown", "the track is gone")
+        return _Conclusion("unknown", "the track is gone")
     fresh = [t for t in here if not t.stale and t.stamp_s >= evidence.end_s - EPSILON_S]
     if not fresh:
         latest = max(here, key=lambda track: (track.stamp_s, track.id))
         age = evidence.after.time_s - latest.stamp_s
-        return _Seen("unknown", f"{latest.id} has not been seen for {age:.0f} s")
+        return _Conclusion("unknown", f"{latest.id} has not been seen for {age:.0f} s")
     due = [track for track in fresh if _dealt_with(action, track)]
     left = [track for track in fresh if not _dealt_with(action, track)]
     earlier = evidence.before.tracks
@@ -205,8 +210,8 @@ def _tracks(action: Action, evidence: _Evidence) -> _Seen:
         else ("warned", "not warned")
     )
     if new or (due and not left):
-        return _Seen("pass", f"{done} {', '.join(t.id for t in new or due)}", stamp_s)
-    return _Seen("fail", f"{', '.join(track.id for track in left)} {undone}", stamp_s)
+        return _Conclusion("pass", f"{done} {', '.join(t.id for t in new or due)}", stamp_s)
+    return _Conclusion("fail", f"{', '.join(track.id for track in left)} {undone}", stamp_s)
 
 
 def _dealt_with(action: Action, track: Track) -> bool:
@@ -255,7 +260,7 @@ Start = Callable[[Coroutine[None, None, object]], object]
 
 
 @dataclass(frozen=True)
-class _Asked:
+class _Verification:
     """The executed plan `attempt` of the mission of `context`, and what became of it."""
 
     context: MissionContext
@@ -276,7 +281,7 @@ class OutcomeVerdicts:
         an operator takes no time to decide, and what a mission takes is to be known.
         """
         self._start, self._between_missions = start, between_missions
-        self._waiting: deque[_Asked] = deque()
+        self._waiting: deque[_Verification] = deque()
         self._turn = asyncio.Lock()
         self.all_told = asyncio.Event()
         """Set while no verdict is outstanding."""
@@ -284,7 +289,7 @@ class OutcomeVerdicts:
 
     def ask(self, context: MissionContext, attempt: int, case: OutcomeCase) -> None:
         """Ask the judge, when there is time, whether the executed plan `attempt` succeeded."""
-        self._waiting.append(_Asked(context, attempt, case))
+        self._waiting.append(_Verification(context, attempt, case))
         self.all_told.clear()
 
     def go_on(self) -> None:
@@ -318,7 +323,7 @@ class OutcomeVerdicts:
             self.all_told.set()
 
 
-async def _verdict_on(asked: _Asked) -> ev.OutcomeJudged:
+async def _verdict_on(asked: _Verification) -> ev.OutcomeJudged:
     """Return the verdict that was asked for, or why there is none."""
     services = asked.context.services
 

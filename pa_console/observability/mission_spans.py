@@ -63,7 +63,7 @@ Attributes = Mapping[str, AttributeValue]
 
 
 @dataclass
-class _Traced:
+class _MissionSpan:
     """The span of one mission, and those of its steps that have not ended."""
 
     root: Span
@@ -82,7 +82,7 @@ class MissionSpans:
     def __init__(self, tracer: Tracer, *, words: bool = False) -> None:
         self._tracer, self._words = tracer, words
         self._session: dict[str, AttributeValue] = {}
-        self._missions: OrderedDict[str, _Traced] = OrderedDict()
+        self._missions: OrderedDict[str, _MissionSpan] = OrderedDict()
 
     def take(self, event: ev.Event) -> None:
         """Apply one event; one of an unknown mission makes no span."""
@@ -126,13 +126,13 @@ class MissionSpans:
         root = self._tracer.start_span(
             MISSION, context=Context(), attributes=about, start_time=_ns(t)
         )
-        traced = _Traced(root, set_span_in_context(root, Context()))
+        traced = _MissionSpan(root, set_span_in_context(root, Context()))
         self._missions[name] = traced
         self._open(traced, "intake", t, {"pa.queue.position": received.position})
         while len(self._missions) > MISSIONS_KEPT and next(iter(self._missions.values())).ended:
             self._missions.popitem(last=False)
 
-    def _prepare(self, traced: _Traced, event: ev.Event) -> None:
+    def _prepare(self, traced: _MissionSpan, event: ev.Event) -> None:
         """Apply an event of steps 1 to 5: queue, rules, picture, prompt and plan."""
         t = event.t
         match event.data:
@@ -167,7 +167,7 @@ class MissionSpans:
             case _:
                 pass
 
-    def _examine(self, traced: _Traced, event: ev.Event) -> None:
+    def _examine(self, traced: _MissionSpan, event: ev.Event) -> None:
         """Apply an event of the automatic part of step 6."""
         t = event.t
         match event.data:
@@ -193,7 +193,7 @@ class MissionSpans:
             case _:
                 pass
 
-    def _decide(self, traced: _Traced, event: ev.Event) -> None:
+    def _decide(self, traced: _MissionSpan, event: ev.Event) -> None:
         """Apply an event of the operator's part of step 6."""
         t = event.t
         match event.data:
@@ -228,7 +228,7 @@ class MissionSpans:
             case _:
                 pass
 
-    def _execute(self, traced: _Traced, event: ev.Event) -> None:
+    def _execute(self, traced: _MissionSpan, event: ev.Event) -> None:
         """Apply an event of steps 7 and 8."""
         t = event.t
         match event.data:
@@ -267,7 +267,7 @@ class MissionSpans:
                 pass
 
     def _asked(
-        self, traced: _Traced, step: Step, t: datetime, usage: Usage, about: Attributes
+        self, traced: _MissionSpan, step: Step, t: datetime, usage: Usage, about: Attributes
     ) -> None:
         """Add the span of a step of a model, with its tokens."""
         tokens: dict[str, AttributeValue] = {
@@ -279,7 +279,7 @@ class MissionSpans:
 
     def _whole(
         self,
-        traced: _Traced,
+        traced: _MissionSpan,
         step: Step,
         end: datetime,
         seconds: float,
@@ -290,32 +290,34 @@ class MissionSpans:
         self._start(traced, step, until - round(seconds * 1e9), about).end(until)
 
     def _open(
-        self, traced: _Traced, step: Step, t: datetime, about: Attributes | None = None
+        self, traced: _MissionSpan, step: Step, t: datetime, about: Attributes | None = None
     ) -> None:
         self._close(traced, step, t)
         traced.open[step] = self._start(traced, step, _ns(t), about)
 
     def _close(
-        self, traced: _Traced, step: Step, t: datetime, about: Attributes | None = None
+        self, traced: _MissionSpan, step: Step, t: datetime, about: Attributes | None = None
     ) -> None:
         span = traced.open.pop(step, None)
         if span is not None:
             span.set_attributes(about or {})
             span.end(_ns(t))
 
-    def _start(self, traced: _Traced, step: Step, start: int, about: Attributes | None) -> Span:
+    def _start(
+        self, traced: _MissionSpan, step: Step, start: int, about: Attributes | None
+    ) -> Span:
         attributes = {"pa.step": NUMBERS[step], **(about or {})}
         return self._tracer.start_span(
             step, context=traced.context, attributes=attributes, start_time=start
         )
 
     def _note(
-        self, traced: _Traced, name: str, t: datetime, about: Attributes | None = None
+        self, traced: _MissionSpan, name: str, t: datetime, about: Attributes | None = None
     ) -> None:
         if not traced.ended:
             traced.root.add_event(name, about, _ns(t))
 
-    def _end(self, traced: _Traced, t: datetime, about: Attributes) -> None:
+    def _end(self, traced: _MissionSpan, t: datetime, about: Attributes) -> None:
         for step in tuple(traced.open):
             self._close(traced, step, t)
         if not traced.ended:

@@ -199,7 +199,7 @@ class MetricsServer:
     def __init__(self, registry: CollectorRegistry, port: int) -> None:
         """`port` 0 takes a free one; raise ValueError if the port cannot be used."""
         try:
-            self._server = _Server((ADDRESS, port), _Handler)
+            self._server = _MetricsServer((ADDRESS, port), _Handler)
         except OSError as error:
             why = error.strerror or error
             raise ValueError(
@@ -220,7 +220,7 @@ class MetricsServer:
         self._server.server_close()
 
 
-class _Server(ThreadingMixIn, WSGIServer):
+class _MetricsServer(ThreadingMixIn, WSGIServer):
     daemon_threads = True
     block_on_close = False
 

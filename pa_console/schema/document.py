@@ -89,7 +89,7 @@ class _Size:
 
 
 @dataclass
-class _Open:
+class _OpenCollection:
     """A list or mapping whose end has not come yet."""
 
     anchor: str | None
@@ -102,16 +102,16 @@ def _measure(text: str) -> None:
     """Raise TreeError as soon as `text` passes a limit or does more than state values."""
     if len(text) > MOST_BYTES or len(text.encode("utf-8", "replace")) > MOST_BYTES:
         raise TreeError(TOO_LONG)
-    count = _Count()
+    count = _EventCount()
     for event in yaml.parse(text, Loader=yaml.CSafeLoader):
         count.take(event)
 
 
-class _Count:
+class _EventCount:
     """Counts the events of a document."""
 
     def __init__(self) -> None:
-        self._open: list[_Open] = []
+        self._open: list[_OpenCollection] = []
         self._anchors: dict[str, _Size | None] = {}
         self._nodes = self._text = self._documents = 0
 
@@ -154,7 +154,9 @@ class _Count:
         self._within(event, 1, 0, 1)
         if event.anchor is not None:
             self._anchors[event.anchor] = None
-        self._open.append(_Open(event.anchor, isinstance(event, MappingStartEvent), _Size()))
+        self._open.append(
+            _OpenCollection(event.anchor, isinstance(event, MappingStartEvent), _Size())
+        )
 
     def _anchored(self, event: AliasEvent) -> _Size:
         """Return what an alias stands for."""

@@ -38,7 +38,7 @@ def settings_file() -> Path:
 
 
 @dataclass(frozen=True)
-class Loaded:
+class LoadedSettings:
     """The settings in force, with their sources.
 
     Values `given` on the command line come from `--set`, or from the verb's own option for names in
@@ -88,28 +88,28 @@ class Loaded:
         if FILE_VARIABLE in os.environ:
             os.environ[FILE_VARIABLE] = str(self.path.absolute())
 
-    def with_options(self, given: Mapping[str, object]) -> "Loaded":
+    def with_options(self, given: Mapping[str, object]) -> "LoadedSettings":
         """Return the settings with the values of a verb's own options."""
         options = self.options | given.keys()
         return _merged(replace(self, given={**self.given, **given}, options=options))
 
-    def again(self) -> "Loaded":
+    def again(self) -> "LoadedSettings":
         """Return the settings with the file read again; the other sources stay."""
         return _merged(replace(self, document=_read(self.path)))
 
 
-def load_settings(given: Mapping[str, object] | None = None) -> Loaded:
+def load_settings(given: Mapping[str, object] | None = None) -> LoadedSettings:
     """Merge `given` (the command line), the environment, the user's file and the defaults.
 
     Raises DocumentError that names file and line, variable or option of an invalid value.
     """
     path = settings_file()
-    return _merged(Loaded(path, given or {}, _environment(), _read(path), Settings()))
+    return _merged(LoadedSettings(path, given or {}, _environment(), _read(path), Settings()))
 
 
-def default_settings() -> Loaded:
+def default_settings() -> LoadedSettings:
     """Return the defaults alone, for a user's file that cannot be used."""
-    return Loaded(settings_file(), {}, {}, None, Settings())
+    return LoadedSettings(settings_file(), {}, {}, None, Settings())
 
 
 def unknown_variables() -> list[str]:
@@ -142,7 +142,7 @@ def _environment() -> dict[str, object]:
     return found
 
 
-def _merged(loaded: Loaded) -> Loaded:
+def _merged(loaded: LoadedSettings) -> LoadedSettings:
     """Return the settings with the values of all sources, the first one first, validated."""
     document = loaded.document
     if document is not None and not isinstance(document.value, dict | None):

@@ -31,7 +31,7 @@ from pa_console.sim.worlds.terrain import Terrain
 LEAD_TICKS = 2
 
 
-class Arrived(NamedTuple):
+class StepMessages(NamedTuple):
     """The messages that reached the station in one step: reports by radio, detections by wire."""
 
     reports: tuple[Report, ...] = ()
@@ -71,7 +71,7 @@ class Checkpoint:
         self._scene.script = incidents.begin(self.scenario, seed)
         self._happened: list[Incident] = []
         self._skipped: list[str] = []
-        self.arrived = Arrived()
+        self.arrived = StepMessages()
         self._play()
         self._show(station_side.begin(self._terrain, self._scene))
 
@@ -137,7 +137,7 @@ class Checkpoint:
             devices.listen(terrain, scene)
             wired = telemetry.send(terrain, scene)
         reports = radio.take_reports(scene)
-        self.arrived = Arrived(tuple(reports), wired)
+        self.arrived = StepMessages(tuple(reports), wired)
         station_side.receive(terrain, scene, reports)
         if phase == 0:
             integrity.compare(terrain, scene)
@@ -187,7 +187,7 @@ class Checkpoint:
         """Return a simulation of `picture` on `terrain`, for any source of the picture."""
         twin = Checkpoint.__new__(Checkpoint)
         twin.world, twin.seed, twin.scenario = terrain.world, 0, None
-        twin._happened, twin._skipped, twin.arrived = [], [], Arrived()
+        twin._happened, twin._skipped, twin.arrived = [], [], StepMessages()
         twin._terrain, twin._traffic = terrain, None
         twin._period = station_side.period_ticks(terrain.world)
         twin._draft, twin._picture = None, picture

@@ -98,7 +98,7 @@ _ASIDE_DEG = (30, -30, 60, -60, 85, -85)
 Points = npt.NDArray[np.float64]
 
 
-class _Ground:
+class _GroundAssets:
     """The positions of the ground assets at this step; collected only once a contact moves."""
 
     def __init__(self, scene: Scene) -> None:
@@ -126,7 +126,7 @@ def advance(terrain: Terrain, scene: Scene, dt_s: float) -> None:
     """Move every contact by one step; one that has left by the far end of its lane is gone."""
     if not scene.contacts:
         return
-    ground = _Ground(scene)
+    ground = _GroundAssets(scene)
     for contact in list(scene.contacts.values()):
         told = contact.warned_tick is not None
         if told and contact.when_warned == "stop":
@@ -200,7 +200,7 @@ def _way_out(terrain: Terrain, contact: ContactState) -> tuple[Point, ...]:
 
 
 def _approach(
-    terrain: Terrain, scene: Scene, contact: ContactState, ground: _Ground, dt_s: float
+    terrain: Terrain, scene: Scene, contact: ContactState, ground: _GroundAssets, dt_s: float
 ) -> None:
     """Drive on until the waiting point, the contact in front, or a ground asset in the way.
 
@@ -231,7 +231,7 @@ def _approach(
 
 
 def _drive(
-    terrain: Terrain, scene: Scene, contact: ContactState, ground: _Ground, dt_s: float
+    terrain: Terrain, scene: Scene, contact: ContactState, ground: _GroundAssets, dt_s: float
 ) -> None:
     """Go on through the gate and inside it; a blocked gate holds it, other assets it passes."""
     gate_ahead = terrain.world.frames[contact.gate].at in contact.route
@@ -249,7 +249,7 @@ def _drive(
         contact.status = "approaching" if contact.speed > _STOPPED_MPS else "stopped"
 
 
-def _pass_by(terrain: Terrain, contact: ContactState, ground: _Ground, dt_s: float) -> None:
+def _pass_by(terrain: Terrain, contact: ContactState, ground: _GroundAssets, dt_s: float) -> None:
     """Step aside of a ground asset; stand if there is no way past it.
 
     A waypoint that something stands at counts as reached, the last one too.

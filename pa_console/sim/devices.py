@@ -23,7 +23,7 @@ from pa_console.sim import radio
 from pa_console.sim.evidence import identity_of
 from pa_console.sim.motion import unstick, way_left
 from pa_console.sim.scene import AssetState, Scene, rouse
-from pa_console.sim.sensing_state import ContactState, Finding
+from pa_console.sim.sensing_state import ContactFinding, ContactState
 from pa_console.sim.tracker import name_of
 from pa_console.sim.worlds.terrain import Terrain
 
@@ -317,9 +317,11 @@ def called(scene: Scene, contact: ContactState) -> str:
 def _note(scene: Scene, asset: AssetState, contact: ContactState, verb: str) -> None:
     """Keep the asset's finding, which goes out with its reports."""
     findings, key = scene.sensing.findings, (asset.id, contact.id)
-    before = findings.get(key, Finding())
+    before = findings.get(key, ContactFinding())
     if verb == "identify":
-        findings[key] = Finding(contact.identity, contact.intent, before.warned_tick, scene.tick)
+        findings[key] = ContactFinding(
+            contact.identity, contact.intent, before.warned_tick, scene.tick
+        )
     else:
         findings[key] = replace(before, warned_tick=contact.warned_tick)
 

@@ -165,7 +165,7 @@ def _statement(terrain: Terrain, file: TrackFile, sensor: str) -> Statement:
     return said or Statement(sensor, weight_of(terrain, sensor))
 
 
-class _Place(NamedTuple):
+class _SensorReach(NamedTuple):
     """Place of a sensor, the farthest it may see from there, and how near it surely sees well."""
 
     at: Point
@@ -173,7 +173,7 @@ class _Place(NamedTuple):
     close_m: float
 
 
-def _place(terrain: Terrain, scene: Scene, sensor: str, stamp: int) -> _Place | None:
+def _place(terrain: Terrain, scene: Scene, sensor: str, stamp: int) -> _SensorReach | None:
     """Return the known place of a sensor at tick `stamp`; a camera never moves.
 
     It is None for an asset whose latest report is too old.
@@ -192,14 +192,19 @@ def _place(terrain: Terrain, scene: Scene, sensor: str, stamp: int) -> _Place | 
     return _seeing(world, platform, heard.telemetry.like.position, platform.speed_mps * since_s)
 
 
-def _seeing(world: World, spec: Sensing, at: Point, moved_m: float) -> _Place:
+def _seeing(world: World, spec: Sensing, at: Point, moved_m: float) -> _SensorReach:
     noise_m = _SIGMAS * spec.position_noise_m
     reach_m = spec.sensor_range_m + noise_m + _POSITION_DOUBT_M + moved_m
-    return _Place(at, reach_m, CLOSE_STANDOFFS * world.standoff_m - noise_m - moved_m)
+    return _SensorReach(at, reach_m, CLOSE_STANDOFFS * world.standoff_m - noise_m - moved_m)
 
 
 def _is_elsewhere(  # noqa: PLR0917 - a claim: its sensor, its contact, its place and its time
-    terrain: Terrain, file: TrackFile, sensor: str, stamp: int, place: _Place, identity: Identity
+    terrain: Terrain,
+    file: TrackFile,
+    sensor: str,
+    stamp: int,
+    place: _SensorReach,
+    identity: Identity,
 ) -> bool:
     """Return whether other sensors detect the contact beyond the reach of `sensor` at `place`.
 

@@ -21,8 +21,8 @@ from pa_console.sim.scene import (
     AssetState,
     Heard,
     RadioState,
-    Said,
     Scene,
+    SelfReport,
     StationState,
     settle_battery,
 )
@@ -45,7 +45,7 @@ def scene_of(terrain: Terrain, picture: Picture) -> Scene:
     station = scene.station = StationState(at_gate={gate: {} for gate in world.gates})
     for index, report in enumerate(picture.assets.values()):
         asset = scene.assets[report.id] = _asset(world, picture.tick, index, report)
-        said = station.shown[report.id] = Said.of(report)
+        said = station.shown[report.id] = SelfReport.of(report)
         station.heard[report.id] = Heard(
             telemetry=said,
             stamp=picture.tick if asset.radio.up else round(report.stamp_s / dt_s),

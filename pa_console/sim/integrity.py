@@ -21,7 +21,7 @@ from pa_console.schema.base import Point
 from pa_console.schema.telemetry import AssetTelemetry, Weather
 from pa_console.schema.world import World
 from pa_console.sim import radio
-from pa_console.sim.scene import Heard, Report, Scene, Trust
+from pa_console.sim.scene import Heard, PositionTrust, Report, Scene
 from pa_console.sim.sensors import WEATHER
 from pa_console.sim.worlds.terrain import Terrain
 
@@ -36,11 +36,11 @@ UNSEEN_S = 3.0
 """The time that other sensors have to miss an asset before it is suspect, seconds."""
 
 
-def judge(world: World, heard: Heard, report: Report) -> Trust:
+def judge(world: World, heard: Heard, report: Report) -> PositionTrust:
     """Return the trust in an asset's positions after `report` has followed `heard`."""
     trust, last, now = heard.trust, heard.telemetry.like, report.telemetry.like
     if trust.carried_tick is not None:
-        return Trust(stood=_standing(now))
+        return PositionTrust(stood=_standing(now))
     if not trust.suspect and now.position == last.position == trust.stood and _standing(now):
         return trust
     since_s = (report.stamp - heard.stamp) * world.dt_s
@@ -49,14 +49,16 @@ def judge(world: World, heard: Heard, report: Report) -> Trust:
             world, now, trust, since_s
         ):
             return _sound(world, trust, now, since_s)
-        return Trust(stood=trust.stood, suspect=True, anchor=last.position, anchor_tick=heard.stamp)
+        return PositionTrust(
+            stood=trust.stood, suspect=True, anchor=last.position, anchor_tick=heard.stamp
+        )
     if trust.sound_from is None:
         returned = _returned(world, trust, report, last, since_s)
         return replace(trust, sound_from=report.stamp) if returned else trust
     if not _possible(world, now, last.position, since_s) or _creeps(world, now, trust, since_s):
         return replace(trust, sound_from=None)
     if (report.stamp - trust.sound_from) * world.dt_s >= SOUND_S:
-        return Trust(stood=_standing(now))
+        return PositionTrust(stood=_standing(now))
     return trust
 
 
@@ -130,20 +132,20 @@ def _witness(world: World, scene: Scene, name: str, fresh: int) -> bool:
     )
 
 
-def _witnessed(world: World, heard: Heard, there: bool) -> Trust:
+def _witnessed(world: World, heard: Heard, there: bool) -> PositionTrust:
     """Return the trust after one more period in which other sensors saw the asset or missed it."""
     trust, period_s = heard.trust, world.telemetry_period_s
     if there:
         if not trust.suspect:
             return replace(trust, unseen=0) if trust.unseen else trust
         if (trust.seen + 1) * period_s >= SOUND_S:
-            return Trust(stood=heard.telemetry.like.position)
+            return PositionTrust(stood=heard.telemetry.like.position)
         return replace(trust, seen=trust.seen + 1, unseen=0)
     at = heard.telemetry.like.position
     if trust.suspect:
         return replace(trust, seen=0, lie=at, sound_from=None)
     if (trust.unseen + 1) * period_s >= UNSEEN_S:
-        return Trust(stood=None, suspect=True, anchor=at, anchor_tick=heard.stamp, lie=at)
+        return PositionTrust(stood=None, suspect=True, anchor=at, anchor_tick=heard.stamp, lie=at)
     return replace(trust, unseen=trust.unseen + 1)
 
 
@@ -155,7 +157,7 @@ def _possible(world: World, now: AssetTelemetry, then: Point, since_s: float) ->
     return math.dist(now.position, then) <= limit
 
 
-def _creeps(world: World, now: AssetTelemetry, trust: Trust, since_s: float) -> bool:
+def _creeps(world: World, now: AssetTelemetry, trust: PositionTrust, since_s: float) -> bool:
     """Return whether an asset that reports to stand has left its place.
 
     After a gap in its reports it may have moved and come to stand again.
@@ -174,16 +176,18 @@ def _gap(world: World, since_s: float) -> bool:
     return since_s > GAP_PERIODS * world.telemetry_period_s
 
 
-def _sound(world: World, trust: Trust, now: AssetTelemetry, since_s: float) -> Trust:
+def _sound(
+    world: World, trust: PositionTrust, now: AssetTelemetry, since_s: float
+) -> PositionTrust:
     """Return the trust after a sound report; after a gap the asset may have moved in between."""
     stood = _standing(now)
     if stood is not None and trust.stood is not None and not _gap(world, since_s):
         stood = trust.stood
-    return trust if stood == trust.stood else Trust(stood=stood, unseen=trust.unseen)
+    return trust if stood == trust.stood else PositionTrust(stood=stood, unseen=trust.unseen)
 
 
 def _returned(
-    world: World, trust: Trust, report: Report, last: AssetTelemetry, since_s: float
+    world: World, trust: PositionTrust, report: Report, last: AssetTelemetry, since_s: float
 ) -> bool:
     """Return whether a suspect asset's reports may be true again.
 

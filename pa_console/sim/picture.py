@@ -19,7 +19,7 @@ from pa_console.schema.telemetry import (
 )
 from pa_console.schema.world import World
 from pa_console.sim import integrity, radio, telemetry, tracker
-from pa_console.sim.scene import Heard, Report, Said, Scene, StationState
+from pa_console.sim.scene import Heard, Report, Scene, SelfReport, StationState
 from pa_console.sim.worlds.terrain import Terrain
 
 LATE_S = 0.25
@@ -41,7 +41,7 @@ class Draft(NamedTuple):
 
     tick: int
     time_s: float
-    assets: dict[str, Said]
+    assets: dict[str, SelfReport]
     tracks: dict[str, Track]
     gates: dict[str, GateCover]
     cameras: dict[str, CameraReport]
@@ -148,7 +148,7 @@ def _silence(world: World, scene: Scene, stamp: int) -> _Silence:
     return _Silence(age_s > world.stale_s, age_s >= world.link_lost_s, missing)
 
 
-def _concluded(heard: Heard, silence: _Silence, shown: Said | None) -> Said:
+def _concluded(heard: Heard, silence: _Silence, shown: SelfReport | None) -> SelfReport:
     """Return an asset's latest report with the station's conclusions about it."""
     stale, lost, missing = silence
     comms: CommsStatus = "lost" if lost else comms_of(heard, missing)
@@ -174,7 +174,7 @@ def _concluded(heard: Heard, silence: _Silence, shown: Said | None) -> Said:
             "status": status,
         }
     )
-    return Said.of(concluded)
+    return SelfReport.of(concluded)
 
 
 def _patience(world: World) -> int:

@@ -62,7 +62,7 @@ class Drift:
 
 
 @dataclass(slots=True, repr=False, eq=False)
-class Said:
+class SelfReport:
     """An asset's own report: as an earlier one, `like`, but for battery and time.
 
     The telemetry itself is put together when it is read; `repr` shows that.
@@ -74,7 +74,7 @@ class Said:
     _telemetry: AssetTelemetry | None = None
 
     @classmethod
-    def of(cls, telemetry: AssetTelemetry) -> "Said":
+    def of(cls, telemetry: AssetTelemetry) -> "SelfReport":
         """Return `telemetry` as a report."""
         return cls(telemetry, telemetry.battery_pct, telemetry.stamp_s, telemetry)
 
@@ -95,7 +95,7 @@ class Report(NamedTuple):
 
     agent: str
     stamp: int
-    telemetry: Said
+    telemetry: SelfReport
     detections: tuple[Detection, ...] = ()
 
 
@@ -121,7 +121,7 @@ class LinkState:
 
 
 @dataclass(frozen=True, slots=True)
-class Trust:
+class PositionTrust:
     """The station's trust in the positions that one asset reports; see integrity.py.
 
     `stood` is where it came to stand, by sound reports. While it is `suspect`, `anchor` is its last
@@ -149,10 +149,10 @@ class Heard(NamedTuple):
     time.
     """
 
-    telemetry: Said
+    telemetry: SelfReport
     stamp: int
     marks: int
-    trust: Trust = Trust()
+    trust: PositionTrust = PositionTrust()
 
 
 @dataclass(slots=True)
@@ -164,7 +164,7 @@ class StationState:
     """
 
     heard: dict[str, Heard] = field(default_factory=dict[str, Heard])
-    shown: dict[str, Said] = field(default_factory=dict[str, Said])
+    shown: dict[str, SelfReport] = field(default_factory=dict[str, SelfReport])
     at_gate: dict[str, dict[str, bool]] = field(default_factory=dict[str, dict[str, bool]])
     covers: dict[str, GateCover] = field(default_factory=dict[str, GateCover])
     covered_tick: dict[str, int] = field(default_factory=dict[str, int])

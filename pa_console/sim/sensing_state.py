@@ -76,7 +76,7 @@ class Detection:
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class ContactFinding:
     """A ground robot's finding from dealing with a contact (`identify`, `warn`).
 
     It has identified the contact at tick `identified_tick`.
@@ -186,7 +186,9 @@ class SensingState:
     broken: tuple[str, ...] = ()
     phantoms: tuple[Phantom, ...] = ()
     watched: dict[tuple[str, str], int] = field(default_factory=dict[tuple[str, str], int])
-    findings: dict[tuple[str, str], Finding] = field(default_factory=dict[tuple[str, str], Finding])
+    findings: dict[tuple[str, str], ContactFinding] = field(
+        default_factory=dict[tuple[str, str], ContactFinding]
+    )
     files: dict[str, TrackFile] = field(default_factory=dict[str, TrackFile])
     numbered: int = 0
 

@@ -10,7 +10,7 @@ from pa_console.schema.base import Point
 from pa_console.schema.telemetry import Intent, Weather
 from pa_console.schema.world import Sensing
 from pa_console.sim.scene import Scene
-from pa_console.sim.sensing_state import ContactState, Detection, Finding, Phantom
+from pa_console.sim.sensing_state import ContactFinding, ContactState, Detection, Phantom
 from pa_console.sim.worlds.terrain import Terrain
 
 CLOSE_STANDOFFS = 2.5
@@ -166,7 +166,7 @@ def _detection(terrain: Terrain, scene: Scene, hit: _Hit) -> Detection:
     """Measure a contact and form the sensor's opinion of it; counts the time of watching."""
     state, world, contact = scene.sensing, terrain.world, hit.contact
     key = (hit.sensor, contact.id)
-    finding = state.findings.get(key, Finding())
+    finding = state.findings.get(key, ContactFinding())
     opinion: Intent = finding.opinion
     close = hit.gap_m <= CLOSE_STANDOFFS * world.standoff_m
     if close:
@@ -208,7 +208,7 @@ def _recalled(terrain: Terrain, scene: Scene, sensor: str, contact: ContactState
 
 
 def _still_has(
-    terrain: Terrain, scene: Scene, sensor: str, contact: ContactState, finding: Finding
+    terrain: Terrain, scene: Scene, sensor: str, contact: ContactState, finding: ContactFinding
 ) -> bool:
     """Return whether a contact is still in the proximity sensors of a robot that identified it."""
     asset, world = scene.assets[sensor], terrain.world

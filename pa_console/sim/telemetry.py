@@ -10,7 +10,7 @@ from pa_console.schema.telemetry import (
 )
 from pa_console.sim import radio, sensors, tracker
 from pa_console.sim.incidents import watch_task
-from pa_console.sim.scene import AssetState, Report, Said, Scene, settle_battery
+from pa_console.sim.scene import AssetState, Report, Scene, SelfReport, settle_battery
 from pa_console.sim.sensing_state import Detection
 from pa_console.sim.worlds.terrain import Terrain
 
@@ -51,7 +51,7 @@ def where(terrain: Terrain, asset: AssetState) -> str | None:
     return asset.place
 
 
-def report_of(terrain: Terrain, tick: int, asset: AssetState) -> Said:
+def report_of(terrain: Terrain, tick: int, asset: AssetState) -> SelfReport:
     """Return the report of `asset` at `tick`: true but for a position that has drifted.
 
     For an asset that stands idle only the battery and the time are new.
@@ -59,7 +59,7 @@ def report_of(terrain: Terrain, tick: int, asset: AssetState) -> Said:
     low, stamp_s = asset.battery < terrain.world.low_battery_pct, terrain.seconds(tick)
     said = asset.said
     if said is not None and said.low_battery == low and asset.drift is None:
-        return Said(said, round(asset.battery, 3), stamp_s)
+        return SelfReport(said, round(asset.battery, 3), stamp_s)
     at, position = where(terrain, asset), asset.position
     if asset.drift is not None:
         position = asset.drift.applied(position, tick, terrain.world.dt_s)
@@ -88,7 +88,7 @@ def report_of(terrain: Terrain, tick: int, asset: AssetState) -> Said:
             "stamp_s": stamp_s,
         }
     )
-    return Said.of(asset.said)
+    return SelfReport.of(asset.said)
 
 
 def cameras_known(terrain: Terrain, scene: Scene) -> dict[str, CameraReport]:
@@ -102,7 +102,7 @@ def cameras_known(terrain: Terrain, scene: Scene) -> dict[str, CameraReport]:
     }
 
 
-def _forged(terrain: Terrain, scene: Scene, asset: AssetState) -> Said:
+def _forged(terrain: Terrain, scene: Scene, asset: AssetState) -> SelfReport:
     """Return a forged report: all is well, and the asset has its watch at the frame."""
     frame = asset.spoofed or terrain.world.base
     last = scene.station.heard[asset.id].telemetry.telemetry()
@@ -123,7 +123,7 @@ def _forged(terrain: Terrain, scene: Scene, asset: AssetState) -> Said:
             "stamp_s": terrain.seconds(scene.tick),
         }
     )
-    return Said.of(forged)
+    return SelfReport.of(forged)
 
 
 def rounded(point: Point) -> Point:

@@ -225,7 +225,7 @@ MOST_IDS = 1024
 
 
 @dataclass
-class _Watched:
+class _WatchedCause:
     """A cause under observation: since when it shows in its present kind, when it last did.
 
     Both are simulated seconds. `sensors` have ever detected the track that it is about.
@@ -269,7 +269,7 @@ class AlarmBook:
 
     world: World
     acknowledged: set[str] = field(default_factory=set[str])
-    _watched: dict[Key, _Watched] = field(default_factory=dict[Key, _Watched])
+    _watched: dict[Key, _WatchedCause] = field(default_factory=dict[Key, _WatchedCause])
     _ids: dict[Key, str] = field(default_factory=dict[Key, str])
     _numbered: int = 0
     _guards: dict[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
@@ -328,7 +328,7 @@ class AlarmBook:
                     before = self._watched.get(("track", cause.subject))
                     known = before.sensors if before is not None else ()
                     sensors = _both(known, cause.sensors)
-                    self._watched[key] = _Watched(cause, now_s, now_s, sensors=sensors)
+                    self._watched[key] = _WatchedCause(cause, now_s, now_s, sensors=sensors)
                 continue
             entry.sensors = _both(entry.sensors, cause.sensors)
             if entry.alarm is not None:
@@ -389,7 +389,7 @@ class AlarmBook:
                 if alike is not None and alike.sensors == sensors and not alike.minor
             )
             cause = many_contacts(sensors, rest, beside)
-            entry = self._watched.setdefault(cause.key, _Watched(cause, now_s, now_s))
+            entry = self._watched.setdefault(cause.key, _WatchedCause(cause, now_s, now_s))
             entry.cause, entry.seen_s = cause, now_s
             if entry.alarm is None or _changed(entry.alarm, cause):
                 entry.alarm = self._alarm(entry, now_s)
@@ -425,7 +425,7 @@ class AlarmBook:
                 del self._watched[key]
         return sorted(cleared, key=lambda change: change.alarm_id)
 
-    def _alarm(self, entry: _Watched, now_s: float) -> Alarm:
+    def _alarm(self, entry: _WatchedCause, now_s: float) -> Alarm:
         cause = entry.cause
         return Alarm(
             id=entry.alarm.id if entry.alarm is not None else self._id_of(cause.key),
@@ -456,7 +456,7 @@ class AlarmBook:
         return known
 
 
-def _settled(entry: _Watched) -> bool:
+def _settled(entry: _WatchedCause) -> bool:
     return entry.seen_s - entry.since_s >= entry.cause.settle_s - 1e-6
 
 

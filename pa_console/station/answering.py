@@ -154,7 +154,7 @@ NO_OTHER = "no other sound plan is known for this order"
 
 
 @dataclass(frozen=True)
-class Answer:
+class QueryAnswer:
     """An answer, and the mission that it is about; '' for none."""
 
     told: QuestionAnswered
@@ -166,7 +166,7 @@ async def answer(
     question: Question,
     state: SessionState,
     found: Callable[[Alternative], object] = lambda _: None,
-) -> Answer:
+) -> QueryAnswer:
     """Return the answer to `question`, as the session stands in `state`.
 
     It is about the plan that waits, else about the mission that is worked on or was last. Each
@@ -175,11 +175,11 @@ async def answer(
     trace = state.current
     if question.topic == "gate":
         lines = gate_lines(state, question.subjects[0], basis.fleet.world.dt_s)
-        return Answer(_told(question, [*lines]))
+        return QueryAnswer(_told(question, [*lines]))
     if trace is None:
-        return Answer(_told(question, [AnswerLine(about="on record", said=NOTHING_YET)]))
+        return QueryAnswer(_told(question, [AnswerLine(about="on record", said=NOTHING_YET)]))
     lines = await _about(basis, question, trace, found)
-    return Answer(_told(question, lines), trace.mission.id)
+    return QueryAnswer(_told(question, lines), trace.mission.id)
 
 
 def _told(question: Question, lines: list[AnswerLine]) -> QuestionAnswered:

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from typing import NamedTuple
 
 from pa_console.language.questions import Question, read_question
-from pa_console.language.references.scene import Scene
+from pa_console.language.references.scene import ReferenceScene
 from pa_console.mission.spelling import read_words
 from pa_console.mission.standing import Due
 from pa_console.policy.plain_text import compatible_form
@@ -35,7 +35,7 @@ class ReadText(NamedTuple):
     question: Question | None = None
 
 
-def read_text(text: str, scene: Scene, rulebook: Rulebook) -> ReadText:
+def read_text(text: str, scene: ReferenceScene, rulebook: Rulebook) -> ReadText:
     """Read a text: slips of the hand are put right, in a question as in a mission."""
     typed, shown = " ".join(text.split()), " ".join(compatible_form(text).split())
     if not shown or len(typed) > MAX_MISSION_TEXT:

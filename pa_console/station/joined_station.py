@@ -25,7 +25,7 @@ from pa_console.fleets.vda5050.additions import Countersignature, StopAsked
 from pa_console.fleets.vda5050.station_link import Notices
 from pa_console.fleets.vda5050.vehicle import EXPIRY_S
 from pa_console.language.questions import Question
-from pa_console.language.references.scene import Scene
+from pa_console.language.references.scene import ReferenceScene
 from pa_console.mission.approval import inadmissible
 from pa_console.mission.stop import CONFIRM_S
 from pa_console.policy.core_rules import with_core
@@ -41,7 +41,7 @@ from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
 from pa_console.session.state import SessionState
 from pa_console.station.alternatives import Alternative, rehearse_other_ways, rehearse_reading
-from pa_console.station.answering import Answer, answer
+from pa_console.station.answering import QueryAnswer, answer
 from pa_console.station.assembly import has_rules_of
 from pa_console.station.earlier_session import LeftMissions
 from pa_console.station.intake import read_text
@@ -74,7 +74,7 @@ class SiteCopy:
         """
         if state.picture is None:
             return None
-        scene = Scene(self.fleet.world, state.picture, pointer=pointer)
+        scene = ReferenceScene(self.fleet.world, state.picture, pointer=pointer)
         return read_text(text, scene, self._rules).question
 
     async def answer(
@@ -83,7 +83,7 @@ class SiteCopy:
         state: SessionState,
         station: str,
         found: Callable[[Alternative], object],
-    ) -> Answer:
+    ) -> QueryAnswer:
         """Return the answer as far as it can be given here, else who can give it: `station`."""
         self.fleet.show(state.picture)
         if question.topic in REHEARSED and (why := self._unfit(state)):
@@ -95,7 +95,7 @@ class SiteCopy:
                 lines=(AnswerLine(about="not here", said=said),),
             )
             current = state.current
-            return Answer(told, current.mission.id if current is not None else "")
+            return QueryAnswer(told, current.mission.id if current is not None else "")
         return await answer(self, question, state, found)
 
     async def look_at(

@@ -9,7 +9,7 @@ from functools import partial
 from pa_console import __version__
 from pa_console.fleets.fleet import PlanCountersignature, Simulated
 from pa_console.language.questions import Question
-from pa_console.language.references.scene import Scene
+from pa_console.language.references.scene import ReferenceScene
 from pa_console.mission.context import Services
 from pa_console.mission.dispatch import StepFeed
 from pa_console.mission.stop import EmergencyStop
@@ -102,7 +102,7 @@ class Station:
             self._again = self._intake.take_up(
                 resumed.alarms, before.waiting, len(missions), unanswered
             )
-        self._last_read: tuple[tuple[str, Scene, Rulebook], ReadText] | None = None
+        self._last_read: tuple[tuple[str, ReferenceScene, Rulebook], ReadText] | None = None
         self._ending: asyncio.Task[None] | None = None
         self.failure = ""
         """The internal error that ended the session, '' for none."""

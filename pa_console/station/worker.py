@@ -6,7 +6,7 @@ from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 
 from pa_console.fleets.fleet import PlanCountersignature
-from pa_console.mission.context import Outcome, Services
+from pa_console.mission.context import MissionResult, Services
 from pa_console.mission.decide import countersignature
 from pa_console.mission.dispatch import StepFeed
 from pa_console.mission.run import MissionRun, StationSide
@@ -183,7 +183,7 @@ class MissionWorker:
     def drop(self, mission: Mission, reason: str) -> None:
         """End a mission that waits and will not get its turn."""
         run = self._runs.pop(mission.id, None) or self._new_run(mission)
-        run.close(Outcome("cancelled", reason))
+        run.close(MissionResult("cancelled", reason))
 
     async def _work_on(self, run: MissionRun) -> None:
         """Work on a mission; an interrupted or broken one is brought to safety."""
@@ -195,7 +195,7 @@ class MissionWorker:
         except Exception as error:  # a defect must neither end the session nor move an asset
             self._to_safety(run)
             reason = f"internal error: {type(error).__name__}: {error}"
-            run.close(Outcome("failed", reason))
+            run.close(MissionResult("failed", reason))
 
     def _leave(self, run: MissionRun, *, interrupted: bool) -> None:
         """Let go of a mission: it is over, gave way and waits again, or was cancelled."""
@@ -204,7 +204,7 @@ class MissionWorker:
         self._runs.pop(run.mission.id, None)
         if interrupted:
             why = "its cause is gone" if self._gives_way else "cancelled by the operator"
-            run.close(Outcome("cancelled", why))
+            run.close(MissionResult("cancelled", why))
 
     def _to_safety(self, run: MissionRun) -> None:
         for payload in self._emergency_stop.follow(run.halt()):

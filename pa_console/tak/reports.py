@@ -40,7 +40,7 @@ NEWCOMER_EVERY = timedelta(seconds=10)
 
 
 @dataclass
-class _Known:
+class _KnownContact:
     contact: ReportedContact
     reported: ReportedContact | None = None
     reported_at: datetime | None = None
@@ -62,7 +62,7 @@ class ContactBook:
     """The contacts by uid. The caller gives the time; its clock may be set back."""
 
     def __init__(self) -> None:
-        self._known: dict[str, _Known] = {}
+        self._known: dict[str, _KnownContact] = {}
         self._lost: list[ContactLost] = []
         self._places = float(MOST_CONTACTS)
         self._counted: datetime | None = None
@@ -88,7 +88,7 @@ class ContactBook:
             return True
         if not self._has_place(now):
             return False
-        self._known[heard.uid] = _Known(contact)
+        self._known[heard.uid] = _KnownContact(contact)
         return True
 
     def lose(self, uid: str, reason: LossReason) -> None:
@@ -141,7 +141,7 @@ ROUNDED = 2e-6
 
 
 @dataclass(frozen=True)
-class _Sent:
+class _OwnEvent:
     type: str
     time: datetime
     stale: datetime
@@ -160,7 +160,7 @@ class OwnEvents:
         self._prefix = site.uid("")
         self._prefixes = self._prefix, replace(site, replay=True).uid("")
         self._begun, self._lasts = now(), timedelta(seconds=site.world.stale_s)
-        self._sent: OrderedDict[str, deque[_Sent]] = OrderedDict()
+        self._sent: OrderedDict[str, deque[_OwnEvent]] = OrderedDict()
 
     def sent(self, event: CotEvent) -> None:
         """Remember `event`, which is about to be sent."""
@@ -169,9 +169,9 @@ class OwnEvents:
         subject, at = event.subject, event.point
         callsign = next((e.get("callsign", "") for e in event.detail if e.tag == "contact"), "")
         known = self._sent.pop(subject, None)
-        self._sent[subject] = known if known is not None else deque[_Sent](maxlen=SENT_KEPT)
+        self._sent[subject] = known if known is not None else deque[_OwnEvent](maxlen=SENT_KEPT)
         self._sent[subject].append(
-            _Sent(
+            _OwnEvent(
                 event.type,
                 event.time,
                 event.stale,
@@ -202,7 +202,7 @@ class OwnEvents:
         return heard.subject.removeprefix(self._prefix)
 
 
-def _is_same(sent: _Sent, heard: ReceivedEvent) -> bool:
+def _is_same(sent: _OwnEvent, heard: ReceivedEvent) -> bool:
     """Return True if a server sent an event back; it may have shortened the validity."""
     return (
         sent.type == heard.type

@@ -48,7 +48,7 @@ class _YesOrNo(Confirm):
         return super().process_response(value)
 
 
-class _Words(Prompt):
+class _WordsPrompt(Prompt):
     """Asks for words, or for one of `choices`; `question_in` tells what asks back instead."""
 
     def __init__(
@@ -127,7 +127,7 @@ def _asked(
                 return Decision(kind="reject", reason="rejected at the terminal")
             while request.needs_override and not reason:
                 why = "The judge said Failure. Reason for overriding it"
-                reason = _Words(why, question_in)().strip()
+                reason = _WordsPrompt(why, question_in)().strip()
     except EOFError:
         return Decision(kind="reject", reason="nobody answered at the terminal")
     return Decision(
@@ -147,7 +147,7 @@ def _answered(
         _begin_asking()
         hint = "A number, or in words; Enter for none" if choices else "In words; Enter for none"
         with _interruptible(), suppress(EOFError):
-            answer = _Words(hint, question_in, show_default=False)(default="").strip()
+            answer = _WordsPrompt(hint, question_in, show_default=False)(default="").strip()
     if answer.isdigit() and 0 < int(answer) <= len(choices):
         answer = choices[int(answer) - 1]
     if not answer:
@@ -173,7 +173,7 @@ def _what_was_meant(request: ApprovalRequested, question_in: QuestionIn) -> str:
     for number, asked in zip(numbers, request.readings, strict=True):
         errors.print(f"  {number}  {plain_reading(asked)}")
     question = "Was one of these meant? 0: no"
-    chosen = _Words(question, question_in, ["0", *numbers])(default="0")
+    chosen = _WordsPrompt(question, question_in, ["0", *numbers])(default="0")
     return request.readings[int(chosen) - 1] if chosen != "0" else ""
 
 

@@ -15,7 +15,7 @@ from pa_console.station.station import Station
 from pa_console.terminal.session_lines import SessionLines
 from pa_console.terminal.typed_lines import (
     HOW,
-    Answer,
+    TypedAnswer,
     is_answer,
     read_answer,
     reason_of,
@@ -96,7 +96,9 @@ class LineConsole(SessionLines):
         if request.state == "not_understood":
             why = "; ".join(request.blocked_by)
             self._say(why)
-            self._answer(Answer(Decision(kind="reject", reason=why, request_id=request.request_id)))
+            self._answer(
+                TypedAnswer(Decision(kind="reject", reason=why, request_id=request.request_id))
+            )
             return
         self._show_request(request)
         if self._input_ended:
@@ -128,7 +130,7 @@ class LineConsole(SessionLines):
     def _reject_unanswered(self, request: ev.ApprovalRequested) -> None:
         reason = "nobody answers any more"
         decision = Decision(kind="reject", reason=reason, request_id=request.request_id)
-        self._answer(Answer(decision))
+        self._answer(TypedAnswer(decision))
 
     def _stop(self) -> None:
         self._station.stop_all()
@@ -183,7 +185,7 @@ class LineConsole(SessionLines):
         else:
             self._answer(answer)
 
-    def _answer(self, answer: Answer) -> None:
+    def _answer(self, answer: TypedAnswer) -> None:
         decision = answer.decision
         if answer.problem:
             self._say(answer.problem)

@@ -80,7 +80,7 @@ _STOP = re.compile(r"(?i)\s*stop(\s+all)?\s*[.!]*\s*")
 
 
 @dataclass(frozen=True)
-class Answer:
+class TypedAnswer:
     """A typed answer: a decision, a question to be confirmed by `yes` first, or its fault."""
 
     decision: Decision | None = None
@@ -94,7 +94,7 @@ def is_stop(line: str) -> bool:
     return _STOP.fullmatch(line) is not None
 
 
-def read_answer(line: str, request: ApprovalRequested, reason: str = "") -> Answer | None:
+def read_answer(line: str, request: ApprovalRequested, reason: str = "") -> TypedAnswer | None:
     """Return the answer to `request` in `line`; None when it is no answer at all.
 
     `reason` was given before, by itself.
@@ -109,15 +109,15 @@ def read_answer(line: str, request: ApprovalRequested, reason: str = "") -> Answ
             return _approve(request, why)
         case "reject":
             why = re.sub(r"(?i)^because\b[\s:,]*", "", rest) or reason or "rejected by the operator"
-            return Answer(_named(request, Decision(kind="reject", reason=why)))
+            return TypedAnswer(_named(request, Decision(kind="reject", reason=why)))
         case "reading":
             return _choose(request, rest)
         case "modify":
             return _modify(request, rest, reason)
         case "show":
-            return Answer(show=True)
+            return TypedAnswer(show=True)
         case _:
-            return Answer(problem="type the reason too: reason TEXT")
+            return TypedAnswer(problem="type the reason too: reason TEXT")
 
 
 def is_answer(line: str) -> bool:
@@ -136,11 +136,11 @@ def _named(request: ApprovalRequested, decision: Decision) -> Decision:
     return decision.model_copy(update={"request_id": request.request_id})
 
 
-def _approve(request: ApprovalRequested, reason: str) -> Answer:
+def _approve(request: ApprovalRequested, reason: str) -> TypedAnswer:
     if request.blocked_by:
-        return Answer(problem=f"it cannot be approved: {'; '.join(request.blocked_by)}")
+        return TypedAnswer(problem=f"it cannot be approved: {'; '.join(request.blocked_by)}")
     if request.needs_override and not reason:
-        return Answer(problem="the judge objects: type approve because REASON, or reject")
+        return TypedAnswer(problem="the judge objects: type approve because REASON, or reject")
     decision = Decision(
         kind="approve",
         reason=reason,
@@ -155,22 +155,22 @@ def _approve(request: ApprovalRequested, reason: str) -> Answer:
     if request.state == "may_be_misunderstood":
         doubts.append("the order may have been misread")
     confirm = f"{' and '.join(doubts)}. Approve it all the same? Type yes" if doubts else ""
-    return Answer(_named(request, decision), confirm[:1].upper() + confirm[1:])
+    return TypedAnswer(_named(request, decision), confirm[:1].upper() + confirm[1:])
 
 
-def _choose(request: ApprovalRequested, number: str) -> Answer:
+def _choose(request: ApprovalRequested, number: str) -> TypedAnswer:
     if not number.isdecimal() or not 0 < int(number) <= len(request.readings):
         known = f"1 to {len(request.readings)}" if request.readings else "none"
-        return Answer(problem=f"there is no reading {number!r}; there are: {known}")
+        return TypedAnswer(problem=f"there is no reading {number!r}; there are: {known}")
     asked = request.readings[int(number) - 1]
-    return Answer(_named(request, Decision(kind="choose", asked=asked)))
+    return TypedAnswer(_named(request, Decision(kind="choose", asked=asked)))
 
 
-def _modify(request: ApprovalRequested, text: str, reason: str) -> Answer:
+def _modify(request: ApprovalRequested, text: str, reason: str) -> TypedAnswer:
     if not text:
         now = "; ".join(f"{action.agent} {action.command}" for action in request.plan.actions)
         example = now or "ASSET hold"
-        return Answer(problem=f"type the whole plan anew, for example: modify {example}")
+        return TypedAnswer(problem=f"type the whole plan anew, for example: modify {example}")
     actions: list[dict[str, str]] = []
     for part in filter(None, (part.strip() for part in text.split(";"))):
         agent, _, command = part.partition(" ")
@@ -184,5 +184,5 @@ def _modify(request: ApprovalRequested, text: str, reason: str) -> Answer:
         place = [str(part) for part in first["loc"] if isinstance(part, int)]
         which = f"action {int(place[0]) + 1}: " if place else ""
         problem = first["msg"].removeprefix("Value error, ")
-        return Answer(problem=f"{which}{problem}; nothing was changed")
-    return Answer(_named(request, Decision(kind="modify", plan=plan, reason=reason)))
+        return TypedAnswer(problem=f"{which}{problem}; nothing was changed")
+    return TypedAnswer(_named(request, Decision(kind="modify", plan=plan, reason=reason)))

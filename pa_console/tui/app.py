@@ -16,7 +16,7 @@ from pa_console.policy.retriever import Retriever
 from pa_console.schema.text import visible_line
 from pa_console.schema.world import World
 from pa_console.session.recording import Player
-from pa_console.settings.sources import Loaded, load_settings
+from pa_console.settings.sources import LoadedSettings, load_settings
 from pa_console.station.assembly import Site, load_site
 from pa_console.terminal.output import PlainConsole
 from pa_console.tui.actions import (
@@ -115,7 +115,7 @@ class ConsoleApp(App[None]):
         favourites: Path | None = None,
         copies: Path | None = None,
         evaluations: Path | None = None,
-        settings: Loaded | None = None,
+        settings: LoadedSettings | None = None,
         rules_file: Path | None = None,
         drafts: Path | None = None,
         opening: Opening | None = None,
@@ -337,7 +337,7 @@ def evaluation(folder: Path) -> Opening:
 
 
 def evaluation_console(
-    folder: Path, site: Site, *, copies: Path | None = None, settings: Loaded | None = None
+    folder: Path, site: Site, *, copies: Path | None = None, settings: LoadedSettings | None = None
 ) -> ConsoleApp:
     """Return a read-only console on the evaluation in `folder`.
 
@@ -355,7 +355,7 @@ def evaluation_console(
     )
 
 
-def show_evaluation(folder: Path, settings: Loaded) -> None:
+def show_evaluation(folder: Path, settings: LoadedSettings) -> None:
     """Open the evaluation in `folder` on the screen and return when it is left."""
     site = load_site("checkpoint", "checkpoint")
     evaluation_console(folder, site, settings=settings).run(mouse=settings.values.mouse)

@@ -13,7 +13,7 @@ from pa_console.private_files import unwritable
 from pa_console.resources import data_folder, find_data
 from pa_console.schema.document import FieldPath
 from pa_console.settings.schema import Settings, describe_settings, value_text
-from pa_console.settings.sources import PATHS, Loaded, problem_text
+from pa_console.settings.sources import PATHS, LoadedSettings, problem_text
 from pa_console.tui.actions import KeymapError, check_keys, key_names, own_keys
 from pa_console.tui.theme import THEMES
 
@@ -129,14 +129,14 @@ def choices() -> list[Choice]:
     return rows
 
 
-def value_of(loaded: Loaded, choice: Choice) -> str:
+def value_of(loaded: LoadedSettings, choice: Choice) -> str:
     """Return the value in force, as a person types it."""
     if choice.field[0] == "keys":
         return loaded.values.keys.get(str(choice.field[1]), choice.default)
     return value_text(getattr(loaded.values, str(choice.field[0])))
 
 
-def is_chosen(loaded: Loaded, choice: Choice) -> bool:
+def is_chosen(loaded: LoadedSettings, choice: Choice) -> bool:
     """Return whether the value in force was given anywhere."""
     name = str(choice.field[0])
     if name == "keys":
@@ -144,7 +144,7 @@ def is_chosen(loaded: Loaded, choice: Choice) -> bool:
     return loaded.origin(name).source != "default"
 
 
-def to_write(loaded: Loaded, choice: Choice, text: str) -> tuple[str, object]:
+def to_write(loaded: LoadedSettings, choice: Choice, text: str) -> tuple[str, object]:
     """Return the field of the file, and what has to stand there for `text`; None for nothing.
 
     Raises ValueError that says what is wrong with `text`.

@@ -10,7 +10,7 @@ import pytest
 from pa_console.schema.events.event import SessionStarted
 from pa_console.session.log.chain import read_log
 from pa_console.session.log.verification import verify
-from pa_console.settings.sources import Loaded
+from pa_console.settings.sources import LoadedSettings
 from pa_console.station.station import Station
 from tests.cli.inside import Call, Done
 from tests.scripted import ScriptedEngine
@@ -108,7 +108,7 @@ def test_the_console_opens_on_the_situation(
             station: Station,
             *_: object,
             readonly: bool,
-            settings: Loaded,
+            settings: LoadedSettings,
             rules_file: Path,
             usual: Mapping[str, float],
         ) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from pa_console.fleets.authorization import RefusedError, Role
-from pa_console.http.guard import Rate
+from pa_console.http.guard import RequestRate
 from pa_console.http.served_session import KEPT, EventFeed
 from pa_console.http.tokens import Bearer, TokenBook
 from pa_console.private_files import NotPrivateError
@@ -91,7 +91,7 @@ def test_a_roster_takes_back_what_a_token_gave(file: Path) -> None:
 
 def test_a_bucket_lets_a_burst_through_and_fills_with_time() -> None:
     now = 0.0
-    rate = Rate(2.0, 3, clock=lambda: now)
+    rate = RequestRate(2.0, 3, clock=lambda: now)
     assert [rate.take("a") for _ in range(4)] == [0, 0, 0, 1]
     assert rate.take("b") == 0
     now = 0.5

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.language.references.conversation import Unclear
-from pa_console.language.references.scene import Scene
+from pa_console.language.references.scene import ReferenceScene
 from pa_console.language.standing_orders import ReadStanding, read_standing
 from pa_console.policy.standing_conditions import StandingCondition
 from pa_console.resources import data_folder
@@ -15,7 +15,7 @@ from pa_console.sim.worlds.world_file import load_world
 from tests.depth import depth
 
 WORLD = load_world(data_folder() / "worlds" / "checkpoint" / "world.yaml")
-SCENE = Scene(WORLD, SimulatedFleet.start(WORLD, 0).picture())
+SCENE = ReferenceScene(WORLD, SimulatedFleet.start(WORLD, 0).picture())
 UAV, LOW = "it.kind == 'uav'", "it.battery_pct < 20.0"
 BARE = "!it.covered && size(it.unsure) == 0"
 READ = {

@@ -16,7 +16,7 @@ from pa_console.llm.roles.role_model import PROMPT_FORMATS
 from pa_console.mission.approval import standing_approver
 from pa_console.mission.context import Services
 from pa_console.mission.propose import ask_for_plan
-from pa_console.mission.retrieve import Retrieved
+from pa_console.mission.retrieve import RetrievedRules
 from pa_console.schema.events.event import Event
 from pa_console.schema.mission import Mission
 from pa_console.session.state import MissionTrace, SessionState
@@ -93,7 +93,7 @@ async def test_what_else_an_order_may_mean_can_be_read_and_planned_for(
     services = Services.open(fleet, site.rulebook, engine, prompt_format=PROMPT_FORMATS["compact"])
     text = "Drone_T02 should go home unless NorthGate is empty"
     task = Mission(id="M1", text=text, created=datetime(2026, 1, 1, tzinfo=UTC))
-    question = ask_for_plan(services, Retrieved(task, ()))
+    question = ask_for_plan(services, RetrievedRules(task, ()))
     found, usage = await planner.readings(question.prompt, question.reasons, 4)
     assert found
     assert len(set(found)) == len(found)
@@ -102,7 +102,7 @@ async def test_what_else_an_order_may_mean_can_be_read_and_planned_for(
         assert reading is not None
         assert reading.readable
     assert usage.completion_tokens > 0
-    again = ask_for_plan(services, Retrieved(task, (), chosen=found[-1]))
+    again = ask_for_plan(services, RetrievedRules(task, (), chosen=found[-1]))
     proposal = await planner.plan(again.prompt, again.grammar)
     assert proposal.plan is not None
     assert asked_words(proposal.plan.reason).rstrip("; ") == found[-1]

@@ -5,7 +5,7 @@ import threading
 import time
 from pathlib import Path
 
-from pa_console.cli.sessions.followed import JoinedSession
+from pa_console.cli.sessions.followed import JoinedEvents
 from pa_console.fleets import authorization as auth
 from pa_console.fleets.station_authority import Keys, StationAuthority
 from pa_console.fleets.vda5050.sharing import SharedSession
@@ -64,13 +64,13 @@ async def test_a_shared_session_is_followed_from_its_last_picture_to_its_end(
     assert "north" in followed.title
 
 
-def _follow(address: object, world: World) -> JoinedSession:
+def _follow(address: object, world: World) -> JoinedEvents:
     link = StationLink(address, "tak", HEARD)  # pyright: ignore[reportArgumentType]
     log = SharedLog(link, auth.Trust(PUBLIC["owner"]), len)
-    return JoinedSession(log, read_so_far(log, lambda _d, _t: None), world, print)
+    return JoinedEvents(log, read_so_far(log, lambda _d, _t: None), world, print)
 
 
-def _watch(followed: JoinedSession, seen: list[ev.Event]) -> None:
+def _watch(followed: JoinedEvents, seen: list[ev.Event]) -> None:
     end = time.monotonic() + LIMIT_S
     over = threading.Event()
     for event in followed.events(over.is_set):

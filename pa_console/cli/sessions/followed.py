@@ -19,7 +19,7 @@ from pa_console.schema.world import World
 from pa_console.session.log.writer import default_folder
 from pa_console.session.past_sessions import find_session
 from pa_console.session.recording import Recording
-from pa_console.settings.sources import Loaded
+from pa_console.settings.sources import LoadedSettings
 from pa_console.sim.worlds.world_file import open_world
 from pa_console.station.shared_log import LOOK_S, SharedLog
 from pa_console.tak.connection import Certificate, TakConnection, TakServer
@@ -28,7 +28,7 @@ from pa_console.tak.site_on_map import site_name
 from pa_console.terminal.output import errors
 
 
-class Followed(Protocol):
+class FollowedSession(Protocol):
     """A session as a source of events."""
 
     world: World
@@ -45,23 +45,29 @@ class Followed(Protocol):
 
 @contextmanager
 def joined(
-    url: str, certificates: Path | None, world: str, settings: Loaded, tell: Callable[[str], None]
-) -> Generator[Followed]:
+    url: str,
+    certificates: Path | None,
+    world: str,
+    settings: LoadedSettings,
+    tell: Callable[[str], None],
+) -> Generator[FollowedSession]:
     """Follow the session that is shared at `url`; raises ValueError when there is none."""
     with shared_session(url, certificates) as found:
         of = world_of(found.before, world, settings)
-        yield JoinedSession(found.log, found.before, of, tell)
+        yield JoinedEvents(found.log, found.before, of, tell)
 
 
-def recorded(session: str, world: str | None, speed: float, settings: Loaded) -> Followed:
+def recorded(
+    session: str, world: str | None, speed: float, settings: LoadedSettings
+) -> FollowedSession:
     """Play a recorded session; raises ValueError for none, LogError for one that is damaged."""
     log = find_session(settings.values.logs or default_folder(), session)
     recording = read_recording(log)
     found, _ = open_world(recorded_world(recording.started, world, log))
-    return _Recorded(recording, log, found, speed)
+    return _RecordedEvents(recording, log, found, speed)
 
 
-class JoinedSession:
+class JoinedEvents:
     """The events that come over the bus; notices about the connection go to `tell`."""
 
     def __init__(
@@ -95,7 +101,7 @@ class JoinedSession:
 
 
 @dataclass
-class _Recorded:
+class _RecordedEvents:
     """The recorded events, at their pace or another; each has the time when it is shown."""
 
     recording: Recording
@@ -121,7 +127,7 @@ class _Recorded:
 
 
 @dataclass(frozen=True)
-class Asked:
+class FollowOptions:
     """The options of the verb: session and server; one of `join` and `replay`."""
 
     server: str
@@ -136,7 +142,7 @@ class Asked:
     every: float
 
 
-def show(asked: Asked, settings: Loaded) -> int:
+def show(asked: FollowOptions, settings: LoadedSettings) -> int:
     """Send the session until it ends; return the exit code.
 
     Raises ValueError for what cannot be followed, placed or sent to, LogError for a bad log.
@@ -153,14 +159,16 @@ def show(asked: Asked, settings: Loaded) -> int:
         return _run(found, shown, connection)
 
 
-def _opened(asked: Asked, settings: Loaded) -> AbstractContextManager[Followed]:
+def _opened(
+    asked: FollowOptions, settings: LoadedSettings
+) -> AbstractContextManager[FollowedSession]:
     if asked.replay:
         return nullcontext(recorded(asked.replay, asked.world, asked.speed, settings))
     world = asked.world or settings.values.world
     return joined(asked.join, asked.certificates, world, settings, tell)
 
 
-def _run(found: Followed, shown: SessionOnMap, connection: TakConnection) -> int:
+def _run(found: FollowedSession, shown: SessionOnMap, connection: TakConnection) -> int:
     over, ended_by = threading.Event(), 0
 
     def end(number: int) -> None:

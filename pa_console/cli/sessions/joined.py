@@ -20,7 +20,7 @@ from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events.event import Event, SessionStarted
 from pa_console.schema.world import World
 from pa_console.session.log.writer import default_folder
-from pa_console.settings.sources import Loaded
+from pa_console.settings.sources import LoadedSettings
 from pa_console.station.assembly import SessionSites, open_world
 from pa_console.station.joined_station import JoinedStation, Signatory, SiteCopy, Succession
 from pa_console.station.shared_log import HEARD, SharedLog, read_so_far
@@ -80,7 +80,7 @@ class JoinedSession:
     rules: Rulebook
     succession: Succession
 
-    def show(self, settings: Loaded, *, plain: bool) -> bool:
+    def show(self, settings: LoadedSettings, *, plain: bool) -> bool:
         """Show the session until it is left; return whether it was left to take command.
 
         Raises Exit with its code where a signal ended it.
@@ -125,7 +125,7 @@ class JoinedSession:
                     style="bold red",
                 )
 
-    def _show_screen(self, settings: Loaded) -> tuple[bool, int]:
+    def _show_screen(self, settings: LoadedSettings) -> tuple[bool, int]:
         require_keys("use --plain")
         from pa_console.tui.app import ConsoleApp  # noqa: PLC0415 - Textual
         from pa_console.tui.surroundings import JoinedTo  # noqa: PLC0415
@@ -147,7 +147,7 @@ class JoinedSession:
 
 
 @contextmanager
-def joining(asked: Joining, settings: Loaded) -> Generator[JoinedSession]:
+def joining(asked: Joining, settings: LoadedSettings) -> Generator[JoinedSession]:
     """Join a session for as long as the context lasts.
 
     Raises ValueError when there is no session, or no key here.
@@ -171,7 +171,9 @@ def joining(asked: Joining, settings: Loaded) -> Generator[JoinedSession]:
         )
 
 
-def _site_of(events: list[Event], asked: Joining, settings: Loaded) -> tuple[World, Rulebook]:
+def _site_of(
+    events: list[Event], asked: Joining, settings: LoadedSettings
+) -> tuple[World, Rulebook]:
     """Return the world and the rules of the session; raises ValueError where they are not here."""
     world = world_of(events, asked.world, settings)
     started = started_of(events)
@@ -184,7 +186,7 @@ def _site_of(events: list[Event], asked: Joining, settings: Loaded) -> tuple[Wor
     return world, rules
 
 
-def world_of(events: list[Event], given: str, settings: Loaded) -> World:
+def world_of(events: list[Event], given: str, settings: LoadedSettings) -> World:
     """Return the world of the session, which may be `given`; raises ValueError where it is not."""
     started = started_of(events)
     near = (settings.values.logs or default_folder()) / "log"

@@ -12,7 +12,7 @@ from pa_console.cli.sessions.log import tell_of_witness, usual_file
 from pa_console.end_signals import EndableRun, end_signals
 from pa_console.observability import Observer
 from pa_console.settings.schema import Settings
-from pa_console.settings.sources import Loaded
+from pa_console.settings.sources import LoadedSettings
 from pa_console.station.joined_station import JoinedStation
 from pa_console.terminal.joined_console import JoinedConsole
 from pa_console.terminal.line_console import LineConsole
@@ -22,7 +22,9 @@ from pa_console.terminal.typed_lines import InputLines
 from pa_console.views.waiting import Waiting, load_usual, save_usual
 
 
-def run_plain(opened: LiveSession, settings: Loaded, observer: Observer) -> Callable[[Runner], int]:
+def run_plain(
+    opened: LiveSession, settings: LoadedSettings, observer: Observer
+) -> Callable[[Runner], int]:
     """Open the log; return what runs the lines and returns the signal that ended them, 0 for none.
 
     Raises LogError when the log cannot be opened.

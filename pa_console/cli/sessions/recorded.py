@@ -10,7 +10,7 @@ from pa_console.end_signals import end_signals, exit_code_of
 from pa_console.resources import find_data
 from pa_console.schema.events.event import SessionStarted
 from pa_console.session.recording import Recording
-from pa_console.settings.sources import Loaded
+from pa_console.settings.sources import LoadedSettings
 from pa_console.station.assembly import SessionSites, Site, load_site
 from pa_console.terminal.output import errors, require_keys
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from pa_console.tui.app import Opening
 
 
-def play(log: Path, world: str | None, settings: Loaded) -> None:
+def play(log: Path, world: str | None, settings: LoadedSettings) -> None:
     """Show the recording, with the world and the rules that it names."""
     recording = read_recording(log)
     run_console(site_of(recording, log, world), recording, settings)
 
 
 def run_console(
-    site: Site, recording: Recording, settings: Loaded, opening: "Opening | None" = None
+    site: Site, recording: Recording, settings: LoadedSettings, opening: "Opening | None" = None
 ) -> None:
     """Run the console over the recording, until it is left; `opening` shows other screens first."""
     from pa_console.policy.retriever import Retriever  # noqa: PLC0415 - only when it is shown

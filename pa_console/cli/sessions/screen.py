@@ -8,14 +8,14 @@ from pa_console.cli.sessions.live import LiveSession
 from pa_console.cli.sessions.log import tell_of_witness, usual_file
 from pa_console.observability import Observer
 from pa_console.session.log.chain import LogError
-from pa_console.settings.sources import Loaded
+from pa_console.settings.sources import LoadedSettings
 from pa_console.terminal.output import out
 from pa_console.tui.app import ConsoleApp
 from pa_console.views.waiting import load_usual, save_usual
 
 
 def run_screen(
-    opened: LiveSession, settings: Loaded, observer: Observer
+    opened: LiveSession, settings: LoadedSettings, observer: Observer
 ) -> Callable[[Runner], int]:
     """Open the log; return what runs the screen and returns the signal that ended it, 0 for none.
 

@@ -20,11 +20,13 @@ from pa_console.llm.models.catalogue import find_model
 from pa_console.observability import Observer
 from pa_console.session.log.writer import LogWriter
 from pa_console.session.state import SessionState
-from pa_console.settings.sources import Loaded
+from pa_console.settings.sources import LoadedSettings
 from pa_console.terminal.output import FAILED, errors, out
 
 
-def serve_session(options: SessionOptions, settings: Loaded, model: str | None, port: int) -> int:
+def serve_session(
+    options: SessionOptions, settings: LoadedSettings, model: str | None, port: int
+) -> int:
     """Serve a new session until Ctrl-C, SIGTERM or its own end; return the exit code.
 
     Raises DocumentError or ValueError for what cannot be opened, LogError for a log that cannot be.

@@ -25,7 +25,7 @@ from pa_console.cli.sessions.tokens import this_user, token_book
 from pa_console.end_signals import end_signals, exit_code_of
 from pa_console.fleets.authorization import RefusedError
 from pa_console.http.connections import ADDRESS, BACKLOG, Listening, listen
-from pa_console.http.guard import BODY_S, MOST_BYTES, NAMES, Rate
+from pa_console.http.guard import BODY_S, MOST_BYTES, NAMES, RequestRate
 from pa_console.http.tokens import Bearer, TokenBook
 from pa_console.terminal.output import errors, out
 
@@ -80,7 +80,7 @@ class ServedConsole(Server):
         port: int = listening.getsockname()[1]
         super().__init__("", ADDRESS, port, "PA Console", f"http://{ADDRESS}:{port}")
         self._commands = {True: _in_shell(command), False: _in_shell([*command, "--readonly"])}
-        self._listening, self._tokens, self._wrong = listening, tokens, Rate(*WRONG)
+        self._listening, self._tokens, self._wrong = listening, tokens, RequestRate(*WRONG)
         self._hosts = {f"{name}:{port}" for name in NAMES}
         self._cookie = COOKIE.format(port=port)
         self._let_in: dict[str, str] = {}

@@ -35,7 +35,7 @@ from pa_console.end_signals import exit_code_of
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.cache import Progress
 from pa_console.llm.models.catalogue import find_model
-from pa_console.settings.sources import Loaded
+from pa_console.settings.sources import LoadedSettings
 from pa_console.terminal.output import DRIVER, FAILED, errors, require_keys
 
 if TYPE_CHECKING:
@@ -149,7 +149,7 @@ def console(
 def _open(
     options: SessionOptions,
     model: str | None,
-    settings: Loaded,
+    settings: LoadedSettings,
     *,
     plain: bool,
     joined: "JoinedSession | None" = None,

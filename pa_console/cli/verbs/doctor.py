@@ -42,7 +42,7 @@ from pa_console.llm.remote.engine import ServerEngine
 from pa_console.llm.remote.servers import SessionModels, session_models
 from pa_console.mission.context import Services
 from pa_console.mission.propose import ask_for_plan
-from pa_console.mission.retrieve import Retrieved
+from pa_console.mission.retrieve import RetrievedRules
 from pa_console.policy.retriever import Retriever
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events.event import ServerUse
@@ -168,7 +168,7 @@ async def _one_plan(model: LocalModel) -> Usage:
             services = Services.open(fleet, site.rulebook, engine, Variant())
             mission = Mission(id="doctor", text=SPEED_MISSION, created=datetime.now(UTC))
             hits = Retriever(site.rulebook.rules).retrieve(SPEED_MISSION)
-            question = ask_for_plan(services, Retrieved(mission, hits))
+            question = ask_for_plan(services, RetrievedRules(mission, hits))
             request = Request(
                 "planner",
                 question.prompt.system,

@@ -29,7 +29,12 @@ from pa_console.schema.text import count
 from pa_console.session.log.chain import LogError
 from pa_console.session.log.session_index import check_index
 from pa_console.session.log.writer import default_folder
-from pa_console.settings.sources import Loaded, default_settings, load_settings, unknown_variables
+from pa_console.settings.sources import (
+    LoadedSettings,
+    default_settings,
+    load_settings,
+    unknown_variables,
+)
 from pa_console.signing import SigningError, key_path, known_keys, site_keys
 
 State = Literal["ok", "warning", "missing"]
@@ -201,7 +206,7 @@ COMFORTABLE, LEAST = (80, 24), (60, 18)
 MEMORY = Path("/proc/meminfo")
 
 
-def load_or_default() -> tuple[Loaded, Check]:
+def load_or_default() -> tuple[LoadedSettings, Check]:
     """Return the settings, or the defaults when they cannot be used, and their check."""
     from pa_console.tui.settings_rows import problems  # noqa: PLC0415 - the screen's libraries
 
@@ -279,7 +284,7 @@ def check_load(
     return Check("load", "warning", found, remedy)
 
 
-def check_folders(loaded: Loaded) -> Iterator[Check]:
+def check_folders(loaded: LoadedSettings) -> Iterator[Check]:
     """Look whether config, logs, cache and keys can be written, by their owner alone; at room."""
     logs, change = loaded.values.logs or default_folder(), "pa-console settings set"
     for name, folder, field, rights in (

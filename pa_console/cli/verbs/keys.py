@@ -50,7 +50,7 @@ class RoleOption(Enum):
     commander = "commander"
 
 
-class Enrolled(Enum):
+class RosterEntryKind(Enum):
     """The kinds of roster entries."""
 
     person = "person"
@@ -137,7 +137,7 @@ def list_keys(
 
 @app.command()
 def enrol(
-    kind: Annotated[Enrolled, typer.Argument(help="What is enrolled.")],
+    kind: Annotated[RosterEntryKind, typer.Argument(help="What is enrolled.")],
     name: Annotated[str, typer.Argument(help="A person, a station, or a rule file.")],
     key: Annotated[
         str | None, typer.Argument(help="The public key of a person or station.")
@@ -151,12 +151,12 @@ def enrol(
     Of rule sets of one name vehicles take the one that was enrolled last.
     """
     folder = KeyFolder(ask=ask_passphrase)
-    if key is None and kind is not Enrolled.rules:
+    if key is None and kind is not RosterEntryKind.rules:
         raise ValueError(f"give the public key of the {kind.value}, which 'keys make' has printed")
     with on_bus(folder, fleet, certificates):
         if key is None:
             folder.enrol_rules(*_enrolled(open_rules(name)[0]))
-        elif kind is Enrolled.person:
+        elif kind is RosterEntryKind.person:
             folder.enrol_person(name, _public(key), role.value)
         else:
             folder.enrol_station(name, _public(key))

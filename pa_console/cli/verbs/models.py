@@ -90,7 +90,7 @@ def pull(
             errors.print(one.note)
 
 
-class _Fetched(NamedTuple):
+class _ReadyModel(NamedTuple):
     """A model that is ready, and its notices."""
 
     path: Path
@@ -98,7 +98,7 @@ class _Fetched(NamedTuple):
     told: dict[str, Any]
 
 
-def _fetch(entry: ModelEntry) -> _Fetched:
+def _fetch(entry: ModelEntry) -> _ReadyModel:
     """Fetch and prepare `entry`, with a progress bar."""
     columns = (
         TextColumn("{task.description}"),
@@ -121,6 +121,6 @@ def _fetch(entry: ModelEntry) -> _Fetched:
         size = path.stat().st_size
         bar.update(task, completed=size, total=size, description=f"{entry.name} is ready")
     pinned = {"source_path": str(fetched), "source_sha256": entry.sha256}
-    return _Fetched(
+    return _ReadyModel(
         path, hash_note, {"model": entry.name, "path": str(path), "sha256": sha256, **pinned}
     )

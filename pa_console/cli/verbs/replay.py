@@ -7,7 +7,7 @@ import typer
 
 from pa_console.cli.options import JsonOption
 from pa_console.cli.settings_defaults import settings_of
-from pa_console.settings.sources import Loaded
+from pa_console.settings.sources import LoadedSettings
 
 
 def replay(
@@ -95,11 +95,16 @@ def replay(
     if other is not None and not other.is_file():
         raise ValueError(f"{other}: there is no such log")
     if check or again:
-        from pa_console.cli.verbs.replay_checks import Place, Trust, show_again, show_verified  # noqa: PLC0415 - only when asked  # noqa: PLC0415
+        from pa_console.cli.verbs.replay_checks import (  # noqa: PLC0415 - only when asked  # noqa: PLC0415
+            ReplaySetup,
+            TrustedKeys,
+            show_again,
+            show_verified,
+        )
 
-        place = Place(world, scenario, rules)
+        place = ReplaySetup(world, scenario, rules)
         if check:
-            trust = Trust(frozenset(key or ()), unsigned, witness)
+            trust = TrustedKeys(frozenset(key or ()), unsigned, witness)
             show_verified(log, trust, None if chain_only else place, json)
         else:
             show_again(log, place, json)
@@ -132,7 +137,7 @@ def _chosen(context: typer.Context, log: Path | None, *, last: bool) -> Path:
     return find_session(folder, str(log))
 
 
-def _show(log: Path, other: Path | None, world: str | None, settings: Loaded) -> None:
+def _show(log: Path, other: Path | None, world: str | None, settings: LoadedSettings) -> None:
     """Open the console on a recording, or on two at the point where they differ."""
     from pa_console.cli.sessions.recorded import play  # noqa: PLC0415
     from pa_console.cli.verbs.replay_checks import show_compared  # noqa: PLC0415 - only when shown

@@ -22,7 +22,7 @@ from pa_console.session.log.session_index import check_index, index_path
 from pa_console.session.log.signed_head import WitnessResult, check_witness, head_path
 from pa_console.session.log.verification import VerifyResult, verify
 from pa_console.session.recording import Recording
-from pa_console.settings.sources import Loaded
+from pa_console.settings.sources import LoadedSettings
 from pa_console.signing import is_fingerprint, known_keys
 from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.sim.worlds.world_file import open_world
@@ -33,7 +33,7 @@ from pa_console.views.event_words import event_in_words, kind_in_words
 
 
 @dataclass(frozen=True)
-class Place:
+class ReplaySetup:
     """The world, rules and scenario of a session that are not installed here as they were."""
 
     world: str | None = None
@@ -64,7 +64,7 @@ class Again:
         return {**asdict(self.twin), "first_line": self.line, "decided": decided}
 
 
-def run_again(log: Path, place: Place) -> Again:
+def run_again(log: Path, place: ReplaySetup) -> Again:
     """Run the session of `log` again with its recorded decisions and answers.
 
     Raises ValueError (DocumentError) when its world or scenario is not here, LogError for a file
@@ -85,7 +85,7 @@ def run_again(log: Path, place: Place) -> Again:
     return Again(twin, line, decided, recording.problem)
 
 
-def show_again(log: Path, place: Place, json: bool) -> None:
+def show_again(log: Path, place: ReplaySetup, json: bool) -> None:
     """Run the session of `log` again and report the result; leaves with 1 for a difference.
 
     A log that cannot be read to its end is compared up to there, and then raises its LogError.
@@ -211,7 +211,7 @@ def compare_logs(first: Path, second: Path, json: bool) -> None:
         raise problem
 
 
-def show_compared(first: Path, second: Path, world: str | None, settings: Loaded) -> None:
+def show_compared(first: Path, second: Path, world: str | None, settings: LoadedSettings) -> None:
     """Open the console on the first log, with both at the point of difference over it."""
     from pa_console.tui.app import comparison  # noqa: PLC0415 - only when it is shown
     from pa_console.tui.recordings import KnownWorld, OpenedLog, open_compared  # noqa: PLC0415
@@ -269,7 +269,7 @@ def _short(text: str) -> str:
 
 
 @dataclass(frozen=True)
-class Trust:
+class TrustedKeys:
     """Fingerprints of keys that may have signed besides this machine's, or none at all.
 
     `witness` is the file with the heads that a witness has seen.
@@ -285,7 +285,7 @@ class Trust:
         return result.intact or unsigned
 
 
-def show_verified(log: Path, trust: Trust, place: Place | None, json: bool) -> None:
+def show_verified(log: Path, trust: TrustedKeys, place: ReplaySetup | None, json: bool) -> None:
     """Report if a log is sound; a sound one is run again at `place`, unless that is None.
 
     Leaves with BAD_INPUT for damage, also to what the index of sessions or the witness tells of;
@@ -323,7 +323,7 @@ def show_verified(log: Path, trust: Trust, place: Place | None, json: bool) -> N
         raise typer.Exit(FAILED if result.ok else BAD_INPUT)
 
 
-def _again(log: Path, place: Place) -> tuple[Again | None, str]:
+def _again(log: Path, place: ReplaySetup) -> tuple[Again | None, str]:
     """Return what came of the session, or why it could not be run again."""
     try:
         return run_again(log, place), ""

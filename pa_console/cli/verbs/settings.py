@@ -10,7 +10,7 @@ from pa_console.cli.options import JsonOption
 from pa_console.cli.settings_defaults import given_settings
 from pa_console.settings.file import reset_settings, save_setting
 from pa_console.settings.schema import describe_settings, value_text
-from pa_console.settings.sources import Loaded, load_settings, settings_file
+from pa_console.settings.sources import LoadedSettings, load_settings, settings_file
 from pa_console.terminal.output import out, print_json
 
 app = typer.Typer(
@@ -50,7 +50,7 @@ def show(context: typer.Context, json: JsonOption = False) -> None:
     raise typer.Exit(2 if wrong else 0)
 
 
-def _rows(loaded: Loaded) -> list[dict[str, Any]]:
+def _rows(loaded: LoadedSettings) -> list[dict[str, Any]]:
     return [
         {
             "name": name,
@@ -68,7 +68,7 @@ def _rows(loaded: Loaded) -> list[dict[str, Any]]:
     ]
 
 
-def _problems(loaded: Loaded) -> list[str]:
+def _problems(loaded: LoadedSettings) -> list[str]:
     from pa_console.tui.settings_rows import problems  # noqa: PLC0415 - the screen's libraries
 
     return [str(loaded.error(field, problem)) for field, problem in problems(loaded.values)]

@@ -81,8 +81,8 @@ def tak(
         )
     settings = settings_of(context)
     with naming_what_is_missing():
-        from pa_console.cli.sessions.followed import Asked, show  # noqa: PLC0415 - no help waits for it
-    asked = Asked(
+        from pa_console.cli.sessions.followed import FollowOptions, show  # noqa: PLC0415 - no help waits for it
+    asked = FollowOptions(
         server=server,
         tls=(tls_cert, tls_key, tls_ca),
         join=join,

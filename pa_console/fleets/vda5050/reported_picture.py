@@ -24,7 +24,15 @@ from pa_console.sim import integrity, tracker
 from pa_console.sim import picture as station_side
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.integrity import NOISE_M, SPEED_MARGIN
-from pa_console.sim.scene import AssetState, Heard, Report, Said, Scene, StationState, Trust
+from pa_console.sim.scene import (
+    AssetState,
+    Heard,
+    PositionTrust,
+    Report,
+    Scene,
+    SelfReport,
+    StationState,
+)
 from pa_console.sim.sensing_state import Detection, TrackFile
 from pa_console.sim.worlds.terrain import Terrain
 
@@ -174,7 +182,7 @@ class ReportedPicture:
             scene.assets[name] = AssetState(
                 name, spec.kind, index, *at, 0.0, 0.0, None, at, failed=True
             )
-            unheard = Said.of(_unheard(name, self.terrain))
+            unheard = SelfReport.of(_unheard(name, self.terrain))
             scene.station.heard[name] = Heard(
                 unheard, self._never, marks=station_side.marks_of("ok")
             )
@@ -194,9 +202,11 @@ class ReportedPicture:
         asset.x, asset.y = said.position
         asset.battery, asset.failed = said.battery_pct, said.status == "failed"
         if heard.stamp <= self._never:
-            scene.station.heard[name] = Heard(Said.of(said), stamp, station_side.marks_of("ok"))
+            scene.station.heard[name] = Heard(
+                SelfReport.of(said), stamp, station_side.marks_of("ok")
+            )
             return
-        station_side.receive(self.terrain, scene, (Report(name, stamp, Said.of(said)),))
+        station_side.receive(self.terrain, scene, (Report(name, stamp, SelfReport.of(said)),))
 
     def break_link(self, name: str) -> None:
         """Note that the broker reports asset `name` as disconnected."""
@@ -251,7 +261,7 @@ class ReportedPicture:
 
     def _carried(self, name: str) -> None:
         heard = self._scene.station.heard[name]
-        trust = Trust(stood=heard.trust.stood, carried_tick=self._scene.tick)
+        trust = PositionTrust(stood=heard.trust.stood, carried_tick=self._scene.tick)
         self._scene.station.heard[name] = heard._replace(trust=trust)
 
     def advance(self, tick: int) -> None:

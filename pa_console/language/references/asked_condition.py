@@ -11,12 +11,12 @@ from pa_console.language.order import CONDITIONS, Condition, Fact
 from pa_console.language.references.reader import (
     CONTACTS,
     Reader,
-    Token,
+    WordToken,
     asset_at,
     place_at,
     read_tokens,
 )
-from pa_console.language.references.scene import Scene
+from pa_console.language.references.scene import ReferenceScene
 from pa_console.schema.world import AssetKind
 
 _WORDS = word_lists("asked_conditions")
@@ -44,7 +44,7 @@ class AskedCondition:
     """The gate or asset that *it* is in what follows; the kind where one is asked for."""
 
 
-def conditional_order(scene: Scene, text: str) -> str:
+def conditional_order(scene: ReferenceScene, text: str) -> str:
     """Return a question with an order under it as an order under a condition; '' for none."""
     question, mark, rest = text.partition("?")
     if not mark or not rest.strip():
@@ -68,7 +68,7 @@ def conditional_order(scene: Scene, text: str) -> str:
     return f"If {_plain(condition)}, {order}"
 
 
-def _question(scene: Scene, tokens: Sequence[Token]) -> AskedCondition | None:
+def _question(scene: ReferenceScene, tokens: Sequence[WordToken]) -> AskedCondition | None:
     reader = Reader(tokens)
     reader.take("tell me ,", "so", "hey", "well")
     nothing = bool(reader.take("nothing", "nobody", "no one"))
@@ -103,7 +103,7 @@ def _question(scene: Scene, tokens: Sequence[Token]) -> AskedCondition | None:
     return None
 
 
-def _free(scene: Scene, reader: Reader) -> AssetKind | None:
+def _free(scene: ReferenceScene, reader: Reader) -> AssetKind | None:
     """Read *a free drone*, *a drone free*."""
     start = reader.at
     reader.take("a", "any", "one")
@@ -115,7 +115,7 @@ def _free(scene: Scene, reader: Reader) -> AssetKind | None:
     return None
 
 
-def _of_asset(scene: Scene, reader: Reader) -> AskedCondition | None:
+def _of_asset(scene: ReferenceScene, reader: Reader) -> AskedCondition | None:
     """Read *Drone_T03 low on battery*, *Ugv_T01 failed*, *Mule_T02 still alive*."""
     name = asset_at(scene, reader)
     if not name:
@@ -139,7 +139,9 @@ def _plain(condition: Condition) -> str:
     return CONDITIONS[condition.fact].plain.write(said)
 
 
-def _order(scene: Scene, rest: str, tokens: Sequence[Token], asked: AskedCondition) -> str:
+def _order(
+    scene: ReferenceScene, rest: str, tokens: Sequence[WordToken], asked: AskedCondition
+) -> str:
     """Return the action, with names for *it*, *its gate* and *there*."""
     subject = asked.subject
     is_gate, is_asset = subject in scene.gates, subject in scene.world.assets

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from pa_console.language.lexicon import find_verbs, word_lists
 from pa_console.language.plain_words import listed
 from pa_console.language.references.reader import Reader, asset_at, place_at, read_tokens
-from pa_console.language.references.scene import STILL, Move, PastMission, Scene
+from pa_console.language.references.scene import STILL, Move, PastMission, ReferenceScene
 from pa_console.schema.command import ENCOUNTERS
 
 
 @dataclass(frozen=True)
-class Meant:
+class ResolvedReference:
     """Words as `said`, from one character of the text up to another, and their meaning.
 
     `becomes` is the replacement, if it is more than the names.
@@ -43,7 +43,7 @@ class Unclear:
     choices: tuple[str, ...] = ()
 
 
-def substituted(text: str, meant: Sequence[Meant]) -> str:
+def substituted(text: str, meant: Sequence[ResolvedReference]) -> str:
     """Return `text` with every reference in `meant` replaced; none overlap."""
     parts, done = list[str](), 0
     for one in sorted(meant, key=lambda each: each.start):
@@ -74,7 +74,7 @@ _PUTTING = frozenset(("go", "mass", "cover", "home"))
 
 
 @dataclass(frozen=True)
-class _Said:
+class _NameInOrder:
     """A name in an order, where it stands, and whether it is ruled out: *not the hub*."""
 
     name: str
@@ -84,7 +84,7 @@ class _Said:
 
 
 @dataclass(frozen=True)
-class Resolved:
+class ResolvedOrder:
     """An order as it is read: its `text`, and what was `meant` by its words.
 
     It may take back what was ordered last, or take its place.
@@ -96,7 +96,7 @@ class Resolved:
     corrects: bool = False
 
 
-def retell(scene: Scene, text: str) -> Resolved | Unclear | None:
+def retell(scene: ReferenceScene, text: str) -> ResolvedOrder | Unclear | None:
     """Return an order that leans on the one before in full; None where it stands by itself."""
     if (scene.last is None and not scene.pointer) or not text.strip():
         return None
@@ -106,7 +106,7 @@ def retell(scene: Scene, text: str) -> Resolved | Unclear | None:
 class _Turn:
     """One order of a conversation, after others, or with something marked on the screen."""
 
-    def __init__(self, scene: Scene, text: str) -> None:
+    def __init__(self, scene: ReferenceScene, text: str) -> None:
         self._scene, self._text, self._tokens = scene, text, read_tokens(text)
         self._last = scene.last or PastMission("", ())
         self._moves = [move for move in self._last.moves if move.verb not in STILL]
@@ -115,7 +115,7 @@ class _Turn:
         self._low = f" {' '.join(word for word in self._words if word[0].isalnum())} "
         self._assets, self._places = self._names()
 
-    def retold(self) -> Resolved | Unclear | None:
+    def retold(self) -> ResolvedOrder | Unclear | None:
         for way in (
             self._undone,
             self._place_corrected,
@@ -131,15 +131,15 @@ class _Turn:
 
     # ---------------------------------------------------------------- what is said
 
-    def _names(self) -> tuple[list[_Said], list[_Said]]:
-        assets, places = list[_Said](), list[_Said]()
+    def _names(self) -> tuple[list[_NameInOrder], list[_NameInOrder]]:
+        assets, places = list[_NameInOrder](), list[_NameInOrder]()
         at = 0
         while at < len(self._tokens):
             reader = Reader(self._tokens, at)
             if name := asset_at(self._scene, reader):
-                assets.append(_Said(name, at, reader.at, self._ruled_out(at)))
+                assets.append(_NameInOrder(name, at, reader.at, self._ruled_out(at)))
             elif (name := place_at(self._scene, reader)) and self._words[at] != "home":
-                places.append(_Said(name, at, reader.at, self._ruled_out(at)))
+                places.append(_NameInOrder(name, at, reader.at, self._ruled_out(at)))
             at = max(reader.at, at + 1)
         return assets, places
 
@@ -198,8 +198,8 @@ class _Turn:
 
     # ---------------------------------------------------------------- whole orders
 
-    def _whole(self, order: str, *, undoes: bool = False, corrects: bool = False) -> Resolved:
-        return Resolved(order, ((self._text.strip(), order),), undoes, corrects)
+    def _whole(self, order: str, *, undoes: bool = False, corrects: bool = False) -> ResolvedOrder:
+        return ResolvedOrder(order, ((self._text.strip(), order),), undoes, corrects)
 
     def _order(self, agent: str, move: Move, place: str = "") -> str:
         """Return in words that `agent` does the order of `move`, at `place` if given."""
@@ -221,13 +221,13 @@ class _Turn:
                 )
         return orders
 
-    def _undone(self) -> Resolved | None:
+    def _undone(self) -> ResolvedOrder | None:
         if not self._has(*_UNDOING) or self._asked or self._wanted:
             return None
         orders = self._returns(self._movers)
         return self._whole(_sentence(orders), undoes=True) if orders else None
 
-    def _place_corrected(self) -> Resolved | None:
+    def _place_corrected(self) -> ResolvedOrder | None:
         """Resolve *No, the south gate.*: the same for another place."""
         wanted = self._wanted
         if len(wanted) != 1 or self._asked or not self._corrects or not self._short or self._does:
@@ -237,7 +237,7 @@ class _Turn:
         orders = [self._order(move.agent, move, wanted[0]) for move in self._moves]
         return self._whole(_sentence(orders), corrects=True)
 
-    def _agent_corrected(self) -> Resolved | None:
+    def _agent_corrected(self) -> ResolvedOrder | None:
         """Resolve *Not Drone_T04, Robot_T02.*: the same by another one, and the first one back."""
         others = [name for name in self._asked if name not in self._movers]
         there = self._has(*_THERE)
@@ -251,7 +251,7 @@ class _Turn:
         orders = [self._order(other, move) for other in others]
         return self._whole(_sentence([*orders, *self._returns(replaced)]), corrects=True)
 
-    def _same(self) -> Resolved | None:
+    def _same(self) -> ResolvedOrder | None:
         """Resolve *same for Robot_T02* and *same for north*."""
         same = bool(_SAME & set(self._words)) or bool(self._has("as well"))
         if not same or not self._short or self._does or self._has(*_THERE):
@@ -267,7 +267,7 @@ class _Turn:
         verbs = find_verbs(self._text)
         return any(v.plain and v.word not in ("go", "goes", "do") for v in verbs)
 
-    def _same_elsewhere(self, place: str) -> Resolved | None:
+    def _same_elsewhere(self, place: str) -> ResolvedOrder | None:
         """Return the last order for another `place`; who was named stays, another one goes."""
         move = self._moves[0]
         named = any(name in self._last.text for name in self._movers)
@@ -293,7 +293,7 @@ class _Turn:
         ]
         return min(free, key=lambda name: scene.distance_m(name, place), default="")
 
-    def _joined(self) -> Resolved | Unclear | None:
+    def _joined(self) -> ResolvedOrder | Unclear | None:
         """Resolve *another one there*, *Robot_T01 there too*, *give it company, Robot_T01*."""
         if self._does or self._has("home", "report", "instead of"):
             return None
@@ -327,7 +327,7 @@ class _Turn:
         after = self._low.partition(f" {more} ")[2].split()
         return not after or after[0] == "one" or bool(self._scene.members(after[0]))
 
-    def _brought_back(self) -> Resolved | Unclear | None:
+    def _brought_back(self) -> ResolvedOrder | Unclear | None:
         """Resolve *Bring it back.*: to where it was before."""
         back = "back" in self._words or self._has("where it came from", "where they came from")
         if not back or self._wanted or self._does or _HOME & set(self._words) or not self._short:
@@ -365,9 +365,9 @@ class _Turn:
         every = list(dict.fromkeys(move.agent for move in reversed(self._scene.moved)))
         return list(reversed(every[:2]))
 
-    def _pronouns(self) -> Resolved | Unclear | None:
+    def _pronouns(self) -> ResolvedOrder | Unclear | None:
         """Put names for *it*, *them* and *there*, where nothing before in the order is meant."""
-        meant: list[Meant] = []
+        meant: list[ResolvedReference] = []
         at = 0
         while at < len(self._tokens):
             found = self._pronoun(at, within=bool(meant))
@@ -381,9 +381,9 @@ class _Turn:
         if not meant or not self._asks:
             return None
         pairs = tuple((one.said, one.means) for one in meant)
-        return Resolved(substituted(self._text, meant), pairs)
+        return ResolvedOrder(substituted(self._text, meant), pairs)
 
-    def _pronoun(self, at: int, *, within: bool) -> tuple[Meant, int] | Unclear | None:
+    def _pronoun(self, at: int, *, within: bool) -> tuple[ResolvedReference, int] | Unclear | None:
         """Read a pronoun; one that follows another `within` the order is about the same asset."""
         reader = Reader(self._tokens, at)
         named = [one for one in self._assets if one.at < at and not one.ruled_out]
@@ -409,7 +409,7 @@ class _Turn:
             return self._replaced(at, reader.at, who[0]) if who else None
         return None
 
-    def _there_named(self, at: int, end: int) -> tuple[Meant, int] | Unclear | None:
+    def _there_named(self, at: int, end: int) -> tuple[ResolvedReference, int] | Unclear | None:
         """Put the name for a word such as *there*; of several places it is asked which one."""
         if self._there:
             return self._replaced(at, end, self._there, to=True)
@@ -418,7 +418,9 @@ class _Turn:
         said = self._text[self._tokens[at].start : self._tokens[end - 1].end]
         return Unclear(said, f"Which place is “{said}”?", tuple(self._theres))
 
-    def _replaced(self, at: int, end: int, means: str, *, to: bool = False) -> tuple[Meant, int]:
+    def _replaced(
+        self, at: int, end: int, means: str, *, to: bool = False
+    ) -> tuple[ResolvedReference, int]:
         first, last = self._tokens[at], self._tokens[end - 1]
         said = self._text[first.start : last.end]
         before = self._words[at - 1] if at else ""
@@ -428,7 +430,7 @@ class _Turn:
             still = "at" if {"is", "are", "see", "report"} & set(self._words[:at]) else "to"
             still = "to" if {"send", "go", "goes", "move", "to"} & set(self._words[:at]) else still
             becomes = f"{still} {means}"
-        return Meant(first.start, last.end, said, means, becomes), end
+        return ResolvedReference(first.start, last.end, said, means, becomes), end
 
 
 def _sentence(orders: Sequence[str]) -> str:

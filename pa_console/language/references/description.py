@@ -6,10 +6,10 @@ from typing import Literal
 
 from pa_console.language.references import reader as words
 from pa_console.language.references.reader import Reader, asset_at, place_at
-from pa_console.language.references.scene import Scene
+from pa_console.language.references.scene import ReferenceScene
 
 Sort = Literal["gate", "asset"]
-Trait = Callable[[Scene, str], bool]
+Trait = Callable[[ReferenceScene, str], bool]
 """Returns whether a thing of that name has the trait."""
 By = Literal["near", "far", "full", "flat"]
 """The measure of a superlative: distance to a place, or from it, or the battery."""
@@ -18,7 +18,7 @@ _TIE: dict[By, float] = {"near": 3.0, "far": 3.0, "full": 1.0, "flat": 1.0}
 
 
 @dataclass(frozen=True)
-class Ranking:
+class Superlative:
     """A superlative: of those that fit, the one that comes first is meant."""
 
     by: By
@@ -30,7 +30,7 @@ class Ranking:
         """True if it is about distances."""
         return self.by in ("near", "far")
 
-    def measure(self, scene: Scene, name: str) -> float:
+    def measure(self, scene: ReferenceScene, name: str) -> float:
         """Return the smaller the better how a thing answers to it, metres or percent."""
         match self.by:
             case "near":
@@ -56,7 +56,7 @@ class Description:
     said: str
     sort: Sort
     traits: tuple[Trait, ...] = ()
-    ranking: Ranking | None = None
+    ranking: Superlative | None = None
     number: int = 1
     any_will_do: bool = False
     place: str = ""
@@ -64,7 +64,7 @@ class Description:
     """True if it only gives the group for a later description."""
 
 
-def fitting(scene: Scene, description: Description) -> tuple[str, ...]:
+def fitting(scene: ReferenceScene, description: Description) -> tuple[str, ...]:
     """Return the names of what fits, in the order of the world; a superlative leaves the best.
 
     Of several that are equally good all are returned.
@@ -81,14 +81,14 @@ def fitting(scene: Scene, description: Description) -> tuple[str, ...]:
 
 
 @dataclass
-class Told:
+class PartialDescription:
     """The traits of a description so far, while it is read."""
 
-    scene: Scene
+    scene: ReferenceScene
     reader: Reader
     sort: Sort = "asset"
     traits: list[Trait] = field(default_factory=list[Trait])
-    ranking: Ranking | None = None
+    ranking: Superlative | None = None
     place: str = ""
     """A frame that is named inside of it."""
     describes: bool = False
@@ -106,7 +106,7 @@ class Told:
         self.describes = True
         return True
 
-    def rank(self, ranking: Ranking) -> bool:
+    def rank(self, ranking: Superlative) -> bool:
         """Add a superlative; returns True."""
         self.ranking, self.describes = ranking, True
         return True
@@ -117,7 +117,7 @@ class Told:
         near = bool(reader.take_in(words.NEAR))
         if not near and not reader.take_in(words.FAR):
             return False
-        self.rank(Ranking("near" if near else "far"))
+        self.rank(Superlative("near" if near else "far"))
         self.from_where()
         return True
 
@@ -134,7 +134,7 @@ class Told:
             reader.at = start
             return
         self.place = name if name in scene.world.frames else ""
-        self.ranking = Ranking(ranking.by, name)
+        self.ranking = Superlative(ranking.by, name)
 
     def ranked(self) -> bool:
         """Read *nearest to the base*, *with the fullest battery*, *that has less battery left*."""
@@ -158,7 +158,7 @@ class Told:
                 reader.take("left", "remaining")
                 if reader.take("among the", "of the", "of all"):
                     self._among()
-                return self.rank(Ranking(by))
+                return self.rank(Superlative(by))
         reader.at = start
         return False
 
@@ -173,42 +173,42 @@ Way = Callable[[], bool]
 """Reads one trait, and returns whether it was there."""
 
 
-def works(scene: Scene, name: str) -> bool:
+def works(scene: ReferenceScene, name: str) -> bool:
     """Return whether an asset is in order."""
     return scene.asset(name).available
 
 
-def is_idle(scene: Scene, name: str) -> bool:
+def is_idle(scene: ReferenceScene, name: str) -> bool:
     """Return whether an asset is idle: free and without a gate."""
     return scene.is_free(name) and not scene.guarded_by(name)
 
 
-def may_leave(scene: Scene, name: str) -> bool:
+def may_leave(scene: ReferenceScene, name: str) -> bool:
     """Return whether an asset may leave without uncovering a gate or giving up its task."""
     return scene.is_free(name)
 
 
-def is_low(scene: Scene, name: str) -> bool:
+def is_low(scene: ReferenceScene, name: str) -> bool:
     """Return whether the battery of an asset is low."""
     return scene.asset(name).low_battery
 
 
-def has_failed(scene: Scene, name: str) -> bool:
+def has_failed(scene: ReferenceScene, name: str) -> bool:
     """Return whether an asset has failed."""
     return scene.asset(name).status == "failed"
 
 
-def is_silent(scene: Scene, name: str) -> bool:
+def is_silent(scene: ReferenceScene, name: str) -> bool:
     """Return whether an asset that is not known to have failed is silent."""
     asset = scene.asset(name)
     return asset.status != "failed" and (asset.comms == "lost" or asset.stale)
 
 
-def is_guard(scene: Scene, name: str) -> bool:
+def is_guard(scene: ReferenceScene, name: str) -> bool:
     """Return whether an asset belongs to a gate."""
     return bool(scene.guarded_by(name))
 
 
-def is_bare(scene: Scene, gate: str) -> bool:
+def is_bare(scene: ReferenceScene, gate: str) -> bool:
     """Return whether a gate has no guard."""
     return not scene.guards(gate)

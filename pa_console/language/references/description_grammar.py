@@ -12,8 +12,8 @@ from pa_console.language.mentions import ASSETS
 from pa_console.language.references import reader as words
 from pa_console.language.references.description import (
     Description,
-    Ranking,
-    Told,
+    PartialDescription,
+    Superlative,
     Trait,
     has_failed,
     is_bare,
@@ -23,8 +23,8 @@ from pa_console.language.references.description import (
     is_silent,
     works,
 )
-from pa_console.language.references.reader import Reader, Token, asset_at, number_of
-from pa_console.language.references.scene import Scene
+from pa_console.language.references.reader import Reader, WordToken, asset_at, number_of
+from pa_console.language.references.scene import ReferenceScene
 from pa_console.language.references.trait_clauses import AssetClauses, GateClauses, sent
 
 _OF = frozenset(("of", "among"))
@@ -33,11 +33,13 @@ _MOST = 20
 """More things than these are not counted out in words."""
 
 
-def find_descriptions(scene: Scene, tokens: Sequence[Token], text: str) -> Iterator[Description]:
+def find_descriptions(
+    scene: ReferenceScene, tokens: Sequence[WordToken], text: str
+) -> Iterator[Description]:
     """Yield the descriptions in `text`, whose words are `tokens`, from left to right."""
     at, of = 0, None
     while at < len(tokens):
-        parser = _Parser(scene, tokens, text, at, of)
+        parser = _DescriptionParser(scene, tokens, text, at, of)
         found = parser.description()
         reader = parser.reader
         if found is not None and found.number == 0 and at and tokens[at - 1].word in _OF:
@@ -49,7 +51,7 @@ def find_descriptions(scene: Scene, tokens: Sequence[Token], text: str) -> Itera
         at = reader.at if found is not None else at + 1
 
 
-class _Parser:
+class _DescriptionParser:
     """Reads one description from one place of an order.
 
     `of` is said before it: of whom or what *the one* is one.
@@ -57,15 +59,15 @@ class _Parser:
 
     def __init__(
         self,
-        scene: Scene,
-        tokens: Sequence[Token],
+        scene: ReferenceScene,
+        tokens: Sequence[WordToken],
         text: str,
         at: int,
         of: Description | None = None,
     ) -> None:
         self._scene, self._text, self._first, self._of = scene, text, at, of
         self.reader = Reader(tokens, at)
-        self._told = Told(scene, self.reader)
+        self._told = PartialDescription(scene, self.reader)
         self._number = 1
         self._any = self._definite = False
         self._bare = False
@@ -149,7 +151,7 @@ class _Parser:
         if told.describes and not (self._number == 0 and told.bare_location and led[0].isalnum()):
             return True
         reader.at = start
-        self._told = Told(self._scene, reader)
+        self._told = PartialDescription(self._scene, reader)
         return False
 
     def _noun_phrase(self) -> bool:
@@ -201,10 +203,10 @@ class _Parser:
         """Read one adjective; False where none is here."""
         reader, told = self.reader, self._told
         if reader.word() in words.NEAR | words.FAR:
-            told.rank(Ranking("near" if reader.take_in(words.NEAR) else "far"))
+            told.rank(Superlative("near" if reader.take_in(words.NEAR) else "far"))
             reader.take_in(words.FAR)
         elif reader.take("freshest"):
-            told.of_assets = told.rank(Ranking("full"))
+            told.of_assets = told.rank(Superlative("full"))
         elif reader.take("other", "remaining"):
             self._other()
         elif reader.take_in(words.BARE):
@@ -320,7 +322,7 @@ class _Parser:
 
     def _other_noun(self) -> list[Trait]:
         """Read another noun phrase here and return its traits."""
-        inner = _Parser(self._scene, self.reader.tokens, self._text, self.reader.at)
+        inner = _DescriptionParser(self._scene, self.reader.tokens, self._text, self.reader.at)
         traits = inner.noun_traits()
         self.reader.at = inner.reader.at
         return traits

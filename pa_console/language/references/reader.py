@@ -10,14 +10,14 @@ from typing import NamedTuple
 
 from pa_console.language.lexicon import word_lists
 from pa_console.language.name_linking import NUMBERS
-from pa_console.language.references.scene import Scene
+from pa_console.language.references.scene import ReferenceScene
 
 _TOKEN = re.compile(r"[^\W_](?:[\w-]*\w)?|['’](?:s|re|ve|d|ll|m)\b|n['’]t\b|[^\w\s]")
 _NOT = re.compile(r"(?<=[a-z])n['’]t\b", re.IGNORECASE)
 _SAME = {"n't": "not", "’s": "'s", "’re": "'re", "can't": "can", "noone": "nobody"}
 
 
-class Token(NamedTuple):
+class WordToken(NamedTuple):
     """A word in lower case, as it was written, and where its characters begin and end."""
 
     word: str
@@ -26,17 +26,17 @@ class Token(NamedTuple):
     end: int
 
 
-def read_tokens(text: str) -> tuple[Token, ...]:
+def read_tokens(text: str) -> tuple[WordToken, ...]:
     """Return the words and stops of `text`."""
-    found: list[Token] = []
+    found: list[WordToken] = []
     for match in _TOKEN.finditer(text):
         said, start = match[0], match.start()
         cut = re.search(r"n['’]t$", text[start : match.end() + 2], re.IGNORECASE)
         if said.lower().endswith("n") and len(said) > 1 and cut is not None:
             said = said[:-1]
-        found.append(Token(_word(said), said, start, start + len(said)))
+        found.append(WordToken(_word(said), said, start, start + len(said)))
         if len(said) < len(match[0]):
-            found.append(Token("not", "n't", start + len(said), match.end() + 2))
+            found.append(WordToken("not", "n't", start + len(said), match.end() + 2))
     return tuple(_without_halves(found))
 
 
@@ -45,9 +45,9 @@ def _word(said: str) -> str:
     return _SAME.get(low, low)
 
 
-def _without_halves(tokens: Sequence[Token]) -> list[Token]:
+def _without_halves(tokens: Sequence[WordToken]) -> list[WordToken]:
     """Return the tokens without the halves of contractions such as *isn't*."""
-    kept: list[Token] = []
+    kept: list[WordToken] = []
     for token in tokens:
         if not kept or token.start >= kept[-1].end:
             kept.append(token)
@@ -57,7 +57,7 @@ def _without_halves(tokens: Sequence[Token]) -> list[Token]:
 class Reader:
     """Reads tokens from the one at `at` on; what is not there is not read."""
 
-    def __init__(self, tokens: Sequence[Token], at: int = 0) -> None:
+    def __init__(self, tokens: Sequence[WordToken], at: int = 0) -> None:
         self.tokens, self.at = tokens, at
 
     def word(self, ahead: int = 0) -> str:
@@ -143,7 +143,7 @@ CONTACTS: Mapping[str, str] = {
 COMING = frozenset(_WORDS["coming"])
 
 
-def place_at(scene: Scene, reader: Reader) -> str:
+def place_at(scene: ReferenceScene, reader: Reader) -> str:
     """Read the name of a frame, or the word for the base; '' where neither is here."""
     start = reader.at
     reader.take("the", "our")
@@ -164,7 +164,7 @@ def place_at(scene: Scene, reader: Reader) -> str:
     return found
 
 
-def asset_at(scene: Scene, reader: Reader) -> str:
+def asset_at(scene: ReferenceScene, reader: Reader) -> str:
     """Read the name of an asset; '' where none is here."""
     found = scene.assets_said.get(reader.said().lower(), "")
     if found:

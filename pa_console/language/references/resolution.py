@@ -19,16 +19,16 @@ from pa_console.language.name_linking import LinkedText, link_names
 from pa_console.language.plain_words import listed
 from pa_console.language.references.asked_condition import conditional_order
 from pa_console.language.references.conversation import (
-    Meant,
-    Resolved,
+    ResolvedOrder,
+    ResolvedReference,
     Unclear,
     retell,
     substituted,
 )
 from pa_console.language.references.description import Description, Trait, fitting
 from pa_console.language.references.description_grammar import find_descriptions
-from pa_console.language.references.reader import Reader, Token, asset_at, place_at, read_tokens
-from pa_console.language.references.scene import Scene
+from pa_console.language.references.reader import Reader, WordToken, asset_at, place_at, read_tokens
+from pa_console.language.references.scene import ReferenceScene
 
 State = Literal["low", "failed", "silent"]
 _ALMOST = r"(?:nearly|almost|about|close to|practically|all but|as good as)"
@@ -92,7 +92,7 @@ def reported_state(text: str) -> State | None:
     return None if any(verb.plain for verb in find_verbs(left)) else state
 
 
-def in_state(scene: Scene, name: str, state: State) -> bool:
+def in_state(scene: ReferenceScene, name: str, state: State) -> bool:
     """Return whether telemetry shows an asset in `state`."""
     asset = scene.asset(name)
     failed = asset.status == "failed"
@@ -103,7 +103,7 @@ def in_state(scene: Scene, name: str, state: State) -> bool:
     return not failed and (asset.comms == "lost" or asset.stale or asset.integrity == "suspect")
 
 
-def what_is_due(scene: Scene, names: Iterable[str], state: State) -> str | Unclear:
+def what_is_due(scene: ReferenceScene, names: Iterable[str], state: State) -> str | Unclear:
     """Return the order due for an asset that is reported in `state`.
 
     `names` are the assets that the words may mean; those that telemetry shows in that state are
@@ -155,7 +155,9 @@ Answers = Mapping[str, str]
 """The operator's answers about unclear words."""
 
 
-def resolve(scene: Scene, text: str, answers: Answers | None = None) -> Resolved | Unclear:
+def resolve(
+    scene: ReferenceScene, text: str, answers: Answers | None = None
+) -> ResolvedOrder | Unclear:
     """Return `text` with its references replaced by names, or the question to ask first."""
     answered = dict(answers or {})
     linked = LinkedText.of(scene.world, _with_answers(text, answered))
@@ -170,15 +172,15 @@ def resolve(scene: Scene, text: str, answers: Answers | None = None) -> Resolved
         if isinstance(due, Unclear):
             return due
         if due:
-            return Resolved(due, (*meant, (text, due)))
+            return ResolvedOrder(due, (*meant, (text, due)))
     if order := conditional_order(scene, now):
-        return Resolved(order, (*meant, (text, order)))
+        return ResolvedOrder(order, (*meant, (text, order)))
     retold = retell(scene, now)
     if isinstance(retold, Unclear):
         return retold
     if retold is not None:
         return replace(retold, meant=(*meant, *retold.meant))
-    return Resolved(now.strip(), tuple(meant)) if meant else Resolved(text)
+    return ResolvedOrder(now.strip(), tuple(meant)) if meant else ResolvedOrder(text)
 
 
 def _with_answers(text: str, answers: Answers) -> str:
@@ -193,7 +195,7 @@ def _with_answers(text: str, answers: Answers) -> str:
 
 
 def _described(
-    scene: Scene, linked: LinkedText, state: State | None
+    scene: ReferenceScene, linked: LinkedText, state: State | None
 ) -> tuple[str, list[tuple[str, str]]] | Unclear:
     """Return a text with names for its descriptions, and those with what they mean."""
     text = linked.text
@@ -202,13 +204,13 @@ def _described(
         replace(one, said=linked.said(one.start, one.end))
         for one in find_descriptions(scene, tokens, text)
     ]
-    meant: list[Meant] = []
+    meant: list[ResolvedReference] = []
     quoted = [span.span() for span in _QUOTED.finditer(text)]
     for one in found:
         if any(start <= one.start < end for start, end in quoted):
             continue
         if one.partitive:
-            meant.append(Meant(one.start, one.end, "", "", " "))
+            meant.append(ResolvedReference(one.start, one.end, "", "", " "))
             continue
         if _follows(tokens, one) in _STAYING and one.number != 1:
             continue
@@ -230,11 +232,11 @@ def _described(
     )
 
 
-def _follows(tokens: Sequence[Token], one: Description) -> str:
+def _follows(tokens: Sequence[WordToken], one: Description) -> str:
     return next((token.word for token in tokens if token.start >= one.end), "")
 
 
-def _place_beside(scene: Scene, tokens: Sequence[Token], one: Description) -> str:
+def _place_beside(scene: ReferenceScene, tokens: Sequence[WordToken], one: Description) -> str:
     """Return the place that the order names beside a superlative: *whoever is nearest goes to X*.
 
     The first after it, else the last before it; '' where there is none.
@@ -252,7 +254,9 @@ def _place_beside(scene: Scene, tokens: Sequence[Token], one: Description) -> st
     return after or before
 
 
-def _meant_by(scene: Scene, one: Description, state: State | None) -> tuple[str, ...] | Unclear:
+def _meant_by(
+    scene: ReferenceScene, one: Description, state: State | None
+) -> tuple[str, ...] | Unclear:
     """Return the names that a description means, none where the planner may choose."""
     asset = one.sort == "asset"
     if asset and one.ranking is not None and one.ranking.distance:
@@ -277,7 +281,9 @@ def _can_come(place: str) -> Trait:
     )
 
 
-def _likelier(scene: Scene, names: tuple[str, ...], state: State | None) -> tuple[str, ...]:
+def _likelier(
+    scene: ReferenceScene, names: tuple[str, ...], state: State | None
+) -> tuple[str, ...]:
     """Return the `names` that are in the reported state, or else the working ones, if any."""
     if state is not None:
         so = tuple(name for name in names if in_state(scene, name, state))
@@ -286,7 +292,7 @@ def _likelier(scene: Scene, names: tuple[str, ...], state: State | None) -> tupl
     return so or names
 
 
-def _unclear(scene: Scene, one: Description, names: Sequence[str]) -> Unclear:
+def _unclear(scene: ReferenceScene, one: Description, names: Sequence[str]) -> Unclear:
     what = "gate" if one.sort == "gate" else "asset"
     if not names:
         every = scene.gates if one.sort == "gate" else ()
@@ -299,11 +305,11 @@ def _unclear(scene: Scene, one: Description, names: Sequence[str]) -> Unclear:
 
 
 def _written(
-    scene: Scene,
-    tokens: Sequence[Token],
+    scene: ReferenceScene,
+    tokens: Sequence[WordToken],
     one: Description,
     names: tuple[str, ...],
-) -> Meant:
+) -> ResolvedReference:
     """Return what to write for a description: its names, and where to, if only it says that.
 
     *Closest robot to the north gate, please* names the place to go to inside of the description.
@@ -320,11 +326,14 @@ def _written(
     down = len(names) == 1 and one.sort == "asset" and not scene.asset(names[0]).available
     if (beside or down) and one.sort == "asset" and one.place:
         becomes = f"{means} at {one.place}"
-    return Meant(one.start, one.end, one.said, means, becomes)
+    return ResolvedReference(one.start, one.end, one.said, means, becomes)
 
 
 def _there_named(
-    scene: Scene, text: str, meant: Sequence[Meant], found: Sequence[Description]
+    scene: ReferenceScene,
+    text: str,
+    meant: Sequence[ResolvedReference],
+    found: Sequence[Description],
 ) -> str:
     """Write a place for *there* where only a description has named it, or is it itself."""
     inside = [one.place for one in found if one.place and one.sort == "asset" and one.ranking]
@@ -350,7 +359,7 @@ def _there_named(
 # ------------------------------------------------------------------- states and answers
 
 
-def _reported(scene: Scene, text: str, state: State) -> str | Unclear:
+def _reported(scene: ReferenceScene, text: str, state: State) -> str | Unclear:
     """Return the order due for the asset in a reported state; '' if none is named.
 
     *One of the drones* is the one that telemetry shows in that state.
@@ -364,7 +373,7 @@ def _reported(scene: Scene, text: str, state: State) -> str | Unclear:
     return what_is_due(scene, so, state) if so else ""
 
 
-def chosen(scene: Scene, answer: str, choices: Sequence[str]) -> str:
+def chosen(scene: ReferenceScene, answer: str, choices: Sequence[str]) -> str:
     """Return which of `choices` an answer means, '' where none is or several are.
 
     It may be the name, a part of it (*the south one*), its number, or its kind.
@@ -393,7 +402,7 @@ def chosen(scene: Scene, answer: str, choices: Sequence[str]) -> str:
     return next(iter(found)) if len(found) == 1 else ""
 
 
-def names_something(scene: Scene, answer: str) -> bool:
+def names_something(scene: ReferenceScene, answer: str) -> bool:
     """Return whether an answer names or describes a place or an asset at all."""
     tokens = read_tokens(link_names(scene.world, answer))
     readers = [Reader(tokens, at) for at in range(len(tokens))]

@@ -38,7 +38,7 @@ class PastMission:
 
 
 @dataclass(frozen=True)
-class Scene:
+class ReferenceScene:
     """A world, its picture now, and the missions that were carried out, the latest last.
 
     `pointer` is what the operator has marked on the screen; '' for nothing.

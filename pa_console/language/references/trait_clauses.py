@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from pa_console.language.references import reader as words
 from pa_console.language.references.description import (
-    Told,
+    PartialDescription,
     Trait,
     Way,
     has_failed,
@@ -25,7 +25,7 @@ NounTraits = Callable[[], list[Trait]]
 class AssetClauses:
     """Reads clauses in sequence and collects their facts in `told`."""
 
-    def __init__(self, told: Told, noun_traits: NounTraits) -> None:
+    def __init__(self, told: PartialDescription, noun_traits: NounTraits) -> None:
         self._told, self._noun_traits = told, noun_traits
         self._scene, self._reader = told.scene, told.reader
         self._related = self._no = False
@@ -190,7 +190,7 @@ class AssetClauses:
         return False
 
 
-def sent(told: Told, place: str = "", *, early: bool) -> None:
+def sent(told: PartialDescription, place: str = "", *, early: bool) -> None:
     """Choose the asset sent last, or first, to `place` if given."""
     told.past = told.of_assets = True
     moves = [move for move in told.scene.moved if place in ("", move.target)]
@@ -207,7 +207,7 @@ _ON_IT = ("on it", "there", "at all", "looking after it", "watching it")
 class GateClauses:
     """Reads clauses in sequence and collects their facts in `told`."""
 
-    def __init__(self, told: Told) -> None:
+    def __init__(self, told: PartialDescription) -> None:
         self._told = told
         self._scene, self._reader = told.scene, told.reader
 

@@ -61,7 +61,7 @@ class SoundPart:
 
 
 @dataclass
-class _Context:
+class _NearbyLines:
     """Lines that explain a bad one: equal ones, the next one, and those of the same numbers.
 
     `wanted_after` is the later line that has the number of the bad one's place,
@@ -142,7 +142,7 @@ def _wanted(sound: SoundPart) -> dict[str, object]:
 
 
 def _misplaced(
-    record: LogRecord, sound: SoundPart, context: _Context, rejoined: bool, problem: str
+    record: LogRecord, sound: SoundPart, context: _NearbyLines, rejoined: bool, problem: str
 ) -> Damage:
     """Return the damage at a record that is sound by itself but does not follow the one before."""
     number, seq = sound.lines + 1, cast(object, record.fields["seq"])
@@ -157,7 +157,9 @@ def _misplaced(
     return Damage("inserted", number, f"a record was inserted here: {problem}")
 
 
-def _too_early(seq: int, number: int, rejoined: bool, context: _Context, problem: str) -> Damage:
+def _too_early(
+    seq: int, number: int, rejoined: bool, context: _NearbyLines, problem: str
+) -> Damage:
     """Return the damage that put record `seq` on the earlier line `number`."""
     if context.same_after is not None:
         return Damage("duplicated", number, f"this line repeats line {context.same_after}")
@@ -191,9 +193,9 @@ def _broken_link(
     return Damage("replaced", bad, problem)
 
 
-def _look_around(path: Path, number: int, bad: bytes) -> _Context:
+def _look_around(path: Path, number: int, bad: bytes) -> _NearbyLines:
     """Read the log once more for the lines that explain line `number`, which is `bad`."""
-    context, own = _Context(), _SEQ.match(bad)
+    context, own = _NearbyLines(), _SEQ.match(bad)
     with path.open("rb") as file:
         for at, line in enumerate(lines_of(file), start=1):
             if at == number:

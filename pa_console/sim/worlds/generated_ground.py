@@ -137,7 +137,7 @@ class GateSite:
 
 
 @dataclass(frozen=True, slots=True)
-class Ground:
+class GeneratedGround:
     """Everything of a generated world that has a place; circles are (centre, radius)."""
 
     perimeter: tuple[Point, ...]
@@ -149,7 +149,7 @@ class Ground:
     barriers: tuple[tuple[Point, Point], ...]
 
 
-def lay_out(rng: random.Random, gates: int, assets: int, posts: int) -> Ground:
+def lay_out(rng: random.Random, gates: int, assets: int, posts: int) -> GeneratedGround:
     """Return ground for the given numbers of gates, posts and assets; it grows to make room."""
     the_outline = outline(rng)
     room = math.sqrt(assets * _PLACE_M2 / math.pi) + 3.0
@@ -171,7 +171,7 @@ def lay_out(rng: random.Random, gates: int, assets: int, posts: int) -> Ground:
     inner = Polygon(perimeter).buffer(-_CLEAR_M)
     zones = _zones(rng, inner, taken, rng.randint(1, 2))
     taken += [Polygon(zone) for zone in zones]
-    return Ground(
+    return GeneratedGround(
         perimeter=perimeter,
         gates=kept,
         walls=tuple(_walls(perimeter, kept)),

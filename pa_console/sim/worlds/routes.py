@@ -105,7 +105,7 @@ class Area:
         return np.atleast_1d(shapely.covers(self._tolerant, lines))
 
 
-class Planner:
+class RoutePlanner:
     """Routes for every kind of asset in one world; areas are built on first use and kept."""
 
     def __init__(self, world: World) -> None:

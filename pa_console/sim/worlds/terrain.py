@@ -13,7 +13,7 @@ from shapely.geometry import LineString, Polygon
 
 from pa_console.schema.base import Point
 from pa_console.schema.world import AssetKind, Frame, Wall, World
-from pa_console.sim.worlds.routes import Planner
+from pa_console.sim.worlds.routes import RoutePlanner
 
 LOOK_M = 5.0
 LOOK_S = 2.0
@@ -117,7 +117,7 @@ class Terrain:
 
     def __init__(self, world: World) -> None:
         self.world = world
-        self.planner = Planner(world)
+        self.planner = RoutePlanner(world)
         self.limits = platform_limits(world)
         self.gates = world.gates
         self.lanes = {name: LaneLine(world, name) for name in world.lanes}

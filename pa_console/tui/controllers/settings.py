@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from pa_console.settings.sources import Loaded
+from pa_console.settings.sources import LoadedSettings
 from pa_console.tui.actions import KeymapError, check_keys
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.theme import DEFAULT_THEME, THEMES
@@ -11,7 +11,7 @@ from pa_console.tui.theme import DEFAULT_THEME, THEMES
 class SettingsController:
     """Follows the settings, at the start and whenever the settings screen has saved one."""
 
-    def __init__(self, session: ConsoleSession, loaded: Loaded) -> None:
+    def __init__(self, session: ConsoleSession, loaded: LoadedSettings) -> None:
         """Edit `loaded`, the settings in force."""
         self._session, self._app = session, session.app
         self.loaded = loaded
@@ -25,7 +25,7 @@ class SettingsController:
         chosen = self.loaded.values.theme
         self._app.theme = chosen if chosen in self._app.available_themes else DEFAULT_THEME
 
-    def use(self, loaded: Loaded) -> None:
+    def use(self, loaded: LoadedSettings) -> None:
         """Put everything in force that needs no restart; what cannot be used is told."""
         shown, self.loaded = self.loaded.values.theme, loaded
         values = loaded.values

@@ -16,7 +16,7 @@ from textual.widgets.option_list import Option
 
 from pa_console.schema.document import DocumentError
 from pa_console.settings.file import save_setting
-from pa_console.settings.sources import Loaded
+from pa_console.settings.sources import LoadedSettings
 from pa_console.tui.rows import Row, column, row
 from pa_console.tui.settings_rows import Choice, choices, is_chosen, to_write, value_of
 from pa_console.tui.status_words import NOTE, QUIET
@@ -37,7 +37,7 @@ class SettingsScreen(Screen[None]):
 
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (100, "-wide")]
 
-    def __init__(self, loaded: Loaded, saved: Callable[[Loaded], None]) -> None:
+    def __init__(self, loaded: LoadedSettings, saved: Callable[[LoadedSettings], None]) -> None:
         """Call `saved` with the settings in force after each one that was saved."""
         super().__init__()
         self._loaded, self._tell_saved = loaded, saved
@@ -188,7 +188,7 @@ class SettingsScreen(Screen[None]):
             listing.focus()
 
 
-def _help(loaded: Loaded, choice: Choice) -> list[Row]:
+def _help(loaded: LoadedSettings, choice: Choice) -> list[Row]:
     """Return what there is to know of a choice."""
     rows = [row("", (choice.title, "bold"), (f"  {choice.id}", QUIET)), row("", choice.help)]
     if choice.limits:

@@ -9,9 +9,9 @@ from pa_console.llm.local.engine import Engine
 from pa_console.llm.roles.prompts import plan_facts
 from pa_console.mission.context import MissionContext, Services
 from pa_console.mission.judge import judge
-from pa_console.mission.plan import Candidate, Unplanned, plan, take
+from pa_console.mission.plan import Candidate, PlanningFailure, plan, take
 from pa_console.mission.propose import PlanQuestion, ask_for_plan
-from pa_console.mission.retrieve import Retrieved, retrieve
+from pa_console.mission.retrieve import RetrievedRules, retrieve
 from pa_console.mission.verify import OutcomeCase, ask_about_outcome
 from pa_console.policy.monitor import Monitor
 from pa_console.policy.retriever import Retriever
@@ -166,7 +166,7 @@ class OurWay:
     def question(self, mission: BenchMission) -> PlanQuestion:
         """Return what the planner is asked."""
         hits = self._retriever.retrieve(mission.text)
-        return ask_for_plan(self._services(mission.sim), Retrieved(_task(mission), hits))
+        return ask_for_plan(self._services(mission.sim), RetrievedRules(_task(mission), hits))
 
     async def ask_the_rest(self, mission: BenchMission) -> None:
         """Ask what else a mission may need: other plans at once, and a verdict on the outcome."""
@@ -193,7 +193,7 @@ class OurWay:
     async def _best(self, context: MissionContext) -> Candidate:
         """Return the plan that comes of steps 2 to 6, a report where the planner's is blocked."""
         planned = await plan(context, retrieve(context, context.mission))
-        if isinstance(planned, Unplanned) or planned.best.examination.blocked:
+        if isinstance(planned, PlanningFailure) or planned.best.examination.blocked:
             planned = await take(context, planned.answered, _report(self._site.world))
         return (await judge(context, planned)).best
 

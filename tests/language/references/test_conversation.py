@@ -2,7 +2,7 @@
 
 import pytest
 
-from pa_console.language.references.conversation import Resolved
+from pa_console.language.references.conversation import ResolvedOrder
 from pa_console.language.references.resolution import resolve
 from pa_console.language.references.scene import after
 from tests.language.references.scenes import asked, read, scene, sent, standing
@@ -85,7 +85,7 @@ def test_what_was_taken_back_is_not_what_there_means() -> None:
 
 def test_after_a_correction_back_is_where_it_was_before_all_of_it() -> None:
     first = resolve(scene(*standing(DRONE), past=[DRONE]), "No, the west gate.")
-    assert isinstance(first, Resolved)
+    assert isinstance(first, ResolvedOrder)
     assert first.corrects
     moved = sent(first.text, ("Drone_T04", "EastGate", "WestGate"))
     past = [DRONE, after([DRONE], moved, corrects=True)]

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.language.references.conversation import Resolved, Unclear
+from pa_console.language.references.conversation import ResolvedOrder, Unclear
 from pa_console.language.references.resolution import chosen, resolve
 from pa_console.schema.incident import FailAsset, Incident, PlaceAsset, SetBattery, SpawnTrack
 from tests.depth import depth
@@ -62,7 +62,7 @@ def test_what_describes_nothing_stays_as_it_was_typed(text: str) -> None:
 
 def test_what_was_understood_stands_beside_the_words() -> None:
     found = resolve(QUIET, "Robot_T02 to the gate guarded by a ugv.")
-    assert isinstance(found, Resolved)
+    assert isinstance(found, ResolvedOrder)
     assert found.meant == (("the gate guarded by a ugv", "EastGate"),)
 
 
@@ -76,7 +76,7 @@ def test_a_gate_by_its_guards_is_named_only_where_no_other_fits(
     fit = [g for g, cover in where.picture.gates.items() if len(cover.by) == number]
     found = resolve(where, f"Send Robot_T02 to {words}.")
     if len(fit) == 1:
-        assert isinstance(found, Resolved)
+        assert isinstance(found, ResolvedOrder)
         assert found.text == f"Send Robot_T02 to {fit[0]}."
     else:
         assert isinstance(found, Unclear)
@@ -93,7 +93,7 @@ def test_an_asset_by_its_place_is_named_only_where_no_other_fits(
     fit = [a.id for a in here if a.available] or [a.id for a in here]
     found = resolve(where, f"The {kind} at {place} reports.")
     if len(fit) == 1:
-        assert isinstance(found, Resolved)
+        assert isinstance(found, ResolvedOrder)
         down = not where.picture.assets[fit[0]].available
         assert found.text == f"{fit[0]}{f' at {place}' if down else ''} reports."
     else:

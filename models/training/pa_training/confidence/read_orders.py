@@ -25,7 +25,7 @@ from pa_console.llm.roles.judge import Judge, JudgeQuestion, OrderReading
 from pa_console.mission.context import Services
 from pa_console.mission.judge import DOUBT, LEAST, compare_with_order
 from pa_console.mission.propose import PlanQuestion, ask_for_plan
-from pa_console.mission.retrieve import Retrieved
+from pa_console.mission.retrieve import RetrievedRules
 from pa_console.mission.tasking.choices import commands_serving
 from pa_console.mission.tasking.moves import PlanMoves
 from pa_console.mission.tasking.obstacles import unmet_asks
@@ -107,7 +107,7 @@ class OrderReader:
         world, picture = situation.world, situation.picture
         task = Mission(id="M", text=said.text, created=NO_TIME)
         hits = tuple(services.retriever.retrieve(said.text, TOP_K))
-        question = ask_for_plan(services, Retrieved(task, hits))
+        question = ask_for_plan(services, RetrievedRules(task, hits))
         proposal = await services.planner.plan(question.prompt, question.grammar)
         plan = proposal.plan
         reading = read_reason(plan.reason) if plan is not None else None
