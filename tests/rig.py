@@ -13,7 +13,7 @@ from pa_console.sim.worlds.scenario_file import LoadedScenario
 from pa_console.station.assembly import Site, load_site, open_station
 from pa_console.station.clock import SteppedClock
 from pa_console.station.headless import run_missions
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from tests.scripted import ScriptedEngine
 
 MISSION = "Watch the checkpoint and say what you see."
@@ -30,7 +30,7 @@ class Rig:
 
     def station(
         self, engine: ScriptedEngine, scenario: Scenario | None = None, respond: bool = False
-    ) -> Station:
+    ) -> ControlStation:
         """Return a fresh station on the checkpoint; with `respond`, alarms start missions."""
         played = LoadedScenario(scenario, "0" * 64) if scenario is not None else None
         return open_station(
@@ -47,7 +47,7 @@ class Rig:
         engine: ScriptedEngine,
         scenario: Scenario,
         approver: Approver | None = None,
-        on_event: Callable[[Event, Station], None] = lambda _event, _station: None,
+        on_event: Callable[[Event, ControlStation], None] = lambda _event, _station: None,
     ) -> SessionState:
         """Play `scenario` to its end with alarms that start missions; return the state."""
         station = self.station(engine, scenario, respond=True)
@@ -67,7 +67,7 @@ class Rig:
         setup: Sequence[Incident] = (),
         approver: Approver | None = None,
         text: str = MISSION,
-        on_event: Callable[[Event, Station], None] = lambda _event, _station: None,
+        on_event: Callable[[Event, ControlStation], None] = lambda _event, _station: None,
     ) -> MissionTrace:
         """Run one mission to its end; `on_event` may act on the station."""
         station = self.station(engine)

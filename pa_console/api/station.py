@@ -107,7 +107,7 @@ class Station:
 
     def __init__(
         self,
-        station: stations.Station,
+        station: stations.ControlStation,
         open_log: Callable[[], LogWriter],
         approver: Approver,
         on_event: OnEvent | None,

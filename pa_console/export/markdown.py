@@ -13,12 +13,12 @@ from pa_console.views.trace_layout import lay_out, progress
 from pa_console.views.trace_parts import (
     Block,
     Detail,
-    Line,
-    Section,
     Spans,
-    Table,
     Text,
+    TraceLine,
     TraceOptions,
+    TraceSection,
+    TraceTable,
 )
 
 _OPTIONS = TraceOptions(Detail.RECORD, evidence=True)
@@ -96,7 +96,7 @@ def _standing(trace: MissionTrace) -> str:
     return f"**{inline(mark)}**: {inline(''.join(rest)) or 'no reason given'}"
 
 
-def section_parts(section: Section, level: int = 2) -> Iterator[str]:
+def section_parts(section: TraceSection, level: int = 2) -> Iterator[str]:
     """Yield a section's paragraphs, lists and tables; a collapsed section is folded.
 
     An attempt or a plan is never folded as a whole: its own sections are.
@@ -115,7 +115,7 @@ def section_parts(section: Section, level: int = 2) -> Iterator[str]:
         yield from section_parts(part, level + 1)
 
 
-def _about(section: Section) -> str:
+def _about(section: TraceSection) -> str:
     """Return the step, the status and the note of a section in one line."""
     facts = [f"*Step {section.step}*"] if section.step else []
     facts += [f"**{inline(section.mark.text)}**"] if section.mark is not None else []
@@ -127,16 +127,16 @@ def _blocks(blocks: Iterable[Block]) -> Iterator[str]:
     """Yield each block; adjacent lines with a label or a mark become a list."""
     for listed, group in groupby(blocks, _is_listed):
         if listed:
-            yield "\n".join(_item(line) for line in group if isinstance(line, Line))
+            yield "\n".join(_item(line) for line in group if isinstance(line, TraceLine))
         else:
             yield from filter(None, map(_block, group))
 
 
 def _block(block: Block) -> str:
     match block:
-        case Line(body=body):
+        case TraceLine(body=body):
             return _joined(body)
-        case Table():
+        case TraceTable():
             return _table(block) if block.rows else ""
         case Text(text=text, caption=caption, verbatim=verbatim):
             head = f"{inline(caption.capitalize())}:\n\n" if caption and text else ""
@@ -144,10 +144,10 @@ def _block(block: Block) -> str:
 
 
 def _is_listed(block: Block) -> bool:
-    return isinstance(block, Line) and bool(block.label or block.mark or block.depth)
+    return isinstance(block, TraceLine) and bool(block.label or block.mark or block.depth)
 
 
-def _item(line: Line) -> str:
+def _item(line: TraceLine) -> str:
     label = f"**{inline(line.label)}:**" if line.label else ""
     mark = f"**{inline(line.mark.text)}**" if line.mark is not None else ""
     words = " ".join(part for part in (label, mark, _joined(line.body)) if part)
@@ -158,7 +158,7 @@ def _joined(spans: Spans) -> str:
     return inline("".join(span.text for span in spans))
 
 
-def _table(given: Table) -> str:
+def _table(given: TraceTable) -> str:
     """Return a table of the columns that have a head and are not empty."""
     shown = [
         place

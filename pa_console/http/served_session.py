@@ -38,7 +38,7 @@ from pa_console.session.log.chain import read_log
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.session.state import SessionState
 from pa_console.station.answering import IS_QUESTION, NO_QUESTION
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 
 KEPT = 1000
 """The number of recent events kept in memory; older ones are read from the log."""
@@ -143,7 +143,7 @@ class ServedSession:
 
     def __init__(
         self,
-        station: Station,
+        station: ControlStation,
         state: SessionState,
         log: Callable[[], Path | None],
         *,

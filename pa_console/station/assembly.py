@@ -39,7 +39,7 @@ from pa_console.sim.worlds.world_file import open_world
 from pa_console.station.clock import Clock
 from pa_console.station.earlier_session import ResumedSession
 from pa_console.station.rules_in_force import RulesWatch
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 
 if TYPE_CHECKING:
     from pa_console.fleets.station_authority import StationAuthority
@@ -136,7 +136,7 @@ def open_station(
     resumed: ResumedSession | None = None,
     authority: "StationAuthority | None" = None,
     servers: Servers = NO_SERVERS,
-) -> Station:
+) -> ControlStation:
     """Return a station on `site` whose planner and judge are two roles on `engine`.
 
     The engine is closed with the session unless `keep_engine`. With `respond`, alarms become
@@ -205,7 +205,7 @@ def open_station(
     )
     if authority is not None:
         authority.begin(started.session, lambda: services.journal.head, now)
-    return Station(
+    return ControlStation(
         services,
         clock,
         started,

@@ -8,7 +8,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, MissionStatus
 from pa_console.session.state import MissionTrace, SessionState
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 
 Approver = Callable[[ev.ApprovalRequested], Decision | Awaitable[Decision]]
 """Decides about one plan at a time, as an operator does (paper, Step 6).
@@ -20,7 +20,7 @@ SETUP_SETTLE_S = 2.0
 
 
 async def run_missions(  # noqa: PLR0917
-    station: Station,
+    station: ControlStation,
     texts: Sequence[str],
     approver: Approver,
     sink: Sink,
@@ -97,7 +97,7 @@ async def run_missions(  # noqa: PLR0917
 class _Answers:
     """Gives the approver's decision on each plan that waits."""
 
-    def __init__(self, station: Station, approver: Approver) -> None:
+    def __init__(self, station: ControlStation, approver: Approver) -> None:
         self._station, self._approver = station, approver
         self._asked: ev.ApprovalRequested | None = None
         self._given: Decision | None = None
@@ -135,7 +135,10 @@ class _Answers:
 
 
 async def _end(
-    station: Station, duration_s: float, all_given: asyncio.Event, decided: Callable[[], bool]
+    station: ControlStation,
+    duration_s: float,
+    all_given: asyncio.Event,
+    decided: Callable[[], bool],
 ) -> None:
     """Close the session after the last mission and its time, or when `decided` returns True."""
     if duration_s > 0.0:
@@ -148,13 +151,16 @@ async def _end(
     await station.close("every mission is finished")
 
 
-async def _missions_over(station: Station, all_given: asyncio.Event) -> None:
+async def _missions_over(station: ControlStation, all_given: asyncio.Event) -> None:
     await all_given.wait()
     await station.settled()
 
 
 async def _watched(
-    station: Station, duration_s: float, over: asyncio.Task[None], decided: Callable[[], bool]
+    station: ControlStation,
+    duration_s: float,
+    over: asyncio.Task[None],
+    decided: Callable[[], bool],
 ) -> None:
     """Wait until `duration_s` have passed, or the missions are `over` and that `decided` it."""
     watching = asyncio.create_task(station.advance(duration_s))

@@ -41,7 +41,7 @@ NOT_KEPT = "a standing order ends with its console; give it again if it is still
 IS_STOPPED = "everything is stopped: no mission is taken until the stop is released"
 
 
-class Station:
+class ControlStation:
     """Owns the fleet, alarms and queue; both front ends use only this."""
 
     def __init__(

@@ -11,7 +11,7 @@ from pa_console.observability import Observer, unobserved
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.session.state import MissionTrace
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from pa_console.terminal.session_lines import SessionLines
 from pa_console.terminal.typed_lines import (
     HOW,
@@ -55,7 +55,7 @@ class LineConsole(SessionLines):
 
     def __init__(
         self,
-        station: Station,
+        station: ControlStation,
         say: Callable[[str], None],
         show_plan: Callable[[MissionTrace, int], None],
         show_trace: Callable[[MissionTrace], None],

@@ -17,9 +17,9 @@ from pa_console.views.trace_layout import answered, headline, lay_out, lay_out_p
 from pa_console.views.trace_parts import (
     Detail,
     HangingRow,
-    Section,
     Span,
     TraceOptions,
+    TraceSection,
     rows_of,
     title_of,
 )
@@ -103,7 +103,7 @@ def _print_head(console: Console, trace: MissionTrace) -> None:
         console.print(_text(line))
 
 
-def _print_sections(console: Console, sections: Iterable[Section], indent: int = 0) -> None:
+def _print_sections(console: Console, sections: Iterable[TraceSection], indent: int = 0) -> None:
     """Print each section under its title, and the parts of it further in."""
     for section in sections:
         console.print(Padding(_text(title_of(section)), (0, 0, 0, indent), expand=False))

@@ -13,7 +13,7 @@ from pa_console.schema.text import clock_text, count
 from pa_console.session.state import MissionTrace, Notice, SessionState
 from pa_console.session.wording import order_in_words
 from pa_console.station.joined_station import JoinedStation
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from pa_console.terminal.mission import step_line
 from pa_console.terminal.typed_lines import is_stop
 from pa_console.views.event_words import standing_in_words
@@ -108,7 +108,7 @@ class SessionLines(ABC):
 
     def __init__(
         self,
-        station: Station | JoinedStation,
+        station: ControlStation | JoinedStation,
         say: Callable[[str], None],
         show_plan: Callable[[MissionTrace, int], None],
         show_trace: Callable[[MissionTrace], None],

@@ -14,7 +14,7 @@ LEAST_BODY = 12
 
 
 @dataclass(frozen=True)
-class Row:
+class WrappedRow:
     """A fixed `lead` and a `body` that wraps beside it.
 
     A body of `phrases`, two cells apart, goes on a new line rather than break one of them.
@@ -26,29 +26,29 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Section:
+class RowSection:
     """One titled part of a trace; `key` says which part it is while its content grows."""
 
     key: str
     title: Content
-    rows: tuple[Row, ...]
+    rows: tuple[WrappedRow, ...]
     collapsed: bool = False
 
 
-def row(lead: Sequence[Part] | Part = "", *body: Part) -> Row:
+def row(lead: Sequence[Part] | Part = "", *body: Part) -> WrappedRow:
     """Build a row from texts, (text, style) pairs and contents; nothing is read as markup.
 
     What would not be seen is written as its escape here, so that it has a width.
     """
     leads = lead if isinstance(lead, list) else [cast(Part, lead)]
-    return Row(Content.assemble(*map(_seen, leads)), Content.assemble(*map(_seen, body)))
+    return WrappedRow(Content.assemble(*map(_seen, leads)), Content.assemble(*map(_seen, body)))
 
 
 GAP = "  "
 """The separator between two phrases."""
 
 
-def phrased(lead: Sequence[Part] | Part, phrases: Iterable[Part]) -> Row:
+def phrased(lead: Sequence[Part] | Part, phrases: Iterable[Part]) -> WrappedRow:
     """Build a row of phrases that are not broken where they fit on a line."""
     parts = tuple(Content.assemble(_seen(part)) for part in phrases)
     return replace(row(lead, Content(GAP).join(parts)), phrases=parts)
@@ -70,7 +70,7 @@ def column(text: str, width: int, style: str = "") -> tuple[str, str]:
     return f"{cut:<{width}} ", style
 
 
-def layout(rows: Sequence[Row], width: int) -> list[Content]:
+def layout(rows: Sequence[WrappedRow], width: int) -> list[Content]:
     """Return the lines of `rows` at `width` cells; a body too narrow goes under its lead."""
     lines: list[Content] = []
     for item in rows:
@@ -100,7 +100,7 @@ def _filled(phrases: Sequence[Content], width: int) -> list[Content]:
     return lines
 
 
-def plain(sections: Sequence[Section]) -> str:
+def plain(sections: Sequence[RowSection]) -> str:
     """Return the sections as text for the clipboard or a file, nothing left out."""
     lines: list[str] = []
     for section in sections:

@@ -83,7 +83,7 @@ def unknown(name: str, value: str) -> str:
 
 
 @dataclass(frozen=True)
-class Choice:
+class SettingChoice:
     """One thing to choose: a field of the schema, or the keys of one action.
 
     `options` are the only values there are; where it is empty a value is typed, and `known` are
@@ -106,16 +106,16 @@ class Choice:
         return ".".join(map(str, self.field))
 
 
-def choices() -> list[Choice]:
+def choices() -> list[SettingChoice]:
     """Return every row, fields first, in the schema's order."""
-    rows: list[Choice] = []
+    rows: list[SettingChoice] = []
     for name, about in describe_settings().items():
         if name == "keys":
             continue
         known = tuple(known_values(name))
         options = ("on", "off") if about.boolean else known if name == "theme" else ()
         rows.append(
-            Choice(
+            SettingChoice(
                 (name,), about.title, about.help, about.group, about.restart, about.limits,
                 value_text(about.default), options, () if options else known,
             )
@@ -125,18 +125,18 @@ def choices() -> list[Choice]:
         more = " (further keys)" if name.endswith(".also") else ""
         keys = own_keys(action, {})[name]
         title, help_text = f"{action.label}{more}", f"{action.help}."
-        rows.append(Choice(("keys", name), title, help_text, "Keys", False, limits, keys))
+        rows.append(SettingChoice(("keys", name), title, help_text, "Keys", False, limits, keys))
     return rows
 
 
-def value_of(loaded: LoadedSettings, choice: Choice) -> str:
+def value_of(loaded: LoadedSettings, choice: SettingChoice) -> str:
     """Return the value in force, as a person types it."""
     if choice.field[0] == "keys":
         return loaded.values.keys.get(str(choice.field[1]), choice.default)
     return value_text(getattr(loaded.values, str(choice.field[0])))
 
 
-def is_chosen(loaded: LoadedSettings, choice: Choice) -> bool:
+def is_chosen(loaded: LoadedSettings, choice: SettingChoice) -> bool:
     """Return whether the value in force was given anywhere."""
     name = str(choice.field[0])
     if name == "keys":
@@ -144,7 +144,7 @@ def is_chosen(loaded: LoadedSettings, choice: Choice) -> bool:
     return loaded.origin(name).source != "default"
 
 
-def to_write(loaded: LoadedSettings, choice: Choice, text: str) -> tuple[str, object]:
+def to_write(loaded: LoadedSettings, choice: SettingChoice, text: str) -> tuple[str, object]:
     """Return the field of the file, and what has to stand there for `text`; None for nothing.
 
     Raises ValueError that says what is wrong with `text`.

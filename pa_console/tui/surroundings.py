@@ -9,9 +9,9 @@ from pa_console.schema.rule import Rule, RulesSeal
 
 if TYPE_CHECKING:
     from pa_console.station.joined_station import JoinedStation
-    from pa_console.station.station import Station
+    from pa_console.station.station import ControlStation
 
-LiveStation: TypeAlias = "Station | JoinedStation"
+LiveStation: TypeAlias = "ControlStation | JoinedStation"
 """A live session: its events, and the commands that may be given to it."""
 
 Clock = Callable[[], float]

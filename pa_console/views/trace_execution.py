@@ -13,11 +13,11 @@ from pa_console.views.trace_parts import (
     Block,
     Column,
     Detail,
-    Line,
-    Section,
     Span,
-    Table,
+    TraceLine,
     TraceOptions,
+    TraceSection,
+    TraceTable,
     labelled,
     sign,
     statement,
@@ -29,7 +29,7 @@ _BAR = 14
 """Cells of the bar of the stage that took longest."""
 
 
-def decisions(made: Sequence[DecisionMade], voided: str) -> Section:
+def decisions(made: Sequence[DecisionMade], voided: str) -> TraceSection:
     """Return the operator's decisions, valid or not, and the reason that an approval is void."""
     blocks: list[Block] = []
     for item in made:
@@ -37,7 +37,7 @@ def decisions(made: Sequence[DecisionMade], voided: str) -> Section:
         mark = sign(status_of("decision", given.kind))
         # Attempt 0 stands for a decision on a question or a standing order.
         subject = f"plan {item.attempt}" if item.attempt else "no plan"
-        blocks.append(Line((Span(f"by {given.by}, {subject}"),), mark=mark))
+        blocks.append(TraceLine((Span(f"by {given.by}, {subject}"),), mark=mark))
         if given.override_judge:
             blocks.append(_below("the judge's Failure was overridden"))
         if given.acknowledged:
@@ -51,14 +51,14 @@ def decisions(made: Sequence[DecisionMade], voided: str) -> Section:
         if not item.accepted and given.signatures:
             blocks.append(_below(f"not accepted yet: {item.detail}"))
         elif not item.accepted:
-            blocks.append(Line((Span(f"not accepted: {item.detail}", "bad"),), depth=1))
+            blocks.append(TraceLine((Span(f"not accepted: {item.detail}", "bad"),), depth=1))
     if voided:
         blocks.append(statement(f"plan void: {voided}", "bad"))
-    return Section("decision", "Decision", tuple(blocks), step=6)
+    return TraceSection("decision", "Decision", tuple(blocks), step=6)
 
 
-def _below(text: str) -> Line:
-    return Line((Span(text, "warn"),), depth=1)
+def _below(text: str) -> TraceLine:
+    return TraceLine((Span(text, "warn"),), depth=1)
 
 
 def command_state(command: CommandTrace) -> Status:
@@ -66,7 +66,7 @@ def command_state(command: CommandTrace) -> Status:
     return status_of("reply", command.replies[-1].status if command.replies else "sent")
 
 
-def commands(given: Sequence[CommandTrace], options: TraceOptions) -> Section:
+def commands(given: Sequence[CommandTrace], options: TraceOptions) -> TraceSection:
     """Return step 7: every dispatched command with its state, resends and reply."""
     columns = [
         Column("state", 14),
@@ -85,7 +85,7 @@ def commands(given: Sequence[CommandTrace], options: TraceOptions) -> Section:
         ]
     done = sum(command_state(sent).word == "done" for sent in given)
     note = f"{done} of {len(given)} done"
-    return Section("commands", "Commands", (table(columns, rows),), step=7, note=note)
+    return TraceSection("commands", "Commands", (table(columns, rows),), step=7, note=note)
 
 
 def _command(sent: CommandTrace) -> tuple[Status | str, ...]:
@@ -99,22 +99,22 @@ def _replies(sent: CommandTrace) -> str:
     return ", ".join(f"{reply.status} ({reply.tick})" for reply in sent.replies) or "no reply"
 
 
-def halts(given: Sequence[PlanHalted]) -> list[Section]:
+def halts(given: Sequence[PlanHalted]) -> list[TraceSection]:
     """Return step 7: the reasons of each halt of a running plan."""
     return [_halt(item, number) for number, item in enumerate(given)]
 
 
-def _halt(given: PlanHalted, number: int) -> Section:
-    blocks = [Line((Span(reason, "bad"),), mark=Span("✘")) for reason in given.reasons]
+def _halt(given: PlanHalted, number: int) -> TraceSection:
+    blocks = [TraceLine((Span(reason, "bad"),), mark=Span("✘")) for reason in given.reasons]
     blocks += [labelled("safe state", item) for item in given.safe_state]
     if not given.safe_state:
         blocks.append(labelled("safe state", "nothing was under way", "quiet"))
     title = f"Why plan {given.attempt} was stopped"
     key = f"halt-{given.attempt}" + (f".{number}" if number else "")
-    return Section(key, title, tuple(blocks), step=7, mark=status_of("outcome", "halted"))
+    return TraceSection(key, title, tuple(blocks), step=7, mark=status_of("outcome", "halted"))
 
 
-def verification(given: VerifiedPlan, number: int) -> Section:
+def verification(given: VerifiedPlan, number: int) -> TraceSection:
     """Return step 7: the verification by telemetry, its time, and the judge's verdict on it."""
     blocks: list[Block] = []
     found = given.verification
@@ -141,12 +141,12 @@ def verification(given: VerifiedPlan, number: int) -> Section:
     note = f"as of {clock_text(found.as_of_s)}" if found.as_of_s else ""
     mark = status_of("outcome", found.outcome)
     key = f"verification-{number}"
-    return Section(key, "Verification", tuple(blocks), step=7, mark=mark, note=note)
+    return TraceSection(key, "Verification", tuple(blocks), step=7, mark=mark, note=note)
 
 
-def judged_outcome(verdict: Verdict | None, error: str) -> Section:
+def judged_outcome(verdict: Verdict | None, error: str) -> TraceSection:
     """Return the judge's verdict on an outcome that telemetry did not verify."""
-    return Section("judged", "Outcome, judged", outcome_verdict(verdict, error), step=7)
+    return TraceSection("judged", "Outcome, judged", outcome_verdict(verdict, error), step=7)
 
 
 _ACTION = re.compile(r"- (?P<what>\S+ [^:]+)(?:: (?P<text>.*))?")
@@ -154,7 +154,7 @@ _LABEL = re.compile(r"(?P<what>[^:]{1,120}?)(?:: |\. (?=Rationale))(?P<text>.+)"
 _COLUMNS = (Column("what", 24, stress="bold"), Column("result"))
 
 
-def report_table(report: str) -> Table:
+def report_table(report: str) -> TraceTable:
     """Return the lines of a report as rows of a label and a text.
 
     A line without a label is a row of its own.
@@ -173,25 +173,25 @@ def report_table(report: str) -> Table:
     return table(_COLUMNS, ([Span(what, "", "bold"), Span(text)] for what, text in rows))
 
 
-def report(trace: MissionTrace) -> Section:
+def report(trace: MissionTrace) -> TraceSection:
     """Return step 8: the brief after-action report (WF-09)."""
-    return Section("report", "After-action report", (report_table(trace.report),), step=8)
+    return TraceSection("report", "After-action report", (report_table(trace.report),), step=8)
 
 
-def outcome(trace: MissionTrace) -> Section:
+def outcome(trace: MissionTrace) -> TraceSection:
     """Return the end of the mission with its reason."""
     mark = status_of("mission", trace.status or "unknown")
-    return Section("outcome", "Outcome", (statement(trace.reason),), mark=mark)
+    return TraceSection("outcome", "Outcome", (statement(trace.reason),), mark=mark)
 
 
-def timings(trace: MissionTrace, options: TraceOptions) -> Section:
+def timings(trace: MissionTrace, options: TraceOptions) -> TraceSection:
     """Return the seconds of each stage: simulated time for execution, wall time for the others.
 
     Stages that took no time are left out in brief.
     """
     given = trace.metrics
     if given is None:
-        return Section("timings", "Timings")
+        return TraceSection("timings", "Timings")
     stages = [
         ("retrieve", given.retrieval_s),
         ("picture", given.picture_s),
@@ -216,4 +216,4 @@ def timings(trace: MissionTrace, options: TraceOptions) -> Section:
     ]
     note = f"end to end {duration_text(given.end_to_end_s)}, plans tried: {given.attempts}"
     note += f", halted: {given.halts}" if given.halts else ""
-    return Section("timings", "Timings", (table(columns, rows),), note=note, collapsed=True)
+    return TraceSection("timings", "Timings", (table(columns, rows),), note=note, collapsed=True)

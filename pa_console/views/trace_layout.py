@@ -17,11 +17,11 @@ from pa_console.views.trace_parts import (
     Block,
     Column,
     Detail,
-    Line,
-    Section,
     Span,
     Spans,
+    TraceLine,
     TraceOptions,
+    TraceSection,
     labelled,
     statement,
     table,
@@ -29,7 +29,7 @@ from pa_console.views.trace_parts import (
 from pa_console.views.trace_planning import Rules
 
 
-def lay_out(trace: MissionTrace, rules: Rules, options: TraceOptions) -> list[Section]:
+def lay_out(trace: MissionTrace, rules: Rules, options: TraceOptions) -> list[TraceSection]:
     """Return the whole trace of the mission, in the order of its events.
 
     The last plan is shown open, with its chosen attempt. The plans before it, phase by phase, and
@@ -64,16 +64,16 @@ def lay_out(trace: MissionTrace, rules: Rules, options: TraceOptions) -> list[Se
 
 def lay_out_proposal(
     trace: MissionTrace, number: int, rules: Rules, options: TraceOptions
-) -> list[Section]:
+) -> list[TraceSection]:
     """Return the trace of attempt `number`, as its approver needs it."""
     attempt = trace.find(number)
     result = _given(trace, rules, options)
     return result + (_chosen(attempt, trace, rules, options) if attempt is not None else [])
 
 
-def _given(trace: MissionTrace, rules: Rules, options: TraceOptions) -> list[Section]:
+def _given(trace: MissionTrace, rules: Rules, options: TraceOptions) -> list[TraceSection]:
     """Return steps 2 and 3: the rules and the picture that planning used."""
-    result: list[Section] = []
+    result: list[TraceSection] = []
     if trace.standing is not None:
         result.append(standing_order(trace.standing))
     if trace.hits:
@@ -85,7 +85,7 @@ def _given(trace: MissionTrace, rules: Rules, options: TraceOptions) -> list[Sec
 
 def _chosen(
     attempt: Attempt, trace: MissionTrace, rules: Rules, options: TraceOptions
-) -> list[Section]:
+) -> list[TraceSection]:
     """Return the chosen attempt; it has a heading if it is one of several or has an origin."""
     parts = _attempt(attempt, trace.digest, rules, options, with_rest=True)
     beside = len(trace.attempts) > 1
@@ -98,12 +98,12 @@ def _chosen(
         how = "shown in full"
     note = ", ".join(words for words in (attempt.phase, how) if words)
     key = f"heading-{attempt.number}"
-    return [_heading(attempt, Section(key, f"Attempt {attempt.number}", note=note), parts)]
+    return [_heading(attempt, TraceSection(key, f"Attempt {attempt.number}", note=note), parts)]
 
 
 def _not_chosen(
     attempt: Attempt, trace: MissionTrace, rules: Rules, options: TraceOptions
-) -> Section:
+) -> TraceSection:
     """Return an attempt that was not chosen, collapsed under the reason."""
     broken = [finding.rule_id for finding in attempt.findings if finding.broken]
     objected = attempt.verdict is not None and attempt.verdict.verdict == "Failure"
@@ -111,34 +111,34 @@ def _not_chosen(
     mark = Status("✘", ", ".join(broken) or attempt.error or unused, "bad")
     note = f"instead of {attempt.instead_of}" if attempt.instead_of is not None else ""
     key, title = f"attempt-{attempt.number}", f"Attempt {attempt.number}"
-    section = Section(key, title, mark=mark, note=note, collapsed=True)
+    section = TraceSection(key, title, mark=mark, note=note, collapsed=True)
     return _heading(attempt, section, _folded_attempt(attempt, trace, rules, options))
 
 
-def _heading(attempt: Attempt, section: Section, parts: list[Section]) -> Section:
+def _heading(attempt: Attempt, section: TraceSection, parts: list[TraceSection]) -> TraceSection:
     """Add the parts of an attempt to its section, after its origin and the reasons of a repair."""
     blocks: list[Block] = []
     if origin := attempt.origin.removeprefix(", "):
         blocks.append(statement(origin, "quiet"))
-    blocks += [Line((Span(reason, "warn"),), mark=Span("✘")) for reason in attempt.repair]
+    blocks += [TraceLine((Span(reason, "warn"),), mark=Span("✘")) for reason in attempt.repair]
     return replace(section, blocks=tuple(blocks), parts=tuple(parts))
 
 
 def _earlier_round(
     given: Round, trace: MissionTrace, rules: Rules, options: TraceOptions
-) -> Section:
+) -> TraceSection:
     """Return a plan before the present one, collapsed."""
     parts = [
         _heading(
             attempt,
-            Section(f"attempt-{attempt.number}", f"Attempt {attempt.number}"),
+            TraceSection(f"attempt-{attempt.number}", f"Attempt {attempt.number}"),
             _folded_attempt(attempt, trace, rules, options),
         )
         for attempt in given.attempts
     ]
     numbers = ", ".join(str(attempt.number) for attempt in given.attempts)
     dispatched = count(len(given.commands), "command")
-    return Section(
+    return TraceSection(
         f"round-{given.number}",
         given.name,
         mark=status_of("outcome", given.outcome),
@@ -151,7 +151,7 @@ def _earlier_round(
 
 def _folded_attempt(
     attempt: Attempt, trace: MissionTrace, rules: Rules, options: TraceOptions
-) -> list[Section]:
+) -> list[TraceSection]:
     """Return the sections of a collapsed attempt, in brief without the rules that stand."""
     with_rest = options.detail >= Detail.RECORD
     return _attempt(attempt, trace.digest, rules, options, with_rest=with_rest)
@@ -164,11 +164,11 @@ def _attempt(
     options: TraceOptions,
     *,
     with_rest: bool,
-) -> list[Section]:
+) -> list[TraceSection]:
     """Return steps 3 to 6 of one attempt, with its picture if it is not the one `shown`."""
     full, record = options.detail >= Detail.FULL, options.detail >= Detail.RECORD
     number = attempt.number
-    parts: list[Section] = []
+    parts: list[TraceSection] = []
     if record and attempt.digest is not None and attempt.digest != shown:
         parts += planning.pictures(attempt.digest, options, f"-{number}")
     if full and (attempt.user or attempt.system):
@@ -199,9 +199,9 @@ def _attempt(
     return parts
 
 
-def _carried_out(given: Round, options: TraceOptions) -> list[Section]:
+def _carried_out(given: Round, options: TraceOptions) -> list[TraceSection]:
     """Return the decisions on a plan, its commands, halts and verifications, the last one first."""
-    result: list[Section] = []
+    result: list[TraceSection] = []
     if given.decisions or given.voided:
         result.append(execution.decisions(given.decisions, given.voided))
     if given.commands:
@@ -216,10 +216,10 @@ _MOST_LABEL = 15
 """The largest width of the labels of an answer, in cells."""
 
 
-def answered(given: Sequence[QuestionAnswered]) -> list[Section]:
+def answered(given: Sequence[QuestionAnswered]) -> list[TraceSection]:
     """Return a section for each question of the operator, all but the last one collapsed."""
     return [
-        Section(
+        TraceSection(
             f"asked-{number}",
             f"You asked: {answer.question}",
             tuple(_answer_lines(answer.lines)),
@@ -230,14 +230,14 @@ def answered(given: Sequence[QuestionAnswered]) -> list[Section]:
     ]
 
 
-def _answer_lines(given: Sequence[AnswerLine]) -> Iterator[Line]:
+def _answer_lines(given: Sequence[AnswerLine]) -> Iterator[TraceLine]:
     """Yield the lines of an answer after their subjects; an equal subject is not repeated."""
     width = min(max((len(line.about) for line in given), default=0), _MOST_LABEL)
     before = ""
     for line in given:
         label = " " if line.about == before else line.about
         before = line.about
-        yield Line((Span(line.said),), label, "quiet", width=width)
+        yield TraceLine((Span(line.said),), label, "quiet", width=width)
 
 
 STEPS = (
@@ -312,12 +312,12 @@ def by_track(trace: MissionTrace) -> dict[str, list[WorkflowMoved]]:
     return result
 
 
-def workflow(trace: MissionTrace, options: TraceOptions) -> Section:
+def workflow(trace: MissionTrace, options: TraceOptions) -> TraceSection:
     """Return every phase of every workflow, its present command and its outcome."""
     blocks: list[Block] = []
     for moves in by_track(trace).values():
         move = moves[-1]
-        blocks.append(Line(standing(moves)))
+        blocks.append(TraceLine(standing(moves)))
         if move.command:
             blocks.append(labelled("now", move.command, depth=1))
         if move.skipped:
@@ -330,10 +330,10 @@ def workflow(trace: MissionTrace, options: TraceOptions) -> Section:
             table(heads, ((move.track, _phase(move), move.command) for move in trace.workflow))
         )
     rules = ", ".join(dict.fromkeys(move.rule_id for move in trace.workflow))
-    return Section("workflow", "Workflow", tuple(blocks), step=1, note=f"by {rules}")
+    return TraceSection("workflow", "Workflow", tuple(blocks), step=1, note=f"by {rules}")
 
 
-def standing_order(read: StandingOrderRead) -> Section:
+def standing_order(read: StandingOrderRead) -> TraceSection:
     """Return a standing order as it was read: its condition, its order, its immediate starts."""
     order = read.order
     blocks: list[Block] = [
@@ -346,7 +346,7 @@ def standing_order(read: StandingOrderRead) -> Section:
     blocks += [labelled("now", f"{start.subject}: {start.order}", "warn") for start in read.now]
     if not read.now:
         blocks.append(labelled("now", "it would start nothing", "quiet"))
-    return Section("standing", f"Standing order {order.id}", tuple(blocks), step=1)
+    return TraceSection("standing", f"Standing order {order.id}", tuple(blocks), step=1)
 
 
 def _phase(move: WorkflowMoved) -> str:

@@ -45,7 +45,7 @@ Spans = tuple[Span, ...]
 
 
 @dataclass(frozen=True)
-class Line:
+class TraceLine:
     """One statement: a label, a status sign, and a body.
 
     `width` is the room of the label in cells, the same for lines in a column; without it a colon
@@ -78,7 +78,7 @@ class Column:
 
 
 @dataclass(frozen=True)
-class Table:
+class TraceTable:
     """Rows of the same facts; `gap` separates columns without a width."""
 
     columns: tuple[Column, ...]
@@ -95,11 +95,11 @@ class Text:
     verbatim: bool = False
 
 
-Block = Line | Table | Text
+Block = TraceLine | TraceTable | Text
 
 
 @dataclass(frozen=True)
-class Section:
+class TraceSection:
     """One titled part of a trace.
 
     `key` identifies the part while its content grows. `step` is its step in the paper, from 1 to
@@ -112,7 +112,7 @@ class Section:
     step: int = 0
     mark: Status | None = None
     note: str = ""
-    parts: tuple["Section", ...] = ()
+    parts: tuple["TraceSection", ...] = ()
     collapsed: bool = False
     tone: Tone = ""
 
@@ -120,13 +120,13 @@ class Section:
 Cell = Span | Status | str
 
 
-def table(columns: Sequence[Column], rows: Iterable[Sequence[Cell]], gap: str = " ") -> Table:
+def table(columns: Sequence[Column], rows: Iterable[Sequence[Cell]], gap: str = " ") -> TraceTable:
     """Build a table; a status becomes its sign, and a plain text gets its column's tone."""
     built = tuple(
         tuple(_cell(cell, column) for cell, column in zip(row, columns, strict=True))
         for row in rows
     )
-    return Table(tuple(columns), built, gap)
+    return TraceTable(tuple(columns), built, gap)
 
 
 def _cell(cell: Cell, column: Column) -> Span:
@@ -140,14 +140,14 @@ def sign(status: Status) -> Span:
     return Span(status.text, status.tone)
 
 
-def statement(text: str, tone: Tone = "") -> Line:
+def statement(text: str, tone: Tone = "") -> TraceLine:
     """Build a line of one statement without a label."""
-    return Line((Span(text, tone),))
+    return TraceLine((Span(text, tone),))
 
 
-def labelled(label: str, text: str, tone: Tone = "", depth: int = 0) -> Line:
+def labelled(label: str, text: str, tone: Tone = "", depth: int = 0) -> TraceLine:
     """Build a line with `text` after its label."""
-    return Line((Span(text, tone),), label, depth=depth)
+    return TraceLine((Span(text, tone),), label, depth=depth)
 
 
 INDENT = Span("  ")
@@ -161,12 +161,12 @@ class HangingRow:
     body: Spans
 
 
-def rows_of(section: Section) -> tuple[HangingRow, ...]:
+def rows_of(section: TraceSection) -> tuple[HangingRow, ...]:
     """Return the rows of a section's own blocks, without those of its parts."""
     return tuple(row for block in section.blocks for row in _rows(block))
 
 
-def title_of(section: Section) -> Spans:
+def title_of(section: TraceSection) -> Spans:
     """Return a section's title: words, a status sign, and a quiet note."""
     mark = section.mark
     parts = [Span(section.title, section.tone, "bold")]
@@ -179,9 +179,9 @@ def title_of(section: Section) -> Spans:
 
 def _rows(block: Block) -> Iterator[HangingRow]:
     match block:
-        case Line():
+        case TraceLine():
             yield _line(block)
-        case Table():
+        case TraceTable():
             yield from _table(block)
         case Text(text=text, caption=caption):
             if caption:
@@ -189,7 +189,7 @@ def _rows(block: Block) -> Iterator[HangingRow]:
             yield from (HangingRow((INDENT,), (Span(line),)) for line in text.splitlines())
 
 
-def _line(line: Line) -> HangingRow:
+def _line(line: TraceLine) -> HangingRow:
     lead = [Span(INDENT.text * (1 + line.depth))]
     if line.label:
         label = f"{line.label:<{line.width}} " if line.width else f"{line.label}: "
@@ -199,7 +199,7 @@ def _line(line: Line) -> HangingRow:
     return HangingRow(tuple(lead), line.body)
 
 
-def _table(table: Table) -> Iterator[HangingRow]:
+def _table(table: TraceTable) -> Iterator[HangingRow]:
     """Yield the rows: aligned columns first, the others after them, long texts below."""
     widths = [
         max([column.width, *(len(row[place].text) for row in table.rows)]) if column.width else 0

@@ -26,12 +26,12 @@ from pa_console.views.trace_parts import (
     Block,
     Column,
     Detail,
-    Line,
-    Section,
     Span,
-    Table,
     Text,
+    TraceLine,
     TraceOptions,
+    TraceSection,
+    TraceTable,
     labelled,
     sign,
     statement,
@@ -44,7 +44,7 @@ Rules = Mapping[str, Rule]
 _LABEL = 10
 
 
-def retrieved_rules(trace: MissionTrace, rules: Rules, options: TraceOptions) -> Section:
+def retrieved_rules(trace: MissionTrace, rules: Rules, options: TraceOptions) -> TraceSection:
     """Return step 2: each rule with the components of its score and its text, and the rule set.
 
     Retrieved rules come before pinned ones, which are in every prompt with any score.
@@ -73,17 +73,17 @@ def retrieved_rules(trace: MissionTrace, rules: Rules, options: TraceOptions) ->
             row.append(rule.text if rule else "(not in this rulebook)")
     under = f", set {trace.rules[:SHORT]}" if trace.rules else ""
     note = f"{len(trace.hits)} by {trace.method}, {duration_text(trace.retrieval_s)}{under}"
-    return Section("rules", "Rules retrieved", (table(columns, rows),), step=2, note=note)
+    return TraceSection("rules", "Rules retrieved", (table(columns, rows),), step=2, note=note)
 
 
-def pictures(given: Digest, options: TraceOptions, key: str = "") -> Iterator[Section]:
+def pictures(given: Digest, options: TraceOptions, key: str = "") -> Iterator[TraceSection]:
     """Yield step 3: the picture in the prompts; `key` is different for each attempt."""
     yield _digest(given, options, f"digest{key}")
     if given.selection is not None:
         yield _selection(given.selection, f"selection{key}")
 
 
-def _digest(given: Digest, options: TraceOptions, key: str) -> Section:
+def _digest(given: Digest, options: TraceOptions, key: str) -> TraceSection:
     cover = "  ".join(f"{gate}×{number}" for gate, number in given.covered.items())
     free = [f"{kind}: {', '.join(names) or 'none'}" for kind, names in given.free.items()]
     sole = [f"{asset} for {gate}" for gate, asset in given.sole_cover.items()]
@@ -101,15 +101,15 @@ def _digest(given: Digest, options: TraceOptions, key: str) -> Section:
     if options.detail >= Detail.RECORD:
         lines += [_fact("post", f"{asset}: {post}") for asset, post in given.posts.items()]
     lost = status_of("gate", "uncovered") if given.uncovered else None
-    return Section(key, "Picture", tuple(lines), step=3, mark=lost)
+    return TraceSection(key, "Picture", tuple(lines), step=3, mark=lost)
 
 
-def _fact(label: str, text: str, tone: Tone = "") -> Line:
+def _fact(label: str, text: str, tone: Tone = "") -> TraceLine:
     span = Span(text, tone) if text else Span("none", "quiet")
-    return Line((span,), label, "quiet", width=_LABEL)
+    return TraceLine((span,), label, "quiet", width=_LABEL)
 
 
-def _selection(given: Selection, key: str) -> Section:
+def _selection(given: Selection, key: str) -> TraceSection:
     """Return the part of the picture in the prompt with its reasons; the rest as numbers."""
     kinds = (("gate", given.gates), ("track", given.tracks), ("asset", given.assets))
     columns = (
@@ -123,10 +123,10 @@ def _selection(given: Selection, key: str) -> Section:
     picked = ", ".join(count(len(names), kind) for kind, names in kinds)
     note = f"{picked}; left out {', '.join(left) or 'nothing'}"
     blocks = (table(columns, rows), statement(rest, "note"))
-    return Section(key, "Shown to the model", blocks, step=3, note=note, collapsed=True)
+    return TraceSection(key, "Shown to the model", blocks, step=3, note=note, collapsed=True)
 
 
-def prompt(attempt: Attempt) -> Section:
+def prompt(attempt: Attempt) -> TraceSection:
     """Return step 4: the whole prompt, as it was sent."""
     blocks = (
         Text(attempt.system, "system", verbatim=True),
@@ -134,10 +134,10 @@ def prompt(attempt: Attempt) -> Section:
     )
     note = f"{len(attempt.system) + len(attempt.user)} characters"
     key = f"prompt-{attempt.number}"
-    return Section(key, "Prompt", blocks, step=4, note=note, collapsed=True)
+    return TraceSection(key, "Prompt", blocks, step=4, note=note, collapsed=True)
 
 
-def plan(attempt: Attempt) -> Section:
+def plan(attempt: Attempt) -> TraceSection:
     """Return step 5: the answer while it streams, then the plan that was read from it."""
     usage, read, key = attempt.usage, attempt.plan, f"plan-{attempt.number}"
     if read is None:
@@ -145,8 +145,8 @@ def plan(attempt: Attempt) -> Section:
         mark = unreadable if attempt.error else status_of("step", "active")
         blocks: list[Block] = [Text(attempt.text, verbatim=True)] if attempt.text else []
         blocks += [statement(attempt.error, "bad")] if attempt.error else []
-        return Section(key, "Plan", tuple(blocks), step=5, mark=mark)
-    blocks = [Line((Span(read.reason, stress="italic"),))]
+        return TraceSection(key, "Plan", tuple(blocks), step=5, mark=mark)
+    blocks = [TraceLine((Span(read.reason, stress="italic"),))]
     columns = (
         Column("#", 2, "quiet"),
         Column("asset", 11, stress="bold"),
@@ -166,14 +166,14 @@ def plan(attempt: Attempt) -> Section:
     blocks += [_warning("unsure", attempt.doubt)] if attempt.doubt else []
     spent = f"{count(usage.completion_tokens, 'token')}, {duration_text(usage.seconds)}"
     note = "by the operator" if attempt.author == "operator" else spent
-    return Section(key, "Plan", tuple(blocks), step=5, note=note)
+    return TraceSection(key, "Plan", tuple(blocks), step=5, note=note)
 
 
-def plan_json(attempt: Attempt) -> Section:
+def plan_json(attempt: Attempt) -> TraceSection:
     """Return the answer behind the plan as JSON, one action a line."""
     lines = tuple(_json_line(line) for line in _json_lines(attempt.text))
     note = "as the operator wrote it" if attempt.author == "operator" else "as the model wrote it"
-    return Section(
+    return TraceSection(
         f"answer-{attempt.number}", "Plan as JSON", lines, step=5, note=note, collapsed=True
     )
 
@@ -206,21 +206,21 @@ _JSON_PART = re.compile(
 _JSON_TONES: Mapping[str, Tone] = {"name": "note", "text": "calm", "value": "good", "sign": "quiet"}
 
 
-def _json_line(line: str) -> Line:
+def _json_line(line: str) -> TraceLine:
     """Return a line of JSON with a tone each for names, texts, other values and signs."""
     bare = line.lstrip(" ")
     spans = (
         Span(found[0], _JSON_TONES[found.lastgroup or "sign"])
         for found in _JSON_PART.finditer(bare)
     )
-    return Line(tuple(spans), depth=(len(line) - len(bare)) // 2)
+    return TraceLine(tuple(spans), depth=(len(line) - len(bare)) // 2)
 
 
-def _warning(label: str, text: str) -> Line:
-    return Line((Span(text),), label, "warn", width=_LABEL + 1)
+def _warning(label: str, text: str) -> TraceLine:
+    return TraceLine((Span(text),), label, "warn", width=_LABEL + 1)
 
 
-def answer(key: str, title: str, text: str, usage: Usage, step: int) -> Section:
+def answer(key: str, title: str, text: str, usage: Usage, step: int) -> TraceSection:
     """Return a model's answer word for word, with its cost."""
     cost = (
         f"{usage.prompt_tokens} prompt tokens ({usage.cached_tokens} cached), "
@@ -229,7 +229,7 @@ def answer(key: str, title: str, text: str, usage: Usage, step: int) -> Section:
     )
     note = cost if usage.completion_tokens else ""
     blocks = (Text(text, verbatim=True),)
-    return Section(key, title, blocks, step=step, note=note, collapsed=True)
+    return TraceSection(key, title, blocks, step=step, note=note, collapsed=True)
 
 
 MOST_GATES = 12
@@ -238,7 +238,7 @@ MOST_GATES = 12
 _MOST_URGENT_FIRST = {priority: rank for rank, priority in enumerate(PRIORITIES)}
 
 
-def rehearsal(attempt: Attempt, run: Rehearsal, options: TraceOptions) -> Section:
+def rehearsal(attempt: Attempt, run: Rehearsal, options: TraceOptions) -> TraceSection:
     """Return the effects of the rehearsed plan on each gate, asset and track."""
     timeline = run.timeline
     gates = timeline.gates
@@ -263,7 +263,7 @@ def rehearsal(attempt: Attempt, run: Rehearsal, options: TraceOptions) -> Sectio
     )
     note = f"{timeline.duration_s:.0f} s rehearsed in {duration_text(attempt.rehearsal_s)}"
     key = f"rehearsal-{attempt.number}"
-    return Section(key, "Rehearsal", tuple(blocks), step=6, mark=mark, note=note)
+    return TraceSection(key, "Rehearsal", tuple(blocks), step=6, mark=mark, note=note)
 
 
 def _gate(line: GateTimeline) -> tuple[Status, str]:
@@ -291,7 +291,7 @@ def _affected(attempt: Attempt, timeline: Timeline) -> dict[str, GateTimeline]:
     }
 
 
-def _tracks(timeline: Timeline) -> Table:
+def _tracks(timeline: Timeline) -> TraceTable:
     """Return the times of the actions on each track, and the least distance of an asset to it."""
     columns = (Column("track", 11), Column("rehearsed", tone="quiet"))
     return table(columns, ((name, _track(line)) for name, line in timeline.tracks.items()))
@@ -311,7 +311,7 @@ def _track(line: TrackTimeline) -> str:
     return ", ".join(facts) or "nothing done about it"
 
 
-def checks(attempt: Attempt, rules: Rules, *, with_rest: bool) -> Iterator[Section]:
+def checks(attempt: Attempt, rules: Rules, *, with_rest: bool) -> Iterator[TraceSection]:
     """Yield broken rules, the most urgent first, with the reason; then the rules that stand."""
     found = attempt.findings
     broken = sorted(
@@ -327,10 +327,10 @@ def checks(attempt: Attempt, rules: Rules, *, with_rest: bool) -> Iterator[Secti
     key = f"checks-{attempt.number}"
     stands = statement("every checked rule holds or does not apply", "quiet")
     block = _findings(broken, rules) if broken else stands
-    yield Section(key, "Checks", (block,), step=6, mark=mark, note=note)
+    yield TraceSection(key, "Checks", (block,), step=6, mark=mark, note=note)
     if rest and with_rest:
         held = sum(item.status == "complies" for item in rest)
-        yield Section(
+        yield TraceSection(
             f"{key}-rest",
             "Rules that stand",
             (_findings(rest, rules),),
@@ -340,7 +340,7 @@ def checks(attempt: Attempt, rules: Rules, *, with_rest: bool) -> Iterator[Secti
         )
 
 
-def _findings(found: list[Finding], rules: Rules) -> Table:
+def _findings(found: list[Finding], rules: Rules) -> TraceTable:
     columns = (
         Column("", 1),
         Column("rule", 7, stress="bold"),
@@ -364,7 +364,7 @@ def _finding(found: Finding, rules: Rules) -> tuple[Span | Status | str, ...]:
     )
 
 
-def evidence(attempt: Attempt, given: DecisionEvidence) -> Section:
+def evidence(attempt: Attempt, given: DecisionEvidence) -> TraceSection:
     """Return the telemetry of the checks for everything that the plan or a finding names."""
     by = ", ".join(found.rule_id for found in given.deciding) or "no rule"
     stands = "against it" if any(found.broken for found in given.deciding) else "for it"
@@ -373,25 +373,25 @@ def evidence(attempt: Attempt, given: DecisionEvidence) -> Section:
     note = f"tick {given.tick}, {given.time_s:.1f} s"
     key = f"evidence-{attempt.number}"
     blocks = (labelled(stands, by), *facts)
-    return Section(key, "Decided by this telemetry", blocks, step=6, note=note)
+    return TraceSection(key, "Decided by this telemetry", blocks, step=6, note=note)
 
 
-def verdict(attempt: Attempt) -> Section:
+def verdict(attempt: Attempt) -> TraceSection:
     """Return the JudgeLLM's opinion per rule and its feedback; no verdict means hold."""
     given, key = attempt.verdict, f"verdict-{attempt.number}"
     if not attempt.judged:
         blocks = (Text(attempt.judge_text, verbatim=True),)
-        return Section(key, "Judge", blocks, step=6, mark=status_of("step", "active"))
+        return TraceSection(key, "Judge", blocks, step=6, mark=status_of("step", "active"))
     if given is None:
         blocks = (statement(attempt.judge_error or "no reason given", "bad"),)
         mark = status_of("verdict", "none")
-        return Section(key, "Judge", blocks, step=6, mark=mark, note="means hold")
+        return TraceSection(key, "Judge", blocks, step=6, mark=mark, note="means hold")
     mark = status_of("verdict", given.verdict)
     took = duration_text(attempt.judge_usage.seconds)
-    return Section(key, "Judge", opinions(given), step=6, mark=mark, note=took)
+    return TraceSection(key, "Judge", opinions(given), step=6, mark=mark, note=took)
 
 
-def second_reading(attempt: Attempt, read: OrderReadAgain) -> Section:
+def second_reading(attempt: Attempt, read: OrderReadAgain) -> TraceSection:
     """Return the second reader's reading of an order that planner or judge was unsure of."""
     key, blocks = f"read-again-{attempt.number}", [labelled("by", read.model)]
     if read.error:
@@ -401,7 +401,7 @@ def second_reading(attempt: Attempt, read: OrderReadAgain) -> Section:
     if read.confidence is not None:
         blocks.append(labelled("confidence", f"{read.confidence:.0%}"))
     took = duration_text(read.usage.seconds)
-    return Section(key, "Second reader", tuple(blocks), step=6, note=took)
+    return TraceSection(key, "Second reader", tuple(blocks), step=6, note=took)
 
 
 def opinions(given: Verdict) -> tuple[Block, ...]:
@@ -415,10 +415,10 @@ def opinions(given: Verdict) -> tuple[Block, ...]:
     return (*feedback, table(columns, rows))
 
 
-def approval(asked: ApprovalRequested) -> Section:
+def approval(asked: ApprovalRequested) -> TraceSection:
     """Return a request for approval: its blocks, conditions and alternative readings."""
     blocks: list[Block] = [
-        Line((Span(reason, "bad"),), "blocked", "bad") for reason in asked.blocked_by
+        TraceLine((Span(reason, "bad"),), "blocked", "bad") for reason in asked.blocked_by
     ]
     if asked.acknowledge:
         blocks.append(labelled("to be acknowledged", ", ".join(asked.acknowledge), "warn"))
@@ -427,12 +427,12 @@ def approval(asked: ApprovalRequested) -> Section:
     blocks += [labelled("read as", plain_reading(asked.asked))] if asked.asked else []
     blocks += [labelled("may also mean", plain_reading(words)) for words in asked.readings]
     mark = Status("▶", f"plan {asked.attempt} waits for the operator", "note")
-    return Section("approval", "Approval", tuple(blocks), step=6, mark=mark)
+    return TraceSection("approval", "Approval", tuple(blocks), step=6, mark=mark)
 
 
-def outcome_verdict(given: Verdict | None, error: str) -> tuple[Line, ...]:
+def outcome_verdict(given: Verdict | None, error: str) -> tuple[TraceLine, ...]:
     """Return the judge's verdict on an outcome with the rules it finds broken, or its error."""
     mark = status_of("verdict", given.verdict if given else "none")
-    line = Line((Span(given.feedback if given else error),), "judge", mark=sign(mark))
+    line = TraceLine((Span(given.feedback if given else error),), "judge", mark=sign(mark))
     against = [item.rule_id for item in given.rules if item.opinion == "violates"] if given else []
     return (line, labelled("against", ", ".join(against), "bad", depth=1)) if against else (line,)

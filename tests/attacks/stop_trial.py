@@ -32,7 +32,7 @@ from pa_console.sim.picture import period_ticks
 from pa_console.sim.worlds.scenario_file import LoadedScenario
 from pa_console.sim.worlds.terrain import Terrain
 from pa_console.station.assembly import Site, load_site, open_station
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from tests.scripted import ScriptedEngine, plan
 
 AFTER_TICKS = 80
@@ -253,7 +253,9 @@ async def stop_at_random(seed: int) -> Trial:
 class _Drive:
     """Gives the orders of one trial at their moments."""
 
-    def __init__(self, trial: Trial, rng: random.Random, station: Station, sim: Tapped) -> None:
+    def __init__(
+        self, trial: Trial, rng: random.Random, station: ControlStation, sim: Tapped
+    ) -> None:
         self._trial, self._rng, self._station, self._sim = trial, rng, station, sim
         self._stop_tick = rng.randint(1, LATEST_TICK)
         self._into_plan = rng.randint(0, 60) if rng.random() < 0.5 else -1

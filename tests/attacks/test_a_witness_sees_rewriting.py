@@ -21,7 +21,7 @@ from pa_console.session.log.signed_head import (
 )
 from pa_console.session.log.writer import LogWriter, verify
 from pa_console.signing import KEY_VARIABLE, load_signer
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from tests.cli.inside import Call, caller
 from tests.rig import Rig, rig, site
 from tests.scripted import ScriptedEngine, plan
@@ -207,7 +207,7 @@ def test_an_address_is_given_the_heads_and_its_file_is_the_witness(
     assert (found.ok, found.records) == (True, verify(log, KNOWN).lines)
 
 
-def only(station: Station) -> Callable[..., Station]:
+def only(station: ControlStation) -> Callable[..., ControlStation]:
     """Return what opens no station but `station`."""
     return lambda *_: station
 

@@ -12,7 +12,7 @@ from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.schema.events import event as ev
 from pa_console.session.log.signed_head import head_path, read_head
 from pa_console.session.log.writer import LogWriter, verify
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from tests.depth import depth
 from tests.rig import Rig, rig, site
 from tests.scripted import ScriptedEngine, plan
@@ -103,7 +103,7 @@ def test_events_of_one_moment_take_one_signature(tmp_path: Path) -> None:
         assert len(lines_of(log)) == 11
 
 
-def only(station: Station) -> Callable[..., Station]:
+def only(station: ControlStation) -> Callable[..., ControlStation]:
     """Return what opens no station but `station`."""
     return lambda *_: station
 

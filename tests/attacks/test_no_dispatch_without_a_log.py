@@ -9,7 +9,7 @@ import pytest
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.session.log.writer import LogError, LogWriter, verify
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from tests.rig import Rig, rig, site
 from tests.scripted import ScriptedEngine, plan
 from tests.session.tamper import KNOWN, MINE
@@ -125,7 +125,7 @@ async def test_an_approval_that_the_log_did_not_take_moves_nobody(
 
 
 async def test_a_stop_goes_out_whatever_the_log(tmp_path: Path, rig: Rig, disk: Disk) -> None:
-    station: Station = rig.station(ScriptedEngine([FILL]))
+    station: ControlStation = rig.station(ScriptedEngine([FILL]))
     log = tmp_path / "s.jsonl"
     writer = LogWriter(log, station.session, signer=MINE, on_error=lambda _: None)
     station.write_to(writer)

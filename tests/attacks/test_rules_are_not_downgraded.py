@@ -38,7 +38,7 @@ from pa_console.signing import KEY_VARIABLE, Signer, load_signer
 from pa_console.station.assembly import load_site, open_station
 from pa_console.station.clock import SteppedClock
 from pa_console.station.rules_in_force import RulesWatch
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from tests.cli.inside import Call, caller
 from tests.policy.book import RULES
 from tests.policy.test_large import MISSION
@@ -201,14 +201,14 @@ def test_an_evaluation_with_rules_of_its_own_says_so_and_pins_nothing(
     assert pins.read() == before
 
 
-def watching(path: Path) -> Station:
+def watching(path: Path) -> ControlStation:
     pins = RulesPins()
     site = load_site("checkpoint", str(path), pins=pins)
     watch = RulesWatch(path, pins=pins)
     return open_station(site, ScriptedEngine([]).engine(), SteppedClock(), watch=watch)
 
 
-async def reloaded(station: Station, *, accept: bool = False) -> list[ev.EventPayload]:
+async def reloaded(station: ControlStation, *, accept: bool = False) -> list[ev.EventPayload]:
     await station.reload_rules()
     if accept:
         await station.accept_rules()

@@ -11,7 +11,7 @@ from pa_console.schema.events.event import SessionStarted
 from pa_console.session.log.chain import read_log
 from pa_console.session.log.verification import verify
 from pa_console.settings.sources import LoadedSettings
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from tests.cli.inside import Call, Done
 from tests.scripted import ScriptedEngine
 
@@ -93,7 +93,7 @@ def test_a_situation_that_the_world_cannot_play_is_refused_before_a_log_is_begun
 def test_the_console_opens_on_the_situation(
     call: Call, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, engine: ScriptedEngine
 ) -> None:
-    opened: list[Station] = []
+    opened: list[ControlStation] = []
     seen: list[SessionStarted] = []
 
     def stop(_number: int) -> None:
@@ -105,7 +105,7 @@ def test_the_console_opens_on_the_situation(
         def __init__(
             self,
             _world: object,
-            station: Station,
+            station: ControlStation,
             *_: object,
             readonly: bool,
             settings: LoadedSettings,
@@ -144,7 +144,7 @@ def test_the_console_opens_on_the_situation(
     assert "situation-2" in missing.err
 
 
-async def first_event(station: Station) -> SessionStarted:
+async def first_event(station: ControlStation) -> SessionStarted:
     """Return how the session of `station` starts."""
     async with aclosing(station.run()) as events:
         async for event in events:

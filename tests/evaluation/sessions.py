@@ -12,7 +12,7 @@ from pa_console.sim.worlds.scenario_file import LoadedScenario
 from pa_console.station.assembly import Site, open_station
 from pa_console.station.clock import SteppedClock
 from pa_console.station.headless import run_missions
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from tests.scripted import ScriptedEngine, plan
 
 RECON = plan(("Drone_T04", "observe WestGate"))
@@ -38,7 +38,7 @@ async def play(
     *,
     seed: int = 0,
     log: Path | None = None,
-    on_event: Callable[[Event, Station], None] = lambda _event, _station: None,
+    on_event: Callable[[Event, ControlStation], None] = lambda _event, _station: None,
 ) -> list[Event]:
     """Play `played` to its end; return its events and write them to `log`, if one is given."""
     station = open_station(

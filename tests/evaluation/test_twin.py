@@ -16,7 +16,7 @@ from pa_console.schema.incident import (
     SpawnTrack,
 )
 from pa_console.station.assembly import Site
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from tests.evaluation.sessions import IDENTIFY, RECON, WARN, play, scenario
 from tests.scripted import ScriptedEngine
 from tests.session.story import at, session_started
@@ -25,18 +25,18 @@ VAN = SpawnTrack(gate="WestGate", distance_m=60.0)
 POOR = SetRadio(latency_s=0.2, jitter_s=0.3, loss=0.3)
 SITUATION = scenario((0.0, POOR), (1.0, VAN))
 
-Act = Callable[[ev.Event, Station], None]
+Act = Callable[[ev.Event, ControlStation], None]
 
 
 def engine() -> ScriptedEngine:
     return ScriptedEngine([RECON, IDENTIFY, WARN])
 
 
-def once(act: Callable[[Station], None]) -> Act:
+def once(act: Callable[[ControlStation], None]) -> Act:
     """Return what acts on the station when the first device acknowledges a command."""
     done: list[ev.Event] = []
 
-    def on_event(event: ev.Event, station: Station) -> None:
+    def on_event(event: ev.Event, station: ControlStation) -> None:
         acknowledged = (
             isinstance(event.data, ev.CommandReplied) and event.data.reply.status == "acknowledged"
         )
@@ -59,15 +59,15 @@ async def test_a_session_over_a_poor_radio_comes_out_equal(site: Site) -> None:
 @pytest.mark.parametrize(
     "act",
     [
-        Station.cancel,
-        Station.stop_all,
-        partial(Station.inject, incident=FailAsset(asset="Drone_T04")),
-        partial(Station.inject, incident=SetBattery(asset="Drone_T04", percent=12.0)),
+        ControlStation.cancel,
+        ControlStation.stop_all,
+        partial(ControlStation.inject, incident=FailAsset(asset="Drone_T04")),
+        partial(ControlStation.inject, incident=SetBattery(asset="Drone_T04", percent=12.0)),
     ],
     ids=["cancel", "stop", "failure", "battery"],
 )
 async def test_what_the_operator_did_meanwhile_is_repeated_too(
-    site: Site, act: Callable[[Station], None]
+    site: Site, act: Callable[[ControlStation], None]
 ) -> None:
     events = await play(site, engine(), SITUATION, seed=1, on_event=once(act))
     twin = resimulate(events, site.world, SITUATION)

@@ -47,7 +47,7 @@ from pa_console.session.log.writer import LogWriter
 from pa_console.sim.worlds.world_file import load_world
 from pa_console.station.assembly import load_site, open_station
 from pa_console.station.clock import DevicesClock
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from tests.fleets.broker import Broker, address_of, any_broker
 from tests.fleets.conftest import SHA, RunningSite, running
 from tests.scripted import ScriptedEngine, plan
@@ -423,7 +423,7 @@ class Pressed:
         ear.loop_stop()
         return sorted(self.took_ms)
 
-    async def _press(self, station: Station) -> None:
+    async def _press(self, station: ControlStation) -> None:
         loop = asyncio.get_running_loop()
         await asyncio.sleep(3.0)
         for _ in range(self._presses):

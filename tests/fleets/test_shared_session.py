@@ -24,7 +24,7 @@ from pa_console.station.assembly import Site, load_site, open_station
 from pa_console.station.clock import DevicesClock
 from pa_console.station.joined_station import JoinedStation, Signatory, SiteCopy
 from pa_console.station.shared_log import HEARD, SharedLog, read_so_far
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from tests.fleets.conftest import joined, running
 from tests.fleets.keyring import KEYS, PUBLIC, ROSTER, TO_NORTH
 from tests.scripted import ScriptedEngine, plan
@@ -67,7 +67,7 @@ async def until(done: Callable[[], object]) -> None:
 class Watched:
     """Folds what a station yields."""
 
-    def __init__(self, station: Station | JoinedStation) -> None:
+    def __init__(self, station: ControlStation | JoinedStation) -> None:
         self.state = SessionState()
         self.events: list[ev.Event] = []
         self._station = station

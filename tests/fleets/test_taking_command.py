@@ -29,7 +29,7 @@ from pa_console.station.assembly import Site, open_station
 from pa_console.station.clock import DevicesClock
 from pa_console.station.joined_station import JoinedStation, Signatory, SiteCopy, Succession
 from pa_console.station.shared_log import HEARD, SharedLog, read_so_far
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from tests.fleets.conftest import joined, running
 from tests.fleets.keyring import KEYS, PUBLIC, TO_NORTH
 from tests.fleets.test_shared_session import RATE, Watched, messages, two_people, until
@@ -45,7 +45,7 @@ def keys(station: str, person: str, site: Site) -> Keys:
     return Keys(KEYS[station], person, KEYS[person], PUBLIC["owner"], messages(site))
 
 
-def own_station(site: Site, authority: StationAuthority, **how: object) -> Station:
+def own_station(site: Site, authority: StationAuthority, **how: object) -> ControlStation:
     """A station with a model of its own."""
     engine = ScriptedEngine([MOVE]).engine()
     clock = DevicesClock(RATE)
@@ -54,7 +54,7 @@ def own_station(site: Site, authority: StationAuthority, **how: object) -> Stati
     )  # fmt: skip
 
 
-async def approved(watched: Watched, station: Station) -> ev.DecisionMade:
+async def approved(watched: Watched, station: ControlStation) -> ev.DecisionMade:
     """Give a mission, approve its plan, and return what became of that."""
     count = len(watched.events)
     station.submit(TEXT)
@@ -89,7 +89,7 @@ def succession_of(
 @asynccontextmanager
 async def shared(
     site: Site, authority: StationAuthority, fleet: MqttFleet, folder: Path
-) -> AsyncGenerator[tuple[Station, Watched, LogWriter]]:
+) -> AsyncGenerator[tuple[ControlStation, Watched, LogWriter]]:
     """The session of a station, watched, shared on the bus and written to a log."""
     station = own_station(site, authority, fleet=fleet)
     log = LogWriter(folder / f"{authority.name}.jsonl", station.session)
@@ -112,7 +112,7 @@ class Begun(NamedTuple):
     site: Site
     authority: StationAuthority
     vehicles: Vehicles
-    station: Station
+    station: ControlStation
     watched: Watched
     log: LogWriter
 
@@ -137,7 +137,7 @@ async def north_commands(
 @asynccontextmanager
 async def in_its_place(
     world: World, address: BrokerAddress, site: Site
-) -> AsyncGenerator[tuple[Station, Watched]]:
+) -> AsyncGenerator[tuple[ControlStation, Watched]]:
     """The session of south, as Cleo begins it at a console that had joined and takes command."""
     link, there, succession = await asyncio.to_thread(succession_of, address, "cleo", site)
     authority = succession.prepare(there.started)

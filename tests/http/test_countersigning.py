@@ -29,7 +29,7 @@ from pa_console.mission.rehearse import device_commands
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision, Mission
 from pa_console.session.state import SessionState
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from tests.depth import depth
 from tests.fleets.keyring import KEYS, PUBLIC, RULES, TO_SOUTH
 from tests.mission.gate import send
@@ -49,7 +49,7 @@ class Waiting:
         self.rulebook, self._given = BOOK, asyncio.Queue[Decision]()
         self.state = SessionState()
         self.session = ServedSession(
-            cast(Station, self), self.state, lambda: None, authority=self.site.authority
+            cast(ControlStation, self), self.state, lambda: None, authority=self.site.authority
         )
         mission = Mission(id="M1", text="Block the gate.", created=NOW)
         for data in (ev.MissionReceived(mission=mission, position=0), ev.MissionStarted()):

@@ -18,7 +18,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.plan import Action, Plan
 from pa_console.session.state import SessionState
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from tests.mission.test_two_people import keys_of
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
@@ -52,7 +52,7 @@ def waiting(
     told = (ev.MissionReceived(mission=mission, position=0), ev.MissionStarted(), *requests)
     for data in told:
         state.apply(ev.Event(t=NOW, tick=0, mission="M1", data=data))
-    session = ServedSession(cast(Station, heard), state, lambda: None, authority=authority)
+    session = ServedSession(cast(ControlStation, heard), state, lambda: None, authority=authority)
     heard.session = session
     return session, heard
 

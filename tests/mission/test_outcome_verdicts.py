@@ -15,7 +15,7 @@ from pa_console.session.state import SessionState
 from pa_console.station.assembly import open_station
 from pa_console.station.clock import RealTimeClock
 from pa_console.station.headless import run_missions
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from tests.rig import MISSION, Rig
 from tests.scripted import FAILURE, SUCCESS, Answer, ScriptedEngine, plan
 
@@ -116,7 +116,7 @@ async def test_a_session_that_ends_has_a_word_on_every_outcome(rig: Rig, waits: 
 async def test_a_mission_that_is_cancelled_while_it_is_watched_says_that_none_comes(
     rig: Rig,
 ) -> None:
-    def cancel(event: ev.Event, station: Station) -> None:
+    def cancel(event: ev.Event, station: ControlStation) -> None:
         if isinstance(event.data, ev.MissionVerified):
             station.cancel()
 

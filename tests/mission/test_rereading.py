@@ -14,7 +14,7 @@ from pa_console.mission.approval import Approver, standing_approver
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import Decision
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from pa_console.views.event_words import event_in_words
 from tests.rig import Rig
 from tests.scripted import ScriptedEngine, plan
@@ -128,7 +128,7 @@ async def test_what_was_read_at_first_can_be_taken_up_again(rig: Rig) -> None:
 
 
 async def test_a_plan_that_must_be_made_anew_is_for_the_reading_that_was_chosen(rig: Rig) -> None:
-    def fail_before_decision(event: ev.Event, station: Station) -> None:
+    def fail_before_decision(event: ev.Event, station: ControlStation) -> None:
         if isinstance(event.data, ev.ApprovalRequested) and event.data.attempt == 2:
             station.inject(FailAsset(asset="Drone_T04"))
 

@@ -24,7 +24,7 @@ from pa_console.signing import KEY_VARIABLE, load_signer
 from pa_console.station.assembly import Site, open_station
 from pa_console.station.clock import SteppedClock
 from pa_console.station.headless import run_missions
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from pa_console.views.event_words import event_in_words
 from tests.rig import Rig
 from tests.scripted import ScriptedEngine, plan
@@ -61,7 +61,7 @@ def but_for_missions(request: ev.ApprovalRequested) -> Decision:
     return person(request) if request.standing else Decision(kind="reject", reason="not now")
 
 
-def low_once_in_force(event: ev.Event, station: Station) -> None:
+def low_once_in_force(event: ev.Event, station: ControlStation) -> None:
     if isinstance(event.data, ev.StandingOrderApproved):
         station.inject(LOW)
 
@@ -71,7 +71,7 @@ async def play(
     approver: Approver,
     text: str = ORDER,
     *,
-    on_event: Callable[[ev.Event, Station], None] = low_once_in_force,
+    on_event: Callable[[ev.Event, ControlStation], None] = low_once_in_force,
     engine: ScriptedEngine | None = None,
     seconds: float = 20.0,
 ) -> SessionState:
@@ -202,7 +202,7 @@ async def test_the_rules_refuse_an_order_for_force_also_where_it_is_to_hold(rig:
 
 
 async def test_the_same_twice_is_blocked(rig: Rig) -> None:
-    def again(event: ev.Event, station: Station) -> None:
+    def again(event: ev.Event, station: ControlStation) -> None:
         if isinstance(event.data, ev.StandingOrderApproved):
             station.submit(ORDER)
 
@@ -215,7 +215,7 @@ async def test_the_same_twice_is_blocked(rig: Rig) -> None:
 
 
 async def test_a_revoked_order_starts_nothing_and_takes_back_what_waits(rig: Rig) -> None:
-    def revokes(event: ev.Event, station: Station) -> None:
+    def revokes(event: ev.Event, station: ControlStation) -> None:
         if isinstance(event.data, ev.StandingOrderApproved):
             station.submit("Watch the checkpoint and say what you see.")
             station.inject(LOW)
@@ -233,7 +233,7 @@ async def test_a_revoked_order_starts_nothing_and_takes_back_what_waits(rig: Rig
 async def test_nothing_is_started_while_everything_is_stopped_nor_by_the_release(
     rig: Rig,
 ) -> None:
-    def stops(event: ev.Event, station: Station) -> None:
+    def stops(event: ev.Event, station: ControlStation) -> None:
         match event.data:
             case ev.MissionFinished() if not station.stopped and "all_stopped" not in rig.kinds():
                 station.stop_all()
@@ -360,7 +360,7 @@ async def test_none_goes_on_with_a_session_whose_console_was_killed(
 ) -> None:
     monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "key" / "key.pem"))
 
-    def waits(event: ev.Event, station: Station) -> bool:
+    def waits(event: ev.Event, station: ControlStation) -> bool:
         if event.data.kind == "session_started":
             station.submit(ORDER)
             station.submit(SEND)

@@ -15,7 +15,7 @@ from pa_console.session.state import MissionTrace, SessionState
 from pa_console.station.assembly import Site, open_station
 from pa_console.station.clock import SteppedClock
 from pa_console.station.headless import run_missions
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from tests.fleets.keyring import KEYS, PUBLIC, ROSTER, TO_NORTH, TO_SOUTH
 from tests.scripted import FAILURE, ScriptedEngine, plan
 
@@ -38,7 +38,7 @@ class Session:
     def __init__(self, site: Site, authority: StationAuthority, *verdicts: str) -> None:
         engine = ScriptedEngine([MOVE], verdicts) if verdicts else ScriptedEngine([MOVE])
         self.authority = authority
-        self.station: Station = open_station(
+        self.station: ControlStation = open_station(
             site, engine.engine(), SteppedClock(), authority=authority
         )
         self.told: list[ev.EventPayload] = []

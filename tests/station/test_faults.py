@@ -6,7 +6,7 @@ import pytest
 
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset, WorkerFault
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from tests.rig import Rig
 from tests.scripted import ScriptedEngine, plan
 from tests.station.test_living import of_kind, scenario
@@ -34,7 +34,7 @@ FILL = plan(("Drone_T04", "move_to EastGate"))
 LOSS = scenario((5.0, FailAsset(asset="Ugv_T01")), duration_s=30.0)
 
 
-def ask_first(event: ev.Event, station: Station) -> None:
+def ask_first(event: ev.Event, station: ControlStation) -> None:
     """Submit the operator's mission as the session begins."""
     if isinstance(event.data, ev.SessionStarted):
         station.submit("Send the robot at the base to the West Gate.")
@@ -67,13 +67,13 @@ async def test_a_gate_without_guard_goes_before_the_operators_mission_which_goes
     assert len({command.command_id for command in sent}) == len(sent)
 
 
-@pytest.mark.parametrize("act", [Station.stop_all, Station.cancel])
+@pytest.mark.parametrize("act", [ControlStation.stop_all, ControlStation.cancel])
 async def test_stopping_while_a_mission_gives_way_ends_it_once_and_for_all(
-    rig: Rig, act: Callable[[Station], None]
+    rig: Rig, act: Callable[[ControlStation], None]
 ) -> None:
     stopped: list[str] = []
 
-    def on_event(event: ev.Event, station: Station) -> None:
+    def on_event(event: ev.Event, station: ControlStation) -> None:
         ask_first(event, station)
         if isinstance(event.data, ev.MissionPreempted):
             stopped.append(str(event.mission))

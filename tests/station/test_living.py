@@ -14,7 +14,7 @@ from pa_console.schema.incident import (
     SpawnTrack,
     TrackIs,
 )
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from tests.rig import Rig
 from tests.scripted import ScriptedEngine, plan
 
@@ -76,7 +76,7 @@ async def test_a_failing_asset_halts_the_plan_and_the_mission_plans_again(rig: R
     failed = scenario((0.0, FailAsset(asset="Ugv_T01")), duration_s=120.0)
     engine = ScriptedEngine([FILL, plan(("Ugv_T02", "move_to EastGate"))])
 
-    def break_down(event: ev.Event, station: Station) -> None:
+    def break_down(event: ev.Event, station: ControlStation) -> None:
         match event.data:
             case ev.CommandReplied(reply=reply) if reply.status == "acknowledged":
                 if reply.agent == "Drone_T04" and not of_kind(rig, "plan_halted"):
@@ -160,7 +160,7 @@ async def test_stop_is_sent_again_until_every_device_has_answered(rig: Rig) -> N
     engine = ScriptedEngine([RECON])
     stopped: list[int] = []
 
-    def stop(event: ev.Event, station: Station) -> None:
+    def stop(event: ev.Event, station: ControlStation) -> None:
         if isinstance(event.data, ev.CommandSent) and not stopped:
             stopped.append(event.tick)
             station.stop_all()

@@ -16,7 +16,7 @@ from pa_console.sim.worlds.scenario_file import LoadedScenario
 from pa_console.station.assembly import Site, open_station
 from pa_console.station.clock import SteppedClock
 from pa_console.station.headless import run_missions
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from tests.scripted import ScriptedEngine, plan
 
 TELLS = ev.Noticed(level="info", subject="Drone_T04", text="its operator has said hello")
@@ -97,7 +97,7 @@ class TeleportingForecast:
         return self._twin.step().replies
 
 
-def station_of(site: Site, fleet: TeleportingFleet) -> Station:
+def station_of(site: Site, fleet: TeleportingFleet) -> ControlStation:
     engine = ScriptedEngine([plan(("Drone_T04", "move_to WestGate"))])
     return open_station(site, engine.engine(), SteppedClock(), fleet=fleet)
 

@@ -8,7 +8,7 @@ from pa_console.schema.events.event import ApprovalRequested, Event
 from pa_console.schema.incident import FailAsset, SpawnTrack
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from tests.rig import Rig
 from tests.scripted import FAILURE, SUCCESS, ScriptedEngine, plan
 
@@ -155,7 +155,7 @@ async def test_an_operators_plan_goes_through_the_same_safeguards(rig: Rig) -> N
 
 
 async def test_an_approved_plan_is_void_when_the_world_moved_under_it(rig: Rig) -> None:
-    def fail_before_decision(event: Event, station: Station) -> None:
+    def fail_before_decision(event: Event, station: ControlStation) -> None:
         if isinstance(event.data, ApprovalRequested) and event.data.attempt == 1:
             station.inject(FailAsset(asset="Drone_T04"))
 
@@ -178,7 +178,7 @@ async def test_a_mission_that_asks_for_force_is_refused_before_any_model_is_aske
 
 
 async def test_the_outcome_is_unverified_when_an_asset_fails_on_the_way(rig: Rig) -> None:
-    def fail_under_way(event: Event, station: Station) -> None:
+    def fail_under_way(event: Event, station: ControlStation) -> None:
         if event.data.kind == "command_sent":
             station.inject(FailAsset(asset="Drone_T04"))
 
@@ -191,7 +191,7 @@ async def test_the_outcome_is_unverified_when_an_asset_fails_on_the_way(rig: Rig
 async def test_the_next_plan_is_made_from_a_picture_in_which_everybody_has_stopped(
     rig: Rig,
 ) -> None:
-    def fail_under_way(event: Event, station: Station) -> None:
+    def fail_under_way(event: Event, station: ControlStation) -> None:
         if event.data.kind == "telemetry":
             assets = event.data.picture.assets
             if assets["Drone_T04"].at is None and assets["Ugv_T02"].available:

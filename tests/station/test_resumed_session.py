@@ -23,13 +23,13 @@ from pa_console.station.earlier_session import (
     find_unclosed,
     resume,
 )
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from tests.scripted import ScriptedEngine, plan
 from tests.station.test_living import FILL, vehicle
 
 SEND, AGAIN = "Move the drone to the east gate.", "Move the drone to the south gate."
 SOUTH = plan(("Drone_T04", "move_to SouthGate"))
-Step = Callable[[ev.Event, Station], bool]
+Step = Callable[[ev.Event, ControlStation], bool]
 
 
 @pytest.fixture(autouse=True)
@@ -37,7 +37,7 @@ def _own_key(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # pyrigh
     monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "key" / "key.pem"))
 
 
-async def until(station: Station, log: Path, step: Step) -> list[ev.Event]:
+async def until(station: ControlStation, log: Path, step: Step) -> list[ev.Event]:
     """Run the station with its log until `step` says so; return what happened meanwhile."""
     happened: list[ev.Event] = []
     with LogWriter(log, station.session, signer=load_signer()) as writer:
@@ -63,13 +63,13 @@ async def killed(site: Site, tmp_path: Path, step: Step) -> UnclosedSession:
     return found
 
 
-def approving(event: ev.Event, station: Station) -> None:
+def approving(event: ev.Event, station: ControlStation) -> None:
     """Approve what asks for it."""
     if isinstance(event.data, ev.ApprovalRequested):
         station.decide(standing_approver("auto")(event.data))
 
 
-def under_way(event: ev.Event, station: Station) -> bool:
+def under_way(event: ev.Event, station: ControlStation) -> bool:
     """Give two missions and an incident, and stop once that has raised an alarm."""
     if event.data.kind == "session_started":
         station.inject(vehicle())
@@ -79,7 +79,7 @@ def under_way(event: ev.Event, station: Station) -> bool:
     return isinstance(event.data, ev.AlarmRaised)
 
 
-def open_again(site: Site, found: UnclosedSession, engine: ScriptedEngine) -> Station:
+def open_again(site: Site, found: UnclosedSession, engine: ScriptedEngine) -> ControlStation:
     resumed = resume(found, site.world, None)
     return open_station(site, engine.engine(), SteppedClock(), resumed=resumed)
 
@@ -107,7 +107,9 @@ async def test_world_queue_and_alarms_are_as_they_were_and_nothing_is_dispatched
     assert resimulate(whole, site.world).equal
 
 
-async def _go_on(station: Station, log: Path, done: Callable[[ev.Event], bool]) -> list[ev.Event]:
+async def _go_on(
+    station: ControlStation, log: Path, done: Callable[[ev.Event], bool]
+) -> list[ev.Event]:
     happened: list[ev.Event] = []
     with LogWriter(log, station.session, signer=load_signer()) as writer:
         station.write_to(writer)
@@ -122,7 +124,7 @@ async def _go_on(station: Station, log: Path, done: Callable[[ev.Event], bool]) 
 
 
 async def test_a_stop_stays_latched_and_the_next_one_is_heeded(site: Site, tmp_path: Path) -> None:
-    def stop(event: ev.Event, station: Station) -> bool:
+    def stop(event: ev.Event, station: ControlStation) -> bool:
         if event.data.kind == "session_started":
             station.stop_all()
         return isinstance(event.data, ev.CommandReplied)

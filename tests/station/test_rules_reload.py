@@ -17,7 +17,7 @@ from pa_console.station import rules_in_force
 from pa_console.station.assembly import load_site, open_station
 from pa_console.station.clock import SteppedClock
 from pa_console.station.rules_in_force import RulesWatch
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from tests.scripted import ScriptedEngine, plan
 
 RULES = """\
@@ -43,7 +43,7 @@ def rules(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-def watching(rules: Path, *, unsigned: bool = False) -> Station:
+def watching(rules: Path, *, unsigned: bool = False) -> ControlStation:
     engine = ScriptedEngine([plan(("Drone_T04", "report"))]).engine()
     watch = RulesWatch(rules, unsigned=unsigned)
     site = load_site("checkpoint", str(rules), unsigned=unsigned)
@@ -103,7 +103,7 @@ async def test_what_is_typed_is_read_with_the_rules_that_are_in_force_now(rules:
     assert "\nCAP-01: Everybody may move" in after
 
 
-async def reload(station: Station) -> list[ev.EventPayload]:
+async def reload(station: ControlStation) -> list[ev.EventPayload]:
     """Let the station look at its file; return what it told after its start."""
     await station.reload_rules()
     await station.close()
@@ -125,7 +125,7 @@ async def test_a_broken_file_leaves_the_old_set_in_force_and_says_why(rules: Pat
     assert "No such file" in told.text
 
 
-def watching_again(rules: Path) -> Station:
+def watching_again(rules: Path) -> ControlStation:
     rules.write_text(RULES)
     return watching(rules)
 

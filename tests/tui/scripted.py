@@ -30,7 +30,7 @@ from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
 from pa_console.station.alternatives import Alternative
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.controllers.typing import KeyTime
 from tests.tui.site import RULEBOOK, WORLD, WordRetriever
@@ -264,7 +264,7 @@ def console(
     """A console over a scripted station that touches no folder of the user's."""
     app = ConsoleApp(
         world,
-        cast("Station | None", station),
+        cast("ControlStation | None", station),
         RULEBOOK,
         WordRetriever(),
         clock=clock or FakeClock(),

@@ -17,7 +17,7 @@ from pa_console.tui.approval.plan_text import PlanSchedule, schedule_lines
 from pa_console.tui.map.plan_layer import PlanLayer
 from pa_console.tui.map.scene import MapScene
 from pa_console.tui.plan_preview import LONGEST_S, STAYS_S, PlanPreview
-from pa_console.tui.rows import Row, layout
+from pa_console.tui.rows import WrappedRow, layout
 from pa_console.tui.screens.main import PLAY_FRAME_S
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.row_views import TextRows
@@ -40,7 +40,7 @@ def lost() -> PlanPreview:
     return PlanPreview(WORLD, compound.PLAN, compound.rehearsal())
 
 
-def written(rows: list[Row], width: int = 100) -> list[str]:
+def written(rows: list[WrappedRow], width: int = 100) -> list[str]:
     return [" ".join(line.plain.split()) for line in layout(rows, width)]
 
 

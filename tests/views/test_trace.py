@@ -22,7 +22,7 @@ from pa_console.tui.rows import plain
 from pa_console.tui.widgets.trace_pane import sections
 from pa_console.views.trace_execution import report_table
 from pa_console.views.trace_layout import lay_out, lay_out_proposal
-from pa_console.views.trace_parts import Detail, Section, TraceOptions
+from pa_console.views.trace_parts import Detail, TraceOptions, TraceSection
 from tests.schema.strategies import PAYLOADS, models
 from tests.tui import living, story
 from tests.tui.site import RULES
@@ -64,7 +64,7 @@ def every(level: Detail, payloads: list[ev.EventPayload], *, evidence: bool = Fa
     """The keys of a trace's sections, their parts included."""
     laid_out = lay_out(traced(payloads), RULES_BY_ID, TraceOptions(level, evidence=evidence))
 
-    def keys(given: list[Section]) -> list[str]:
+    def keys(given: list[TraceSection]) -> list[str]:
         return [key for one in given for key in (one.key, *keys(list(one.parts)))]
 
     return keys(laid_out)

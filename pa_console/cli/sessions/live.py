@@ -34,7 +34,7 @@ from pa_console.station.earlier_session import (
     resume,
 )
 from pa_console.station.rules_in_force import RulesWatch
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from pa_console.terminal.output import errors, warn_of_altered
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class LiveSession:
     options: SessionOptions
     settings: Settings
     site: Site
-    station: Station
+    station: ControlStation
     engine: Engine
     duration_s: float
     """Simulated seconds that its scenario lasts; 0 without one."""

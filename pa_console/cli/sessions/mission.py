@@ -34,7 +34,7 @@ from pa_console.session.mission_trace import MissionTrace
 from pa_console.session.state import SessionState
 from pa_console.settings.schema import Settings
 from pa_console.station.headless import exit_code, run_missions
-from pa_console.station.station import Station
+from pa_console.station.station import ControlStation
 from pa_console.terminal.approval import ask_decision, show_request
 from pa_console.terminal.mission import print_answer, print_trace, step_line
 from pa_console.terminal.output import BAD_INPUT, errors, out, print_json
@@ -152,7 +152,7 @@ class _Progress:
 
     def __init__(
         self,
-        station: Station,
+        station: ControlStation,
         writer: LogWriter,
         endable: EndableRun,
         model: str,

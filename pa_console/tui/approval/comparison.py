@@ -22,7 +22,7 @@ from pa_console.station.alternatives import order_for
 from pa_console.tui.actions import ALT_DIGITS, READING_KEYS
 from pa_console.tui.approval.plan_rows import action_rows, cover_row
 from pa_console.tui.plan_preview import PlanPreview
-from pa_console.tui.rows import Row, row
+from pa_console.tui.rows import WrappedRow, row
 from pa_console.tui.status_words import BAD, GOOD, QUIET, WARN
 from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.row_views import TextRows
@@ -35,7 +35,7 @@ _LEAD = 11
 
 
 @dataclass(frozen=True)
-class Candidate:
+class ComparedPlan:
     """A rehearsed plan; `decision` puts it forward, None for the one that waits already.
 
     Where nothing waits, `order` is what to order for it, and empty for the plan that there was.
@@ -52,11 +52,11 @@ class Candidate:
     order: str = ""
 
 
-def past_candidate(trace: MissionTrace, attempt: Attempt, world: World) -> Candidate | None:
+def past_candidate(trace: MissionTrace, attempt: Attempt, world: World) -> ComparedPlan | None:
     """Return a plan that came last of a mission; None where it was not rehearsed."""
     if attempt.plan is None or attempt.rehearsal is None:
         return None
-    return Candidate(
+    return ComparedPlan(
         f"The plan of {trace.mission.id}",
         plain_reading(asked_words(attempt.plan.reason).rstrip("; ")),
         PlanPreview(world, attempt.plan, attempt.rehearsal),
@@ -66,12 +66,12 @@ def past_candidate(trace: MissionTrace, attempt: Attempt, world: World) -> Candi
     )
 
 
-def waiting_candidate(trace: MissionTrace, preview: PlanPreview) -> Candidate:
+def waiting_candidate(trace: MissionTrace, preview: PlanPreview) -> ComparedPlan:
     """Return the plan that waits for a decision."""
     request = trace.approval
     attempt = trace.find(request.attempt) if request is not None else None
     broken = (*request.blocked_by, *request.acknowledge) if request is not None else ()
-    return Candidate(
+    return ComparedPlan(
         "The plan that waits",
         plain_reading(said_of(trace)),
         preview,
@@ -96,10 +96,10 @@ def said_of(trace: MissionTrace) -> str:
 
 def other_reading(
     number: int, asked: str, found: RehearsedReading, world: World, request_id: str
-) -> Candidate:
+) -> ComparedPlan:
     """Return what another reading of the order would lead to."""
     words = plain_reading(asked)
-    return Candidate(
+    return ComparedPlan(
         f"(Alt+{number}) another reading",
         words,
         PlanPreview(world, found.plan, found.rehearsal, words),
@@ -110,12 +110,12 @@ def other_reading(
 
 def other_way(
     number: int, asked: str, found: RehearsedReading, world: World, request_id: str | None
-) -> Candidate:
+) -> ComparedPlan:
     """Return another plan for the same reading; one to be ordered where no request waits."""
     decision = None
     if request_id is not None:
         decision = Decision(kind="modify", request_id=request_id, plan=found.plan, reason=OTHER_WAY)
-    return Candidate(
+    return ComparedPlan(
         f"(Alt+{number}) another way",
         plain_reading(asked),
         PlanPreview(world, found.plan, found.rehearsal),
@@ -125,7 +125,7 @@ def other_way(
     )
 
 
-def candidate_rows(candidate: Candidate) -> Iterator[Row]:
+def candidate_rows(candidate: ComparedPlan) -> Iterator[WrappedRow]:
     """Yield the facts to compare, always in the same order."""
     preview = candidate.preview
     yield row(_lead("read as"), candidate.reading or ("not told", QUIET))
@@ -163,7 +163,7 @@ LIST_CELLS = 100
 class CandidateColumn(VerticalScroll, can_focus=True):
     """One plan, scrolled by itself."""
 
-    def __init__(self, candidate: Candidate) -> None:
+    def __init__(self, candidate: ComparedPlan) -> None:
         super().__init__(classes="candidate")
         self.candidate = candidate
         self.border_title = candidate.title
@@ -177,7 +177,7 @@ class CandidateColumn(VerticalScroll, can_focus=True):
         self.query_one(TextRows).show(tuple(candidate_rows(self.candidate)))
 
 
-class PlanComparison(Screen[Candidate | None]):
+class PlanComparison(Screen[ComparedPlan | None]):
     """Plans in columns, on narrow terminals as a list; Enter chooses the one at the pointer.
 
     Nothing is approved here: what is chosen is checked, judged and put to the operator like any
@@ -197,7 +197,7 @@ class PlanComparison(Screen[Candidate | None]):
 
     def __init__(
         self,
-        first: Candidate,
+        first: ComparedPlan,
         begin: "Callable[[PlanComparison], object]",
         ended: Callable[[], object],
     ) -> None:
@@ -235,7 +235,7 @@ class PlanComparison(Screen[Candidate | None]):
         """Stand side by side where there is room."""
         self.set_class(event.size.width < LIST_CELLS, "-list")
 
-    def add(self, candidate: Candidate) -> None:
+    def add(self, candidate: ComparedPlan) -> None:
         """Show one more plan; the pointer stays."""
         self.query_one("#comparison-plans", Horizontal).mount(CandidateColumn(candidate))
 

@@ -12,7 +12,7 @@ from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.approval.plan_rows import reading_label, reading_rows
 from pa_console.tui.surroundings import JoinedTo
 from pa_console.tui.widgets.fields import CheckBox, LineField
-from pa_console.tui.widgets.row_views import Row, TextRows
+from pa_console.tui.widgets.row_views import TextRows, WrappedRow
 
 _FREE_KEYS = ("tab", "shift+tab", "escape", "pageup", "pagedown")
 DECISION_KEYS = {"r": "reject", "m": "modify", "a": "approve"}
@@ -76,7 +76,7 @@ class GivenFields(VerticalScroll, can_focus=False):
             if not request.blocked_by
         )
 
-    def show_reading(self, rows: Sequence[Row]) -> None:
+    def show_reading(self, rows: Sequence[WrappedRow]) -> None:
         """Show what the reading that is looked at would lead to; nothing without rows."""
         self.query_one("#approval-looked-at", TextRows).show(tuple(rows))
 

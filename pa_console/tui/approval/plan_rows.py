@@ -25,7 +25,7 @@ from pa_console.schema.text import count
 from pa_console.session.confidence import UNSURE
 from pa_console.session.mission_trace import Attempt, MissionTrace
 from pa_console.tui.plan_preview import PlanPreview
-from pa_console.tui.rows import Part, Row, phrased, row
+from pa_console.tui.rows import Part, WrappedRow, phrased, row
 from pa_console.tui.status_words import BAD, CALM, GOOD, KIND_WORDS, NOTE, QUIET, WARN, term
 from pa_console.views.event_words import asked_in_words, safety_in_words
 
@@ -38,7 +38,7 @@ def place_words(name: str) -> str:
 
 
 @dataclass(frozen=True)
-class _Deed:
+class _ActionGroup:
     """The common part of equal actions."""
 
     kind: str
@@ -47,21 +47,21 @@ class _Deed:
     moves: bool
 
 
-def action_rows(preview: PlanPreview) -> Iterator[Row]:
+def action_rows(preview: PlanPreview) -> Iterator[WrappedRow]:
     """Yield a row for each action of a rehearsed plan, one for all that are equal."""
-    groups: dict[_Deed, list[Action]] = {}
+    groups: dict[_ActionGroup, list[Action]] = {}
     for action in preview.plan.actions:
         groups.setdefault(_deed(action, preview), []).append(action)
     for deed, actions in groups.items():
         yield _row(deed, actions, preview)
 
 
-def unrehearsed_row(action: Action) -> Row:
+def unrehearsed_row(action: Action) -> WrappedRow:
     """Return the row of an action of a plan that could not be rehearsed."""
     return row((f"{action.agent}  ", "bold"), action.command)
 
 
-def cover_row(preview: PlanPreview) -> Row | None:
+def cover_row(preview: PlanPreview) -> WrappedRow | None:
     """Return which gates gain or lose guards, None where all keep theirs."""
     phrases: list[Part] = []
     for gate, change in preview.cover_changes.items():
@@ -74,15 +74,15 @@ def cover_row(preview: PlanPreview) -> Row | None:
     return phrased(("Guards  ", QUIET), phrases) if phrases else None
 
 
-def _deed(action: Action, preview: PlanPreview) -> _Deed:
+def _deed(action: Action, preview: PlanPreview) -> _ActionGroup:
     asset = preview.before.assets.get(action.agent)
     kind = KIND_WORDS[asset.kind].removeprefix("ground ") if asset is not None else "not known"
     goal, does = preview.goal(action), COMMANDS[action.verb].plainly
     if preview.is_there(action):
         stays = "holds" if action.verb == "hold" else "stays"
         way = f"{stays} {_where(asset)}" if action.verb != "report" else _where(asset)
-        return _Deed(kind, way, does, moves=False)
-    return _Deed(kind, f"{_from(asset)} → {place_words(goal)}", does, moves=True)
+        return _ActionGroup(kind, way, does, moves=False)
+    return _ActionGroup(kind, f"{_from(asset)} → {place_words(goal)}", does, moves=True)
 
 
 def _from(asset: AssetTelemetry | None) -> str:
@@ -97,7 +97,7 @@ def _where(asset: AssetTelemetry | None) -> str:
     return f"on its way to {place_words(asset.post)}" if asset.post else "where it is"
 
 
-def _row(deed: _Deed, actions: Sequence[Action], preview: PlanPreview) -> Row:
+def _row(deed: _ActionGroup, actions: Sequence[Action], preview: PlanPreview) -> WrappedRow:
     names = [action.agent for action in actions]
     many = len(names) > 1
     kinds = deed.kind if deed.kind.endswith("s") else f"{deed.kind}s"
@@ -140,7 +140,7 @@ def _unfinished(names: Sequence[str], preview: PlanPreview) -> Iterator[str]:
             yield f"{name}: {line.detail or 'does not finish'}"
 
 
-def approval_rows(trace: MissionTrace, preview: PlanPreview | None = None) -> Iterator[Row]:
+def approval_rows(trace: MissionTrace, preview: PlanPreview | None = None) -> Iterator[WrappedRow]:
     """Yield all facts of the plan that waits; none without one.
 
     `preview` is that plan as its rehearsal has shown it, None without a rehearsal.
@@ -178,7 +178,7 @@ def approval_rows(trace: MissionTrace, preview: PlanPreview | None = None) -> It
         yield from _confidence(attempt)
 
 
-def _order(trace: MissionTrace, request: ApprovalRequested) -> Iterator[Row]:
+def _order(trace: MissionTrace, request: ApprovalRequested) -> Iterator[WrappedRow]:
     """Yield the words of the order as they were typed, and what they were read as."""
     mission, attempt = trace.mission, trace.find(request.attempt)
     who = {"operator": "typed  ", "alarm": "alarm  ", "standing": f"by {mission.standing}  "}
@@ -209,7 +209,7 @@ def _because(unmet: str) -> str:
     return f"{what}, because {why}" if colon else what
 
 
-def _signed(trace: MissionTrace, request: ApprovalRequested) -> Iterator[Row]:
+def _signed(trace: MissionTrace, request: ApprovalRequested) -> Iterator[WrappedRow]:
     """Yield who has approved the plan so far, and that it takes more."""
     made = [each for each in trace.decisions if each.attempt == request.attempt]
     signers = dict.fromkeys(name for each in made for name in each.decision.signatures)
@@ -222,7 +222,7 @@ def _signed(trace: MissionTrace, request: ApprovalRequested) -> Iterator[Row]:
         yield row("  ", (f"{made[-1].detail}; others sign with console --join", NOTE))
 
 
-def _phase(trace: MissionTrace, attempt: Attempt | None) -> Iterator[Row]:
+def _phase(trace: MissionTrace, attempt: Attempt | None) -> Iterator[WrappedRow]:
     """Yield for which phase of a workflow the plan is, and that it has moved on since."""
     planned = attempt.phase if attempt else ""
     now = next((m for m in trace.standings.values() if 0 <= m.phase < len(m.phases)), None)
@@ -234,7 +234,7 @@ def _phase(trace: MissionTrace, attempt: Attempt | None) -> Iterator[Row]:
         yield row(("▶ ", NOTE), (f"phase {planned}", NOTE), ", which is over")
 
 
-def _actions(request: ApprovalRequested, preview: PlanPreview | None) -> Iterator[Row]:
+def _actions(request: ApprovalRequested, preview: PlanPreview | None) -> Iterator[WrappedRow]:
     if not request.plan.actions:
         yield row("", "nothing moves: the plan has no action")
     elif preview is None:
@@ -247,12 +247,12 @@ def _actions(request: ApprovalRequested, preview: PlanPreview | None) -> Iterato
         yield row("  ", ("if halted: ", NOTE), safety_in_words(request.if_halted))
 
 
-def _blocked(request: ApprovalRequested) -> Iterator[Row]:
+def _blocked(request: ApprovalRequested) -> Iterator[WrappedRow]:
     for reason in request.blocked_by:
         yield row(("✘ ", BAD), ("Blocked  ", f"bold {BAD}"), (reason, BAD))
 
 
-def _judge(attempt: Attempt | None, request: ApprovalRequested) -> Row:
+def _judge(attempt: Attempt | None, request: ApprovalRequested) -> WrappedRow:
     if attempt is None or not attempt.judged:
         return row(("? ", WARN), ("Judge: not asked", f"bold {WARN}"))
     given = attempt.verdict
@@ -278,7 +278,7 @@ def objection(feedback: str) -> str:
     return f"{told}: {why}" if why else told
 
 
-def _confidence(attempt: Attempt) -> Iterator[Row]:
+def _confidence(attempt: Attempt) -> Iterator[WrappedRow]:
     """Yield the models' confidence in the reading, and the words that contradict it."""
     gaps = "; ".join(attempt.gaps)
     if attempt.sure is None:
@@ -297,7 +297,7 @@ def _message(trace: MissionTrace, rule_id: str) -> str:
     return next((f.message for f in findings if f.rule_id == rule_id), "")
 
 
-def reading_rows(trace: MissionTrace) -> Iterator[Row]:
+def reading_rows(trace: MissionTrace) -> Iterator[WrappedRow]:
     """Yield what the order was read as, where it may mean something else."""
     request = trace.approval
     if request is None or not request.readings:
@@ -313,7 +313,7 @@ def reading_rows(trace: MissionTrace) -> Iterator[Row]:
     yield row(("△ ", WARN), (f"{doubt}  ", f"bold {WARN}"), f"read{told} as: {asked}")
 
 
-def looked_at_rows(preview: PlanPreview | None, faults: tuple[str, ...]) -> Iterator[Row]:
+def looked_at_rows(preview: PlanPreview | None, faults: tuple[str, ...]) -> Iterator[WrappedRow]:
     """Yield the consequences of another reading, and the rules that block it."""
     if preview is None:
         yield row("  ", ("What it leads to is known once it is planned.", QUIET))
@@ -335,7 +335,7 @@ def reading_label(number: int, asked: str) -> Content:
 _LEAD = 10
 
 
-def offered_rows(read: StandingOrderRead) -> Iterator[Row]:
+def offered_rows(read: StandingOrderRead) -> Iterator[WrappedRow]:
     """Yield all facts of a standing order before its approval."""
     yield row(("▶ ", NOTE), (f"Standing order {read.order.id}: ", f"bold {NOTE}"),
               "it holds from your approval until you revoke it or the session ends")  # fmt: skip
@@ -346,7 +346,9 @@ def offered_rows(read: StandingOrderRead) -> Iterator[Row]:
         yield row(_lead("now"), "it would start nothing: the condition holds of nobody")
 
 
-def order_rows(order: StandingOrder, allowed: Collection[str] | None = None) -> Iterator[Row]:
+def order_rows(
+    order: StandingOrder, allowed: Collection[str] | None = None
+) -> Iterator[WrappedRow]:
     """Yield an order's condition, in words and as CEL, its missions and its approvals."""
     yield row(_lead("whenever"), (order.words, "bold"))
     yield row(_lead("in CEL"), (order.condition, CALM))

@@ -15,7 +15,7 @@ from textual.widget import Widget
 from pa_console.tui.approval.plan_rows import place_words
 from pa_console.tui.plan_preview import PlanPreview
 from pa_console.tui.status_words import BAD, CALM, GOOD, NOTE, QUIET
-from pa_console.tui.widgets.row_views import Row, TextRows
+from pa_console.tui.widgets.row_views import TextRows, WrappedRow
 
 MOST_LABEL = 12
 LEAST_BARS = 12
@@ -182,7 +182,7 @@ class PlanText(VerticalScroll, can_focus=False):
         yield TextRows(id="approval-text")
         yield PlanSchedule(id="approval-schedule")
 
-    def tell(self, rows: Sequence[Row]) -> None:
+    def tell(self, rows: Sequence[WrappedRow]) -> None:
         """Show these lines; what was on screen counts."""
         self.query_one("#approval-text", TextRows).show(tuple(rows))
 

@@ -11,7 +11,7 @@ from pa_console.schema.events.intake import QuestionAnswered
 from pa_console.tui.controllers.approval import ApprovalController
 from pa_console.tui.controllers.commands import CommandController
 from pa_console.tui.controllers.console_session import ConsoleSession
-from pa_console.tui.rows import Row, row
+from pa_console.tui.rows import WrappedRow, row
 from pa_console.tui.status_words import QUIET
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
 from pa_console.tui.widgets.row_views import TextRows
@@ -34,7 +34,7 @@ class AnswerScreen(ModalScreen[None]):
         """Show an answer; `waits` is True if a plan waits for a decision meanwhile."""
         super().__init__()
         self._question, self._waits = question, waits
-        self._rows: tuple[Row, ...] = (row("", (LOOKING, QUIET)),)
+        self._rows: tuple[WrappedRow, ...] = (row("", (LOOKING, QUIET)),)
 
     def compose(self) -> ComposeResult:
         """Yield the panel."""

@@ -14,7 +14,7 @@ from pa_console.station.answering import NO_OTHER
 from pa_console.station.why import attempt_of
 from pa_console.tui.approval.comparison import (
     MOST_BESIDE,
-    Candidate,
+    ComparedPlan,
     PlanComparison,
     other_reading,
     other_way,
@@ -101,7 +101,7 @@ class ApprovalController:
         app.push_screen(screen, self._chosen)
         return True
 
-    def _chosen(self, candidate: Candidate | None) -> None:
+    def _chosen(self, candidate: ComparedPlan | None) -> None:
         """Put a plan forward that was chosen; where nothing waits, its order is only typed."""
         if candidate is None:
             return
@@ -224,7 +224,7 @@ class ApprovalController:
             self._session.tell("the plan no longer waits for a decision", "Modify", bad=True)
 
 
-def _compared_with(world: World, trace: MissionTrace | None, *, over: bool) -> Candidate | None:
+def _compared_with(world: World, trace: MissionTrace | None, *, over: bool) -> ComparedPlan | None:
     """Return the plan that waits, or else, with `over`, the last one of the mission."""
     waits = waiting_plan(world, trace) if trace is not None else None
     if trace is None or waits is not None:

@@ -28,14 +28,14 @@ from pa_console.tui.order_templates import templates
 from pa_console.tui.screens.card import (
     MAP_CHOICES,
     Card,
-    Choice,
+    CardChoice,
     asset_choices,
     asset_lines,
     frame_choices,
     track_choices,
     track_lines,
 )
-from pa_console.tui.screens.choose_line import ChooseLine, Line
+from pa_console.tui.screens.choose_line import ChoiceLine, ChooseLine
 from pa_console.tui.status_words import KIND_WORDS
 from pa_console.tui.widgets.alarms import AlarmPane
 from pa_console.tui.widgets.assets import AssetTable
@@ -176,13 +176,13 @@ class ComposingController:
     def search_history(self) -> None:
         """Let the operator search the orders of this and of earlier sessions."""
         typed = self._session.typed.texts
-        lines = [Line(text) for text in typed]
+        lines = [ChoiceLine(text) for text in typed]
         found = ChooseLine(
             "Earlier orders", lines, nothing="no order was given yet", more=self._with_logs
         )
         self._choose(found)
 
-    def _with_logs(self) -> Iterator[list[Line]]:
+    def _with_logs(self) -> Iterator[list[ChoiceLine]]:
         from pa_console.session.log.writer import default_folder  # noqa: PLC0415
 
         folder = self._settings.loaded.values.logs or default_folder()
@@ -190,7 +190,8 @@ class ComposingController:
         for orders in logged_orders(folder):
             known += orders
             yield [
-                Line(order.text, order.note) for order in merged(self._session.typed.texts, known)
+                ChoiceLine(order.text, order.note)
+                for order in merged(self._session.typed.texts, known)
             ]
 
     def choose_favourite(self) -> None:
@@ -203,21 +204,21 @@ class ComposingController:
                 "Favourites cannot be read",
                 bad=True,
             )
-            lines = [Line(text, TEMPLATE) for text in templates(self._session.world)]
+            lines = [ChoiceLine(text, TEMPLATE) for text in templates(self._session.world)]
         chooser = ChooseLine(
             "Favourites and templates", lines, nothing="there is none", remove=self._without
         )
         self._choose(chooser)
 
-    def _favourite_lines(self) -> list[Line]:
+    def _favourite_lines(self) -> list[ChoiceLine]:
         kept = self._favourites.orders()
         given = [text for text in templates(self._session.world) if text not in kept]
         return [
-            *(Line(text, FAVOURITE) for text in kept),
-            *(Line(text, TEMPLATE) for text in given),
+            *(ChoiceLine(text, FAVOURITE) for text in kept),
+            *(ChoiceLine(text, TEMPLATE) for text in given),
         ]
 
-    def _without(self, order: str) -> list[Line]:
+    def _without(self, order: str) -> list[ChoiceLine]:
         try:
             if order not in self._favourites.orders():
                 raise ValueError("a template belongs to the console and stays")
@@ -314,7 +315,7 @@ class ComposingController:
 
     def _choose_one(self, names: Sequence[str]) -> None:
         picture = self._session.shown_state.picture
-        lines = [Line(name, self._about(name, picture)) for name in names]
+        lines = [ChoiceLine(name, self._about(name, picture)) for name in names]
 
         def chosen(name: str | None) -> None:
             main = self._session.main
@@ -355,7 +356,7 @@ class ComposingController:
         if not self._commands:
             choices = [choice for choice in choices if not choice.order]
 
-        def chosen(choice: Choice | None) -> None:
+        def chosen(choice: CardChoice | None) -> None:
             if choice is not None and choice.does == "follow":
                 self._browsing.follow(name)
             elif choice is not None:
@@ -363,7 +364,7 @@ class ComposingController:
 
         self._app.push_screen(Card(name, lines, choices, at), chosen)
 
-    def _map_choice(self, choice: Choice | None) -> None:
+    def _map_choice(self, choice: CardChoice | None) -> None:
         if choice is not None and choice.does == "sensors":
             self._browsing.with_map(MapView.next_sensors)
         elif choice is not None:

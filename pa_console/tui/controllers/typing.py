@@ -81,7 +81,7 @@ KeyTime = Callable[[events.Key], float]
 
 
 @dataclass(frozen=True)
-class _Chosen:
+class _PressedAction:
     action: ConsoleAction
     time_s: float
 
@@ -95,7 +95,7 @@ class TypingController:
         self._session, self._app, self._settings = session, session.app, settings
         self._key_time = key_time
         self._typed = TypedText()
-        self._chosen: _Chosen | None = None
+        self._chosen: _PressedAction | None = None
         self._line: KeyLine | None = None
         self._timer: Timer | None = None
         self._told = False
@@ -110,7 +110,7 @@ class TypingController:
             self._drop_line()
         return taken
 
-    async def _takes(self, event: events.Key, chosen: _Chosen | None) -> bool:
+    async def _takes(self, event: events.Key, chosen: _PressedAction | None) -> bool:
         time_s = self._key_time(event)
         if self._takes_alt_digit(event):
             return True
@@ -150,7 +150,9 @@ class TypingController:
         self._drop_line()
         self._typed.forget()
 
-    async def _takes_other(self, event: events.Key, chosen: _Chosen | None, time_s: float) -> bool:
+    async def _takes_other(
+        self, event: events.Key, chosen: _PressedAction | None, time_s: float
+    ) -> bool:
         """Enter gives the chosen command, or ends a text; every other key acts."""
         in_field = isinstance(self._app.focused, Input | TextArea)
         ends_text = event.key == "enter" and self._typed.is_text and not in_field
@@ -206,7 +208,7 @@ class TypingController:
         action = with_call(bound.binding.action)
         if action is None or not action.confirmed:
             return False
-        self._chosen = _Chosen(action, time_s)
+        self._chosen = _PressedAction(action, time_s)
         self._say(key_text(event.key), f"then Enter: {action.help}. Any other key drops it")
         return True
 

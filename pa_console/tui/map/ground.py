@@ -73,7 +73,7 @@ _NO_PLACE = 40.0
 
 
 @dataclass(frozen=True)
-class Ground:
+class MapGround:
     """A view of a world without anything that moves, and where the names of frames go."""
 
     view: Projection
@@ -83,7 +83,7 @@ class Ground:
     """Frame -> where its name begins; in a crowded view some have none."""
 
 
-def draw_ground(world: World, view: Projection) -> Ground:
+def draw_ground(world: World, view: Projection) -> MapGround:
     """Draw everything that stays where it is; the names of frames are placed, but not written."""
     canvas = Canvas(view.width, view.height)
     barriers = Barriers(world, view)
@@ -106,7 +106,7 @@ def draw_ground(world: World, view: Projection) -> Ground:
         cells = [(start + offset, row) for offset in range(len(name) + 2)]
         if all(canvas.holds(cell) and cell not in barriers for cell in cells):
             canvas.write((start, row), f" {name} ", "zone-label")
-    return Ground(view, canvas, barriers, _names(world, view, canvas.copy()))
+    return MapGround(view, canvas, barriers, _names(world, view, canvas.copy()))
 
 
 def _names(world: World, view: Projection, canvas: Canvas) -> dict[str, Cell]:

@@ -35,7 +35,7 @@ _AMBIGUOUS = 1.5
 _NEXT_TO_NOTHING = 2.0
 
 
-class Place(NamedTuple):
+class LabelPlacement(NamedTuple):
     """One way to write a block beside a marker at (0, 0)."""
 
     cost: float
@@ -99,13 +99,13 @@ class Labels:
             cell for cell in cells if cell[1] == last[1] and self._canvas.role(cell) != "leader"
         ]
         for at, added in ((last[0] + 1, f" {text}"), (name[0][0] - len(text) - 1, f"{text} ")):
-            place = Place(0.0, (), (0, 0))
+            place = LabelPlacement(0.0, (), (0, 0))
             free = self._free((at, last[1]), place, len(added), 1)
             if free and self._cost((at, last[1]), place, len(added), 1) < _NEXT_TO_NOTHING:
                 cells += self._write((at, last[1]), place, [[(added, role)]], len(added))
                 return
 
-    def _free(self, at: Cell, place: Place, width: int, height: int) -> bool:
+    def _free(self, at: Cell, place: LabelPlacement, width: int, height: int) -> bool:
         """Return whether a leader and a name fit on the canvas without hiding a kept cell."""
         (x, y), (right, down), taken = at, place.start, self._taken
         left, top = x + right, y + down
@@ -117,7 +117,7 @@ class Labels:
                 return False
         return all(taken[row].find(1, left, left + width) < 0 for row in range(top, top + height))
 
-    def _cost(self, at: Cell, place: Place, width: int, height: int) -> float:
+    def _cost(self, at: Cell, place: LabelPlacement, width: int, height: int) -> float:
         left, top = at[0] + place.start[0], at[1] + place.start[1]
         canvas, marks, cost = self._canvas, self._canvas.marks, 0.0
         for row in range(top, top + height):
@@ -136,7 +136,7 @@ class Labels:
         return cost
 
     def _parted(
-        self, at: Cell, spots: Sequence[Spot], place: Place, width: int, height: int
+        self, at: Cell, spots: Sequence[Spot], place: LabelPlacement, width: int, height: int
     ) -> bool:
         """Return whether a barrier or a marker lies between the marker and its name."""
         left, top = at[0] + place.start[0], at[1] + place.start[1]
@@ -149,7 +149,7 @@ class Labels:
             return True
         return not place.leader and not crossed.isdisjoint(self._canvas.marks)
 
-    def _write(self, at: Cell, place: Place, block: Block, width: int) -> list[Cell]:
+    def _write(self, at: Cell, place: LabelPlacement, block: Block, width: int) -> list[Cell]:
         cells = [(at[0] + x, at[1] + y) for x, y in place.leader]
         for before, cell, after in zip([at, *cells], cells, [*cells[1:], None], strict=False):
             self._canvas.put(cell, _leader_glyph(before, cell, after), "leader")
@@ -193,19 +193,19 @@ def _corners(here: Cell, there: Cell) -> Iterator[Cell]:
 
 
 @lru_cache(maxsize=256)
-def _places(width: int, height: int, gap: int) -> tuple[Place, ...]:
+def _places(width: int, height: int, gap: int) -> tuple[LabelPlacement, ...]:
     """Return all ways to write a block of that many cells, the best first."""
     return tuple(sorted(_all_places(width, height, gap)))
 
 
-def _all_places(width: int, height: int, gap: int) -> Iterator[Place]:
+def _all_places(width: int, height: int, gap: int) -> Iterator[LabelPlacement]:
     for up in range(height):
-        yield Place(0.2 * up, (), (1 + gap, -up))
-        yield Place(0.1 + 0.2 * up, (), (-width - gap, -up))
+        yield LabelPlacement(0.2 * up, (), (1 + gap, -up))
+        yield LabelPlacement(0.1 + 0.2 * up, (), (-width - gap, -up))
     for right in range(-width, 2):
         cost = 1.0 + 0.1 * abs(right + width // 2)
-        yield Place(cost, (), (right, -height))
-        yield Place(cost + 0.1, (), (right, 1))
+        yield LabelPlacement(cost, (), (right, -height))
+        yield LabelPlacement(cost + 0.1, (), (right, 1))
     for length in range(1, LONGEST_LEADER + 1):
         far = 1.6 + 0.5 * length
         for x, y in ((1, 0), (1, -1), (1, 1)):
@@ -214,19 +214,19 @@ def _all_places(width: int, height: int, gap: int) -> Iterator[Place]:
                 end = leader[-1]
                 start = end[0] + 1 if side > 0 else end[0] - width
                 for up in range(height):
-                    yield Place(far + 0.3 * bool(y), leader, (start, end[1] - up))
+                    yield LabelPlacement(far + 0.3 * bool(y), leader, (start, end[1] - up))
                     for more in range(1, LONGEST_LEADER) if y else ():
                         bent = *leader, *((end[0] + side * n, end[1]) for n in range(1, more + 1))
                         at = start + side * more, end[1] - up
-                        yield Place(far + 1.0 + 0.3 * more, bent, at)
+                        yield LabelPlacement(far + 1.0 + 0.3 * more, bent, at)
         for y in (-1, 1):
             leader = tuple((0, y * n) for n in range(1, length + 1))
             row = leader[-1][1] - height if y < 0 else leader[-1][1] + 1
             for right in range(1 - width, 1):
                 cost = 2 * far - 1.6 + 0.1 * abs(right + width // 2)
-                yield Place(cost, leader, (right, row))
+                yield LabelPlacement(cost, leader, (right, row))
             for more, side in product(range(1, LONGEST_LEADER), (1, -1)):
                 bent = *leader, *((side * n, y * length) for n in range(1, more + 1))
                 for up in range(height):
                     at = (more + 1 if side > 0 else -more - width), y * length - up
-                    yield Place(2 * far + 0.3 * more, bent, at)
+                    yield LabelPlacement(2 * far + 0.3 * more, bent, at)

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 from pa_console.schema.world import World
 from pa_console.tui.map.canvas import Canvas, Run, Strokes
-from pa_console.tui.map.ground import Ground
+from pa_console.tui.map.ground import MapGround
 from pa_console.tui.map.labels import Labels
 from pa_console.tui.map.markers import Symbol
 from pa_console.tui.map.projection import Projection
@@ -57,7 +57,7 @@ class PlanLayer:
         for cell in ends:
             canvas.put(cell, ARRIVAL, "arrival")
 
-    def write(self, labels: Labels, ground: Ground, world: World) -> None:
+    def write(self, labels: Labels, ground: MapGround, world: World) -> None:
         """Write at every place who comes there when, and what becomes of its cover.
 
         Without room beside the place it stands behind the place's name.

@@ -12,7 +12,7 @@ from pa_console.schema.events.session import ReportedContact
 from pa_console.schema.telemetry import AssetTelemetry, Picture
 from pa_console.schema.world import Frame, World
 from pa_console.tui.map.canvas import FREE, Canvas, Cell, Run, Spot, Strokes
-from pa_console.tui.map.ground import FRAME_GLYPHS, Ground, draw_ground
+from pa_console.tui.map.ground import FRAME_GLYPHS, MapGround, draw_ground
 from pa_console.tui.map.labels import Labels
 from pa_console.tui.map.markers import (
     Marker,
@@ -198,7 +198,7 @@ class MapScene:
 
     def _draw_ground(
         self, width: int, height: int, window: Window, fit: tuple[int, int] | None
-    ) -> Ground:
+    ) -> MapGround:
         return draw_ground(self.world, Projection(self.world, width, height, *window, fit))
 
     def draw(
@@ -265,7 +265,7 @@ class MapScene:
     def _named(
         self,
         canvas: Canvas,
-        ground: Ground,
+        ground: MapGround,
         picture: Picture,
         look: Reliance,
         markers: Markers,

@@ -22,7 +22,7 @@ WIDTH = 46
 """Cells of a card; it is as high as what is on it."""
 
 
-class Choice(NamedTuple):
+class CardChoice(NamedTuple):
     """A line of the card: it types `order`, or is the console's own action `does`."""
 
     name: str
@@ -30,49 +30,50 @@ class Choice(NamedTuple):
     does: str = ""
 
 
-FOLLOW = Choice("Follow on the map", does="follow")
+FOLLOW = CardChoice("Follow on the map", does="follow")
 MAP_CHOICES = (
-    Choice("Nearer", does="zoom_in"),
-    Choice("Farther", does="zoom_out"),
-    Choice("What sensors see", does="sensors"),
+    CardChoice("Nearer", does="zoom_in"),
+    CardChoice("Farther", does="zoom_out"),
+    CardChoice("What sensors see", does="sensors"),
 )
 """The choices for an empty place on the map."""
 
 
-def asset_choices(asset: AssetTelemetry) -> list[Choice]:
+def asset_choices(asset: AssetTelemetry) -> list[CardChoice]:
     """Return the possible orders to this asset; one that has failed can only be looked at."""
     if asset.status == "failed":
         return [FOLLOW]
     orders = [
-        Choice(form.name, form.text.replace("{asset}", asset.id)) for form in forms_for(asset.kind)
+        CardChoice(form.name, form.text.replace("{asset}", asset.id))
+        for form in forms_for(asset.kind)
     ]
     return [*orders, FOLLOW]
 
 
-def track_choices(track: Track, world: World) -> list[Choice]:
+def track_choices(track: Track, world: World) -> list[CardChoice]:
     """Return what the team can do about a track."""
     kinds = {spec.kind for spec in world.assets.values()}
-    found: list[Choice] = []
+    found: list[CardChoice] = []
     if "uav" in kinds:
-        found.append(Choice("Look at it", f"Send a drone to look at {track.gate}."))
+        found.append(CardChoice("Look at it", f"Send a drone to look at {track.gate}."))
     if "robot" in kinds:
         about = f"{track.id} at {track.gate}"
-        found.append(Choice("Identify it", f"Send a robot to identify {about}."))
+        found.append(CardChoice("Identify it", f"Send a robot to identify {about}."))
         if track.identity != "authorized":
-            found.append(Choice("Warn it", f"Send a robot to warn {about}."))
+            found.append(CardChoice("Warn it", f"Send a robot to warn {about}."))
     return [*found, FOLLOW]
 
 
-def frame_choices(name: str, world: World) -> list[Choice]:
+def frame_choices(name: str, world: World) -> list[CardChoice]:
     """Return what can be ordered for a place."""
     kinds = {spec.kind for spec in world.assets.values()}
-    found = [Choice("Send … here", f"Send {{asset}} to {name}.")]
+    found = [CardChoice("Send … here", f"Send {{asset}} to {name}.")]
     if name in world.gates:
         if "uav" in kinds:
-            found.append(Choice("Look", f"Send a drone to look at {name}."))
+            found.append(CardChoice("Look", f"Send a drone to look at {name}."))
         if "ugv" in kinds:
-            found.append(Choice("Block", f"Let {{{PLAIN_KINDS['ugv']}}} block {name}."))
-        found.append(Choice("Report", f"Report on {name}."))
+            found.append(CardChoice("Block", f"Let {{{PLAIN_KINDS['ugv']}}} block {name}."))
+        found.append(CardChoice("Report", f"Report on {name}."))
     return [*found, FOLLOW]
 
 
@@ -94,7 +95,7 @@ def track_lines(track: Track) -> list[str]:
     ]
 
 
-class Card(ModalScreen[Choice | None]):
+class Card(ModalScreen[CardChoice | None]):
     """Returns the choice, or None. Choosing gives no command: an order is typed, not sent."""
 
     BINDINGS = [
@@ -103,7 +104,11 @@ class Card(ModalScreen[Choice | None]):
     ]
 
     def __init__(
-        self, title: str, lines: Sequence[str], choices: Sequence[Choice], at: Offset | None = None
+        self,
+        title: str,
+        lines: Sequence[str],
+        choices: Sequence[CardChoice],
+        at: Offset | None = None,
     ) -> None:
         """`at` is the cell of the screen beside which it opens, None for the middle."""
         super().__init__()

@@ -19,7 +19,7 @@ from pa_console.tui.widgets.row_views import VirtualRows
 PLAIN_HINT = "↑ ↓ point · Enter chooses · Esc goes back"
 
 
-class Line(NamedTuple):
+class ChoiceLine(NamedTuple):
     """A choice, and the note beside it."""
 
     text: str
@@ -35,7 +35,7 @@ class LineRows(VirtualRows):
         super().__init__(**kwargs)
         self._notes: dict[str, str] = {}
 
-    def show(self, lines: Sequence[Line]) -> None:
+    def show(self, lines: Sequence[ChoiceLine]) -> None:
         """Show these lines; the pointer stays on its line, or goes to the first."""
         self._notes = dict(lines)
         self.set_keys(list(self._notes))
@@ -68,11 +68,11 @@ class ChooseLine(ModalScreen[str | None]):
     def __init__(
         self,
         title: str,
-        lines: Sequence[Line],
+        lines: Sequence[ChoiceLine],
         *,
         nothing: str,
-        more: Callable[[], Iterator[list[Line]]] | None = None,
-        remove: Callable[[str], list[Line]] | None = None,
+        more: Callable[[], Iterator[list[ChoiceLine]]] | None = None,
+        remove: Callable[[str], list[ChoiceLine]] | None = None,
     ) -> None:
         """Show the lines; `nothing` is shown when there is none.
 
@@ -116,7 +116,7 @@ class ChooseLine(ModalScreen[str | None]):
             if self.is_attached:
                 self.app.call_from_thread(self._take, None)
 
-    def _take(self, lines: list[Line] | None) -> None:
+    def _take(self, lines: list[ChoiceLine] | None) -> None:
         if not self.is_attached:
             return
         if lines is None:

@@ -12,7 +12,7 @@ from pa_console.schema.text import clock_text, count
 from pa_console.session.log.chain import LogError
 from pa_console.session.recording import Player, Recording
 from pa_console.tui.recordings import OpenedLog
-from pa_console.tui.rows import Row, row
+from pa_console.tui.rows import WrappedRow, row
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.status_words import BAD, GOOD, NOTE, QUIET, WARN
 from pa_console.tui.surroundings import Clock
@@ -175,9 +175,9 @@ def heading(
     return Content.assemble(*parts)
 
 
-def around(recording: Recording, at: int, width: int) -> tuple[Row, ...]:
+def around(recording: Recording, at: int, width: int) -> tuple[WrappedRow, ...]:
     """Return a row, `width` cells wide, for the events before `at`, for it, and for those after."""
-    rows: list[Row] = []
+    rows: list[WrappedRow] = []
     for index in range(max(at - BEFORE, 0), min(at + AFTER + 1, len(recording))):
         event = recording[index]
         when = f"{clock_text(recording.timeline.seconds[index])} "
@@ -189,7 +189,7 @@ def around(recording: Recording, at: int, width: int) -> tuple[Row, ...]:
         line = line.truncate(width, ellipsis=True)
         if index == at:
             line = line.pad_right(max(0, width - line.cell_length)).stylize("reverse")
-        rows.append(Row(Content(), line))
+        rows.append(WrappedRow(Content(), line))
     if at >= len(recording):
         rows.append(row("", (ENDED.center(width), "reverse")))
     return tuple(rows)
@@ -197,9 +197,9 @@ def around(recording: Recording, at: int, width: int) -> tuple[Row, ...]:
 
 def change_rows(
     found: SessionComparison, shown: EventDifference | None, names: tuple[str, str]
-) -> tuple[Row, ...]:
+) -> tuple[WrappedRow, ...]:
     """Return what differs in how the sessions were started, and at the difference, A over B."""
-    rows: list[Row] = []
+    rows: list[WrappedRow] = []
     if found.started:
         rows.append(row("", ("They were started differently", f"bold {NOTE}")))
     rows += [

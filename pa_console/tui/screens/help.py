@@ -9,7 +9,7 @@ from textual.containers import VerticalScroll
 from textual.screen import ModalScreen
 
 from pa_console.tui.actions import ACTIONS, GROUPS, ActionContext, key_text, shown_keys
-from pa_console.tui.rows import Row, column, row
+from pa_console.tui.rows import WrappedRow, column, row
 from pa_console.tui.status_words import NOTE, QUIET, TERMS
 from pa_console.tui.widgets.row_views import TextRows
 
@@ -36,12 +36,12 @@ LETTER_WAITS = " (a letter waits for Enter)"
 
 def help_rows(
     now: ActionContext, keymap: Mapping[str, str] | None = None, here: Sequence[Binding] = ()
-) -> list[Row]:
+) -> list[WrappedRow]:
     """Return the help page with the user's keys; an action that is not legal now says why.
 
     The keys of the screen that is open, `here`, come first.
     """
-    rows: list[Row] = []
+    rows: list[WrappedRow] = []
     if here:
         rows.append(row("", ("On this screen", f"bold {NOTE}")))
         rows += [
@@ -81,7 +81,7 @@ class HelpScreen(ModalScreen[None]):
         Binding("m,M", "app.carry_out('manual')", "Manual"),
     ]
 
-    def __init__(self, rows: Sequence[Row]) -> None:
+    def __init__(self, rows: Sequence[WrappedRow]) -> None:
         super().__init__()
         self._rows = tuple(rows)
 

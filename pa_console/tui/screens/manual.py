@@ -20,7 +20,7 @@ FOUND = "-found"
 """The class of the heading that was jumped to."""
 
 
-class Place(NamedTuple):
+class PagePosition(NamedTuple):
     """A page, and the number of the heading in it that is at the top of the screen."""
 
     page: Page
@@ -38,9 +38,9 @@ class ManualScreen(Screen[None]):
     def __init__(self, manual: Manual) -> None:
         super().__init__()
         self._manual = manual
-        self._places = [Place(page) for page in manual.pages]
+        self._places = [PagePosition(page) for page in manual.pages]
         self._wanted = self._places[0]
-        self._shown: Place | None = None
+        self._shown: PagePosition | None = None
         self._busy = False
 
     def compose(self) -> ComposeResult:
@@ -65,7 +65,7 @@ class ManualScreen(Screen[None]):
             self._list_pages()
             return
         hits = self._manual.search(words)
-        self._places = [Place(hit.page, hit.number) for hit in hits]
+        self._places = [PagePosition(hit.page, hit.number) for hit in hits]
         self._list(
             [
                 Content.assemble(
@@ -106,7 +106,7 @@ class ManualScreen(Screen[None]):
         except ValueError as error:
             self.notify(str(error), title="Manual", severity="error", markup=False)
             return
-        self._show(Place(page, page.heading_of(anchor)))
+        self._show(PagePosition(page, page.heading_of(anchor)))
 
     def action_search(self) -> None:
         """Type words to find."""
@@ -114,7 +114,7 @@ class ManualScreen(Screen[None]):
 
     def _list_pages(self) -> None:
         pages = self._manual.pages
-        self._places = [Place(page) for page in pages]
+        self._places = [PagePosition(page) for page in pages]
         at = next((number for number, page in enumerate(pages) if page == self._wanted.page), 0)
         self._list([Content(f" {page.title}") for page in pages], at)
         self._title(f"{len(pages)} pages; / finds words in all of them")
@@ -130,7 +130,7 @@ class ManualScreen(Screen[None]):
         text = Content.assemble(("Manual  ", f"bold {NOTE}"), (note, QUIET))
         self.query_one("#manual-title", Static).update(text)
 
-    def _show(self, place: Place) -> None:
+    def _show(self, place: PagePosition) -> None:
         """Show a place; of several that are asked for while one is laid out, the last is next."""
         self._wanted = place
         if not self._busy:

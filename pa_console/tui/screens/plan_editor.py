@@ -31,7 +31,7 @@ def read_plan(text: str) -> Plan | str:
         return f"{place}: {first['msg']}" if place else first["msg"]
 
 
-class PlanText(TextField):
+class PlanField(TextField):
     """The text of a plan, which one key selects as a whole, to be replaced by another."""
 
     BINDINGS = [Binding("ctrl+a", "select_all", "Select all", show=False)]
@@ -55,7 +55,7 @@ class PlanEditor(ModalScreen[Plan | None]):
         """Yield the editor, the verdict on its text, and the buttons."""
         with Vertical(id="editor"):
             yield Static("The changed plan goes through all safeguards again.", id="editor-note")
-            yield PlanText(self.draft, id="editor-text", tab_behavior="focus", compact=True)
+            yield PlanField(self.draft, id="editor-text", tab_behavior="focus", compact=True)
             yield Static(id="editor-error", markup=False)
             yield Static("commands: " + ", ".join(_usage()), id="editor-help", markup=False)
             with Horizontal(id="editor-buttons"):

@@ -32,7 +32,7 @@ SETTLE_S = 0.25
 
 
 @dataclass(frozen=True)
-class Checked:
+class CheckedDraft:
     """A draft with its findings on the plans of the session."""
 
     draft: RuleDraft
@@ -58,7 +58,7 @@ class RuleEditor(Screen[str]):
         self._bench = bench
         self._opened, self._begun = bench.drafts.get(opened.id, (opened, opened.text))
         self._timer: Timer | None = None
-        self.checked: Checked | None = None
+        self.checked: CheckedDraft | None = None
         """The result for the present text; None while it is not known."""
 
     def compose(self) -> ComposeResult:
@@ -121,15 +121,15 @@ class RuleEditor(Screen[str]):
         self._bench.drafts.keep()
         self.run_worker(self._examine(), group="check", exclusive=True)
 
-    async def _examine(self) -> Checked:
+    async def _examine(self) -> CheckedDraft:
         """Check the text beside the screen, and show the result unless the text has changed."""
         text, opened, cases = self.text, self._opened, self._bench.cases.cases()
 
-        def examine() -> Checked:
+        def examine() -> CheckedDraft:
             draft = check_draft(text, opened.taken)
             if draft.entry is None:
-                return Checked(draft, ())
-            return Checked(draft, try_rule(draft.entry, cases, self._bench.world, opened.id))
+                return CheckedDraft(draft, ())
+            return CheckedDraft(draft, try_rule(draft.entry, cases, self._bench.world, opened.id))
 
         found = await asyncio.to_thread(examine)
         if text == self.text:

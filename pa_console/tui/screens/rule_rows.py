@@ -17,7 +17,7 @@ from pa_console.schema.text import count
 from pa_console.schema.world import World
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.kept_input import Drafts
-from pa_console.tui.rows import Part, Row, column, row
+from pa_console.tui.rows import Part, WrappedRow, column, row
 from pa_console.tui.status_words import BAD, GOOD, NOTE, QUIET, WARN, term
 from pa_console.views.rule_trail import RuleUse
 
@@ -45,7 +45,7 @@ def rule_line(rule: Rule, score: float | None, *, draft: bool) -> Content:
     )
 
 
-def rule_rows(rule: Rule, hit: RuleHit | None) -> list[Row]:
+def rule_rows(rule: Rule, hit: RuleHit | None) -> list[WrappedRow]:
     """Return everything there is to know of one rule."""
     urgency = term("priority", rule.priority)
     mode = term("rule", "checked" if rule.decidable else "judged")
@@ -109,7 +109,7 @@ def _enforcement(rule: Rule) -> str:
     return "blocks a plan for everyone" if rule.enforced else "a warning to be acknowledged"
 
 
-def use_rows(uses: Iterable[RuleUse]) -> Iterator[Row]:
+def use_rows(uses: Iterable[RuleUse]) -> Iterator[WrappedRow]:
     """Yield the missions of this session in which a rule was retrieved, decided or broken."""
     yield row("")
     yield row("", ("in this session", f"bold {NOTE}"))
@@ -146,7 +146,7 @@ def draft_line(draft: RuleDraft) -> Part:
     return f"✔ compiles, {count(len(draft.examples), 'example')} right", GOOD
 
 
-def draft_rows(draft: RuleDraft, trials: Iterable[Trial]) -> Iterator[Row]:
+def draft_rows(draft: RuleDraft, trials: Iterable[Trial]) -> Iterator[WrappedRow]:
     """Yield the results of a draft's examples, and its findings on known plans."""
     if draft.examples:
         yield row("", (f"examples ({len(draft.examples)})", f"bold {NOTE}"))
@@ -165,7 +165,7 @@ def draft_rows(draft: RuleDraft, trials: Iterable[Trial]) -> Iterator[Row]:
         yield row(["  ", (f"{trial.case.title}: ", QUIET)], *parts)
 
 
-def _example(result: ExampleResult) -> Row:
+def _example(result: ExampleResult) -> WrappedRow:
     if result.right:
         return row(["  ", ("✔ ", GOOD)], result.name, (f"  {_EXPECTED[result.expect]}", QUIET))
     got = _GOT.get(result.got, "cannot be decided")

@@ -31,7 +31,7 @@ from pa_console.tui.recordings import (
     open_compared,
     open_log,
 )
-from pa_console.tui.rows import Row, row
+from pa_console.tui.rows import WrappedRow, row
 from pa_console.tui.screens.compare import CompareScreen
 from pa_console.tui.screens.dialogs import open_beside
 from pa_console.tui.screens.recording import RecordingScreen
@@ -94,7 +94,7 @@ class SessionRows(PointedRows[SessionSummary]):
         }
 
 
-def detail_rows(summary: SessionSummary, standing: Soundness | None) -> tuple[Row, ...]:
+def detail_rows(summary: SessionSummary, standing: Soundness | None) -> tuple[WrappedRow, ...]:
     """Return everything that the list has no room for: every mission, and why the log is sound."""
     running = standing is not None and standing.standing == "running"
     never = "not yet" if running else "its log was never closed"
@@ -120,7 +120,7 @@ def detail_rows(summary: SessionSummary, standing: Soundness | None) -> tuple[Ro
     return tuple(rows)
 
 
-def _line(name: str, text: str) -> Row:
+def _line(name: str, text: str) -> WrappedRow:
     return row([(f"{name:<10}", QUIET)], text)
 
 

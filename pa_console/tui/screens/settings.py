@@ -17,8 +17,8 @@ from textual.widgets.option_list import Option
 from pa_console.schema.document import DocumentError
 from pa_console.settings.file import save_setting
 from pa_console.settings.sources import LoadedSettings
-from pa_console.tui.rows import Row, column, row
-from pa_console.tui.settings_rows import Choice, choices, is_chosen, to_write, value_of
+from pa_console.tui.rows import WrappedRow, column, row
+from pa_console.tui.settings_rows import SettingChoice, choices, is_chosen, to_write, value_of
 from pa_console.tui.status_words import NOTE, QUIET
 from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.fields import LineField
@@ -78,7 +78,7 @@ class SettingsScreen(Screen[None]):
         )
         self.query_one("#setting-title", Static).update(text)
 
-    def _line(self, choice: Choice) -> Content:
+    def _line(self, choice: SettingChoice) -> Content:
         value, chosen = value_of(self._loaded, choice), is_chosen(self._loaded, choice)
         source = self._loaded.origin(str(choice.field[0])).source if chosen else ""
         return Content.assemble(
@@ -188,7 +188,7 @@ class SettingsScreen(Screen[None]):
             listing.focus()
 
 
-def _help(loaded: LoadedSettings, choice: Choice) -> list[Row]:
+def _help(loaded: LoadedSettings, choice: SettingChoice) -> list[WrappedRow]:
     """Return what there is to know of a choice."""
     rows = [row("", (choice.title, "bold"), (f"  {choice.id}", QUIET)), row("", choice.help)]
     if choice.limits:

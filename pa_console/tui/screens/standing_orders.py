@@ -15,7 +15,7 @@ from pa_console.schema.text import clock_text, count
 from pa_console.session.state import SessionState, StandingTrace
 from pa_console.tui.approval.plan_rows import order_rows
 from pa_console.tui.refresh import is_open
-from pa_console.tui.rows import Row, row
+from pa_console.tui.rows import WrappedRow, row
 from pa_console.tui.status_words import BAD, GOOD, QUIET, WARN
 from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.row_views import Cells, Layout, PointedRows, TextRows
@@ -52,7 +52,7 @@ class StandingRows(PointedRows[StandingTrace]):
             "state": state,
         }
 
-    def detail(self) -> Iterator[Row]:
+    def detail(self) -> Iterator[WrappedRow]:
         """Yield everything about the order at the pointer."""
         trace = self.item
         if trace is None:

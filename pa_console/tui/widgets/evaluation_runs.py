@@ -16,7 +16,7 @@ from pa_console.evaluation.statistics import ReportTable, SuccessRate
 from pa_console.schema.evaluation import Expectation
 from pa_console.schema.mission import Metrics
 from pa_console.schema.text import count, duration_text
-from pa_console.tui.rows import Part, Row, column, layout, row
+from pa_console.tui.rows import Part, WrappedRow, column, layout, row
 from pa_console.tui.status_words import BAD, NOTE, QUIET, WARN, term
 from pa_console.tui.widgets.row_views import Cells, Layout, PointedRows
 
@@ -85,7 +85,7 @@ _STAGES = (
 _LEAD = 9
 
 
-def run_rows(record: RunRecord) -> list[Row]:
+def run_rows(record: RunRecord) -> list[WrappedRow]:
     """Return a run from its command to its latency; what went wrong comes before the rest."""
     strict, ended = _score(record.strict), term("mission", record.status)
     expected: list[Part] = [EXPECTED[record.expect]]
@@ -128,7 +128,7 @@ def run_rows(record: RunRecord) -> list[Row]:
     return rows
 
 
-def _field(name: str, *body: Part) -> Row:
+def _field(name: str, *body: Part) -> WrappedRow:
     return row([column(name, _LEAD, QUIET)], *body)
 
 
@@ -170,7 +170,7 @@ def _answers(record: RunRecord) -> list[Part]:
     return parts
 
 
-def _latency(metrics: Metrics) -> list[Row]:
+def _latency(metrics: Metrics) -> list[WrappedRow]:
     """Return the seconds of every stage that took any; execution is in simulated seconds."""
     taken = [(name, getattr(metrics, field)) for name, field in _STAGES]
     parts: list[Part] = [(duration_text(metrics.end_to_end_s), f"bold {NOTE}"), " in all:"]
@@ -221,7 +221,7 @@ def totals_text(shown: Sequence[RunRecord], runs: int, problem: str) -> Content:
     return Content.assemble(*parts)
 
 
-def nothing_rows(folder: Path, problem: str) -> tuple[Row, ...]:
+def nothing_rows(folder: Path, problem: str) -> tuple[WrappedRow, ...]:
     """Yield the reason why there is no run, and the remedy."""
     texts = (_UNREADABLE,) if problem else _NO_RUNS
     return tuple(row("", text.format(folder=homely(folder))) for text in texts)

@@ -11,7 +11,7 @@ from textual.strip import Strip
 from textual.visual import Visual
 
 from pa_console.session.state import NOTICES_KEPT, Notice
-from pa_console.tui.rows import Row, layout, row
+from pa_console.tui.rows import WrappedRow, layout, row
 from pa_console.tui.status_words import QUIET, term
 
 
@@ -27,7 +27,7 @@ class EventList(ScrollView):
         super().__init__(id=kwargs.get("id"))
         self._all_known = all_known
         self._shown: deque[Notice] = deque(maxlen=NOTICES_KEPT)
-        self._rows: list[Row] = []
+        self._rows: list[WrappedRow] = []
         self._lines: list[Content] = []
         self._laid_out = 0
         self._ending, self._at_end = False, True
@@ -96,7 +96,7 @@ class EventList(ScrollView):
         return "\n".join(line.plain for line in self._lines)
 
 
-def notice_row(notice: Notice) -> Row:
+def notice_row(notice: Notice) -> WrappedRow:
     """Return a notice as time, level sign, subject and text; the level is a word in alarms."""
     mark = term("level", notice.level)
     word = f"{mark.word} " if notice.level == "alarm" else ""

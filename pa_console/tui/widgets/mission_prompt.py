@@ -39,7 +39,7 @@ MOST_SHOWN = 6
 """The number of names that fit a slot that are shown; the rest are counted."""
 
 
-class _Tried(NamedTuple):
+class _TriedCompletion(NamedTuple):
     """A name that was written, number `number` of those found, and how the field then was."""
 
     found: Completion
@@ -80,7 +80,7 @@ class MissionInput(TextField):
         self._names, self._clock = names, clock
         self._here, self._elsewhere = here, elsewhere
         self._put_at_s: float | None = None
-        self._tried: _Tried | None = None
+        self._tried: _TriedCompletion | None = None
         super().__init__(
             compact=True,
             id="mission-input",
@@ -224,7 +224,7 @@ class MissionInput(TextField):
         """Write a name in place of the `written` characters before the cursor."""
         row, column = self.cursor_location
         self.replace(found.names[number], (row, column - written), (row, column))
-        self._tried = _Tried(found, number, self.text, self.cursor_location)
+        self._tried = _TriedCompletion(found, number, self.text, self.cursor_location)
         self.suggestion = ""
 
     def action_new_line(self) -> None:

@@ -14,7 +14,7 @@ from textual.strip import Strip
 from textual.visual import Visual
 from textual.widget import Widget
 
-from pa_console.tui.rows import Row, column, layout
+from pa_console.tui.rows import WrappedRow, column, layout
 from pa_console.tui.status_words import NOTE, QUIET
 
 Cells = Mapping[str, tuple[str, str]]
@@ -57,12 +57,12 @@ class TextRows(Widget):
 
     DEFAULT_CSS = "TextRows { height: auto; width: 1fr; }"
 
-    def __init__(self, rows: tuple[Row, ...] = (), **kwargs: str | None) -> None:
+    def __init__(self, rows: tuple[WrappedRow, ...] = (), **kwargs: str | None) -> None:
         super().__init__(id=kwargs.get("id"), classes=kwargs.get("classes"))
         self._rows = rows
         self._laid_out: tuple[int, Content] | None = None
 
-    def show(self, rows: tuple[Row, ...]) -> None:
+    def show(self, rows: tuple[WrappedRow, ...]) -> None:
         """Show other rows; the same rows again cost nothing."""
         if rows != self._rows:
             self._rows, self._laid_out = rows, None

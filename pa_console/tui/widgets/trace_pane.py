@@ -11,7 +11,7 @@ from textual.widgets import Static
 
 from pa_console.schema.text import visible
 from pa_console.session.mission_trace import MissionTrace
-from pa_console.tui.rows import Row, Section, plain, row
+from pa_console.tui.rows import RowSection, WrappedRow, plain, row
 from pa_console.tui.status_words import STYLES
 from pa_console.tui.widgets.row_views import TextRows
 from pa_console.views import trace_layout, trace_parts
@@ -22,28 +22,28 @@ from pa_console.views.trace_planning import Rules
 _SHOWN = TraceOptions()
 
 
-def sections(trace: MissionTrace, rules: Rules) -> list[Section]:
+def sections(trace: MissionTrace, rules: Rules) -> list[RowSection]:
     """Return everything known of the mission, in the order in which it happened."""
     return [shown for part in lay_out(trace, rules, _SHOWN) for shown in drawn(part)]
 
 
-def drawn(section: trace_parts.Section) -> list[Section]:
+def drawn(section: trace_parts.TraceSection) -> list[RowSection]:
     """Return a section with its rows; its parts are rows of it, or follow it when it is open."""
     title = content(title_of(section))
     if section.collapsed:
         rows = (*_own_rows(section), *_spread(section.parts))
-        return [Section(section.key, title, rows, collapsed=True)]
-    own = Section(section.key, title, tuple(_own_rows(section)))
+        return [RowSection(section.key, title, rows, collapsed=True)]
+    own = RowSection(section.key, title, tuple(_own_rows(section)))
     return [own, *(shown for part in section.parts for shown in drawn(part))]
 
 
-def _own_rows(section: trace_parts.Section) -> Iterable[Row]:
-    return (Row(content(item.lead), content(item.body)) for item in rows_of(section))
+def _own_rows(section: trace_parts.TraceSection) -> Iterable[WrappedRow]:
+    return (WrappedRow(content(item.lead), content(item.body)) for item in rows_of(section))
 
 
-def _spread(given: Iterable[trace_parts.Section]) -> list[Row]:
+def _spread(given: Iterable[trace_parts.TraceSection]) -> list[WrappedRow]:
     """Return the rows of sections under their titles."""
-    result: list[Row] = []
+    result: list[WrappedRow] = []
     for section in given:
         result += [row("", content(title_of(section))), *_own_rows(section)]
         result += _spread(section.parts)
@@ -71,7 +71,7 @@ def progress(trace: MissionTrace) -> Content:
     return Content.assemble(bar, " ", words)
 
 
-def headline(trace: MissionTrace) -> list[Row]:
+def headline(trace: MissionTrace) -> list[WrappedRow]:
     """Return the mission's id, origin and text, and where it stands in each workflow."""
     return [row("", content(line)) for line in trace_layout.headline(trace)]
 
@@ -107,7 +107,7 @@ class SectionTitle(Static, can_focus=True):
 class SectionView(Vertical):
     """One section; what the operator folded or unfolded stays so while it grows."""
 
-    def __init__(self, section: Section) -> None:
+    def __init__(self, section: RowSection) -> None:
         super().__init__()
         self._section = section
         self._title = SectionTitle()
@@ -123,7 +123,7 @@ class SectionView(Vertical):
         """Show the title with its fold sign."""
         self._label()
 
-    def show(self, section: Section) -> None:
+    def show(self, section: RowSection) -> None:
         """Show the section's newer content."""
         shown = self._section
         renamed = not section.title.is_same(shown.title)
@@ -183,7 +183,7 @@ class TracePane(Vertical):
         parts = sections(trace, self._rules) if trace else []
         self._replace(parts, self.query_one("#trace-sections", Vertical))
 
-    def _replace(self, parts: list[Section], body: Vertical) -> None:
+    def _replace(self, parts: list[RowSection], body: Vertical) -> None:
         keys = {part.key for part in parts}
         for gone in [key for key in self._views if key not in keys]:
             self._views.pop(gone).remove()
