@@ -275,8 +275,8 @@ class ConsoleApp(App[None]):
 
     # What arrives
 
-    @on(SessionFeed.Received)
-    def _received(self, message: SessionFeed.Received) -> None:
+    @on(SessionFeed.EventReceived)
+    def _received(self, message: SessionFeed.EventReceived) -> None:
         self.feed.take(message.event)
         self.controllers.rules.take(message.event)
 
@@ -284,8 +284,8 @@ class ConsoleApp(App[None]):
     def _stream_ended(self, message: SessionFeed.StreamEnded) -> None:
         self.feed.end(message.problem)
 
-    @on(VirtualRows.Chosen)
-    def _row_chosen(self, message: VirtualRows.Chosen) -> None:
+    @on(VirtualRows.RowChosen)
+    def _row_chosen(self, message: VirtualRows.RowChosen) -> None:
         self.controllers.composing.row_chosen(message)
 
     @on(MapView.Picked)

@@ -272,7 +272,7 @@ class ComposingController:
         tracks = tuple(picture.tracks) if picture is not None else ()
         self._choose_one((*tracks, *world.frames, *world.assets))
 
-    def row_chosen(self, message: VirtualRows.Chosen) -> None:
+    def row_chosen(self, message: VirtualRows.RowChosen) -> None:
         """Open the card of a row of the table; follow what a row of the alarms is about."""
         rows = message.rows
         if isinstance(rows, AssetTable):

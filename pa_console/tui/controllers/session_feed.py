@@ -23,7 +23,7 @@ class SessionFeed:
     """Feeds the main screen from a live station, at most one frame each FRAME_S seconds."""
 
     @dataclass
-    class Received(Message):
+    class EventReceived(Message):
         """The station yielded an event."""
 
         event: Event
@@ -62,7 +62,7 @@ class SessionFeed:
         try:
             async for event in station.run():
                 self.observer(event)
-                self._app.post_message(self.Received(event))
+                self._app.post_message(self.EventReceived(event))
                 await asyncio.sleep(0)
         except Exception as error:  # whatever broke, the operator must keep the console
             problem = f"{type(error).__name__}: {error}"

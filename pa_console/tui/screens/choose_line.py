@@ -149,8 +149,8 @@ class ChooseLine(ModalScreen[str | None]):
         if cursor := self.query_one(LineRows).cursor:
             self.dismiss(cursor)
 
-    @on(VirtualRows.Chosen)
-    def _chosen(self, event: VirtualRows.Chosen) -> None:
+    @on(VirtualRows.RowChosen)
+    def _chosen(self, event: VirtualRows.RowChosen) -> None:
         event.stop()
         self.dismiss(event.key)
 

@@ -183,8 +183,8 @@ class EvaluationScreen(Screen[None]):
         self._detail()
         self.query_one("#evaluation-detail", VerticalScroll).scroll_home(animate=False)
 
-    @on(RunRows.Chosen)
-    def _chosen(self, event: RunRows.Chosen) -> None:
+    @on(RunRows.RowChosen)
+    def _chosen(self, event: RunRows.RowChosen) -> None:
         event.stop()
         self.action_trace()
 

@@ -84,8 +84,8 @@ class FindEvent(ModalScreen[int | None]):
         if self.query_one(HitRows).keys:
             self.query_one(HitRows).focus()
 
-    @on(VirtualRows.Chosen)
-    def _chosen(self, event: VirtualRows.Chosen) -> None:
+    @on(VirtualRows.RowChosen)
+    def _chosen(self, event: VirtualRows.RowChosen) -> None:
         event.stop()
         self.dismiss(int(event.key))
 

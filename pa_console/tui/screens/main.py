@@ -179,7 +179,7 @@ class MainScreen(Screen[None]):
             self.go_to("alarms")
         return self.query_one(AlarmPane)
 
-    def on_view_bar_chosen(self, message: ViewBar.Chosen) -> None:
+    def on_view_bar_view_chosen(self, message: ViewBar.ViewChosen) -> None:
         """Jump to the pointed place."""
         self.focus_view(message.view)
 
@@ -330,7 +330,7 @@ class MainScreen(Screen[None]):
                 return True
         return False
 
-    def on_example_orders_taken(self, message: ExampleOrders.Taken) -> None:
+    def on_example_orders_order_chosen(self, message: ExampleOrders.OrderChosen) -> None:
         """Type the example that was clicked."""
         message.stop()
         self.query_one(MissionPrompt).put(message.order)

@@ -95,7 +95,7 @@ class RecordingScreen(MainScreen):
                 markup=False,
             )
 
-    def on_scrubber_asked(self, message: Scrubber.Asked) -> None:
+    def on_scrubber_place_clicked(self, message: Scrubber.PlaceClicked) -> None:
         """Go to the place that was clicked."""
         message.stop()
         self.move(lambda player: player.seek(message.share * player.duration))

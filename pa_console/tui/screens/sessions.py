@@ -226,8 +226,8 @@ class SessionsScreen(Screen[None]):
         self._detail()
         self.query_one("#sessions-detail", VerticalScroll).scroll_home(animate=False)
 
-    @on(SessionRows.Chosen)
-    def _chosen(self, event: SessionRows.Chosen) -> None:
+    @on(SessionRows.RowChosen)
+    def _chosen(self, event: SessionRows.RowChosen) -> None:
         event.stop()
         self._with_log(Path(event.key), self._play)
 

@@ -23,7 +23,7 @@ class Scrubber(Static):
     """One cell for each part of the recording, with the worst mark in it."""
 
     @dataclass
-    class Asked(Message):
+    class PlaceClicked(Message):
         """The bar was clicked; `share` of the recording, 0 to 1, is before that place."""
 
         share: float
@@ -68,7 +68,7 @@ class Scrubber(Static):
         """Ask to go to the place that was clicked."""
         place = event.get_content_offset(self)
         if place is not None:
-            self.post_message(self.Asked((place.x + 0.5) / self.places))
+            self.post_message(self.PlaceClicked((place.x + 0.5) / self.places))
 
 
 VIEWS = (
@@ -81,7 +81,7 @@ class ViewBar(Static):
     """The names of the views, with the shown one marked; a click on a name chooses it."""
 
     @dataclass
-    class Chosen(Message):
+    class ViewChosen(Message):
         """A view's name was clicked."""
 
         view: str
@@ -101,7 +101,7 @@ class ViewBar(Static):
         for view, label in VIEWS:
             end = plain.find(label, end) + len(label) + 2
             if event.x < end:
-                self.post_message(self.Chosen(view))
+                self.post_message(self.ViewChosen(view))
                 return
 
 

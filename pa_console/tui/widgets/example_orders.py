@@ -72,7 +72,7 @@ class ExampleOrders(Vertical):
     """Shown until the first mission of a session."""
 
     @dataclass
-    class Taken(Message):
+    class OrderChosen(Message):
         """One of the orders was chosen."""
 
         order: str
@@ -90,4 +90,4 @@ class ExampleOrders(Vertical):
     def on_example_line_clicked(self, message: ExampleLine.Clicked) -> None:
         """Pass the clicked example on."""
         message.stop()
-        self.post_message(self.Taken(message.order))
+        self.post_message(self.OrderChosen(message.order))

@@ -100,7 +100,7 @@ class VirtualRows(ScrollView):
     ]
 
     @dataclass
-    class Chosen(Message):
+    class RowChosen(Message):
         """Enter or a click on the row of `key`."""
 
         rows: "VirtualRows"
@@ -211,7 +211,7 @@ class VirtualRows(ScrollView):
     def action_choose(self) -> None:
         """Post that the row under the cursor was chosen."""
         if self.cursor:
-            self.post_message(self.Chosen(self, self.cursor))
+            self.post_message(self.RowChosen(self, self.cursor))
 
     def on_click(self, event: events.Click) -> None:
         """Choose the row that was clicked."""
