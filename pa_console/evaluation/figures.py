@@ -22,7 +22,7 @@ from pa_console.evaluation.statistics import (
     spread,
 )
 from pa_console.evaluation.tables_judgement import (
-    Judgement,
+    VerdictSource,
     confidence_and_success,
     confusion,
     reliability,
@@ -429,7 +429,7 @@ def figure_five(records: Records, beside: bool) -> "Figure":
     models = by_model(records)
     theirs = [m for m in MODELS if beside and any(published(m, q) for q in QUANTITIES)]
     figure, axes = new_figure(7.2, 5.4, rows=2)
-    judgements: tuple[Judgement, ...] = ("judge, plan", "judge, outcome")
+    judgements: tuple[VerdictSource, ...] = ("judge, plan", "judge, outcome")
     titles = ("before execution: verdict on the plan", "after execution: verdict on the outcome")
     for ax, judgement, title in zip(axes, judgements, titles, strict=True):
         found = [confusion(runs, judgement) for runs in models.values()]

@@ -32,7 +32,7 @@ from pa_console.evaluation.statistics import (
 )
 from pa_console.session.confidence import UNSURE
 
-Judgement = Literal["judge, plan", "judge, outcome", "telemetry"]
+VerdictSource = Literal["judge, plan", "judge, outcome", "telemetry"]
 
 
 def _telemetry(record: RunRecord) -> Opinion | None:
@@ -41,7 +41,7 @@ def _telemetry(record: RunRecord) -> Opinion | None:
     return "Failure" if record.verification == "fail" else None
 
 
-JUDGEMENTS: dict[Judgement, Callable[[RunRecord], Opinion | None]] = {
+JUDGEMENTS: dict[VerdictSource, Callable[[RunRecord], Opinion | None]] = {
     "judge, plan": lambda record: record.judge_plan,
     "judge, outcome": lambda record: record.judge_outcome,
     "telemetry": _telemetry,
@@ -49,7 +49,7 @@ JUDGEMENTS: dict[Judgement, Callable[[RunRecord], Opinion | None]] = {
 """The judges of a run's success, and their judgement of one."""
 
 
-def confusion(records: Records, judgement: Judgement) -> Confusion:
+def confusion(records: Records, judgement: VerdictSource) -> Confusion:
     """Return the confusion of `judgement` on `records` against strict success."""
     says = JUDGEMENTS[judgement]
     return Confusion.of((says(record), record.strict) for record in records)

@@ -41,7 +41,7 @@ from pa_console.signing import LOCK_SECONDS, SITE_OWNER, SigningError, site_keys
 OWNER = "owner"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
-Ask = Callable[[str], str]
+AskPassphrase = Callable[[str], str]
 """Returns the passphrase of the key of that name."""
 
 
@@ -63,7 +63,7 @@ class ListedKey:
 class KeyFolder:
     """Makes, reads and changes the keys of one site; raises SigningError with path and remedy."""
 
-    def __init__(self, path: Path | None = None, ask: Ask | None = None) -> None:
+    def __init__(self, path: Path | None = None, ask: AskPassphrase | None = None) -> None:
         """`path` is by default beside the signing key; `ask` gives passphrases where keys have one.
 
         Nothing is read or made yet.

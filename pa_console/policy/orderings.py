@@ -236,7 +236,7 @@ def _in_time(
     return (was if was.stage == "open" else OrderingProgress("open", time_s)), late
 
 
-Facts = tuple[str, str, str, bool, bool, bool]
+StageFacts = tuple[str, str, str, bool, bool, bool]
 
 
 class WorkflowMove(NamedTuple):
@@ -262,7 +262,7 @@ class WorkflowRun:
     skipped: tuple[str, ...] = ()
     outcome: str = ""
     ended: bool = False
-    _facts: Facts | None = field(default=None, repr=False)
+    _facts: StageFacts | None = field(default=None, repr=False)
     _since_s: float = field(default=0.0, repr=False)
 
     @classmethod
@@ -353,7 +353,7 @@ class WorkflowRun:
             return False
 
 
-def _facts(track: TrackMoment) -> Facts:
+def _facts(track: TrackMoment) -> StageFacts:
     return (
         track.identity,
         track.intent,

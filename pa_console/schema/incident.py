@@ -233,7 +233,7 @@ def _which(value: object) -> str | None:
     return next((f"<{field}>" for field in fields if field in ("track", "asset", "event")), None)
 
 
-Condition = Annotated[
+IncidentCondition = Annotated[
     Annotated[TrackIs, Tag("<track>")]
     | Annotated[AssetIs, Tag("<asset>")]
     | Annotated[After, Tag("<event>")],
@@ -250,7 +250,7 @@ class ScriptedEvent(StrictModel):
 
     name: Name | None = None
     at_s: NonNegative | None = None
-    when: Condition | None = None
+    when: IncidentCondition | None = None
     delay_s: NonNegative = 0.0
     do: Incident
 

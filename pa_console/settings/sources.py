@@ -20,14 +20,14 @@ PATHS = ("logs", "cache", "signing_key")
 EXPORTED = ("cache", "signing_key")
 """Settings that lower layers and child processes read from the environment."""
 
-Source = Literal["command line", "environment", "file", "default"]
+SettingSource = Literal["command line", "environment", "file", "default"]
 
 
 @dataclass(frozen=True)
 class SettingOrigin:
     """The origin of a value; `place` is an option, a variable, or a file with its line."""
 
-    source: Source
+    source: SettingSource
     place: str = ""
 
 

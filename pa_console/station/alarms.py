@@ -13,7 +13,7 @@ from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Trac
 from pa_console.schema.world import World
 from pa_console.session.wording import TRACK_PLACES
 
-Topic = Literal["threat", "track", "cover", "asset", "battery", "camera", "sensor"]
+AlarmTopic = Literal["threat", "track", "cover", "asset", "battery", "camera", "sensor"]
 BATTERY_MARGIN_PCT = 3.0
 """A battery alarm stays open until the battery is so much above the limit, or on its way home."""
 
@@ -26,7 +26,7 @@ class Cause:
     the alarm clears, in simulated seconds. One that is not `raises` only keeps an alarm open.
     """
 
-    topic: Topic
+    topic: AlarmTopic
     kind: AlarmKind
     priority: AlarmPriority
     subject: str
@@ -41,7 +41,7 @@ class Cause:
     """The sensors that detect its track."""
 
     @property
-    def key(self) -> tuple[Topic, str]:
+    def key(self) -> tuple[AlarmTopic, str]:
         """The identity of its alarm: causes of the same key are one alarm."""
         return self.topic, " ".join(self.sensors) if self.topic == "sensor" else self.subject
 
@@ -184,7 +184,7 @@ def _asset(asset: AssetTelemetry, alone_at: str | None, time_s: float) -> Iterat
         )  # fmt: skip
 
 
-def almost_low(picture: Picture, world: World) -> Iterator[tuple[Topic, str]]:
+def almost_low(picture: Picture, world: World) -> Iterator[tuple[AlarmTopic, str]]:
     """Yield the batteries near their limit: an open alarm of one of them does not clear."""
     for asset in picture.assets.values():
         near = asset.battery_pct < world.low_battery_pct + BATTERY_MARGIN_PCT
@@ -209,8 +209,8 @@ def _an(words: str) -> str:
     return f"An {words}" if words[0] in "aeiou" else f"A {words}"
 
 
-Key = tuple[Topic, str]
-Change = AlarmRaised | AlarmCleared
+Key = tuple[AlarmTopic, str]
+AlarmChange = AlarmRaised | AlarmCleared
 Sensors = tuple[str, ...]
 MOST_MINOR = 12
 """Most medium and low alarms of one kind that are open at a time; the rest wait for room."""
@@ -297,7 +297,7 @@ class AlarmBook:
         self.acknowledged.add(alarm_id)
         return AlarmAcknowledged(alarm_id=alarm_id, by=by)
 
-    def look(self, picture: Picture) -> list[Change]:
+    def look(self, picture: Picture) -> list[AlarmChange]:
         """Take in a new picture; return what it changed: clears, then raises, most urgent first."""
         self._remember_guards(picture)
         shown = {cause.key: cause for cause in causes(picture, self.world, self._guards)}

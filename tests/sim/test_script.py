@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from pa_console.schema.incident import (
     After,
     AssetIs,
-    Condition,
     FailAsset,
     Incident,
+    IncidentCondition,
     ObstructWay,
     PlaceAsset,
     RandomEvents,
@@ -89,7 +89,7 @@ def test_events_follow_each_other(world: World) -> None:
         AssetIs(asset="Drone_T03", state="silent"),
     ],
 )
-def test_an_event_waits_for_what_assets_come_to(world: World, condition: Condition) -> None:
+def test_an_event_waits_for_what_assets_come_to(world: World, condition: IncidentCondition) -> None:
     sim = Checkpoint(world, 1, scenario(ScriptedEvent(when=condition, delay_s=1.0, do=MARK)))
     assert happenings(sim, 3.0) == []
     order(sim, "Drone_T04", "observe", "EastGate")

@@ -12,7 +12,7 @@ from pa_console.schema.events.event import AlarmCleared, AlarmRaised
 from pa_console.schema.mission import ALARM_PRIORITIES, Alarm
 from pa_console.schema.telemetry import AssetTelemetry, CameraReport, GateCover, Picture, Track
 from pa_console.sim.worlds.world_file import load_world
-from pa_console.station.alarms import MOST_ALIKE, MOST_IDS, MOST_MINOR, AlarmBook, Change
+from pa_console.station.alarms import MOST_ALIKE, MOST_IDS, MOST_MINOR, AlarmBook, AlarmChange
 from tests.mission.pictures import GATES, asset, track
 
 WORLD = load_world(find_data("worlds", "checkpoint", "world.yaml"))
@@ -48,7 +48,7 @@ def scene(
     )  # fmt: skip
 
 
-def play(book: AlarmBook, scenes: Iterable[Picture]) -> list[Change]:
+def play(book: AlarmBook, scenes: Iterable[Picture]) -> list[AlarmChange]:
     return [change for picture in scenes for change in book.look(picture)]
 
 
@@ -58,7 +58,7 @@ def every(seconds: float, *tracks: Track, start: float = 0.0, **changes: Any) ->
     return [scene(start + step / 2, *tracks, **changes) for step in steps]
 
 
-def raised(changes: Iterable[Change]) -> list[Alarm]:
+def raised(changes: Iterable[AlarmChange]) -> list[Alarm]:
     return [change.alarm for change in changes if isinstance(change, AlarmRaised)]
 
 

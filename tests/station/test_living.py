@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import (
-    Condition,
     FailAsset,
     Incident,
+    IncidentCondition,
     Scenario,
     ScriptedEvent,
     SetBattery,
@@ -24,7 +24,9 @@ WARN = plan(("Robot_T01", "warn WestGate"))
 FILL = plan(("Drone_T04", "move_to EastGate"))
 
 
-def scenario(*events: tuple[float | Condition, Incident], duration_s: float = 200.0) -> Scenario:
+def scenario(
+    *events: tuple[float | IncidentCondition, Incident], duration_s: float = 200.0
+) -> Scenario:
     """Return a scenario of incidents at times or on conditions."""
     return Scenario(
         name="test",

@@ -7,7 +7,7 @@ import typer
 from rich.table import Table
 
 from pa_console.cli.options import JsonOption, WorldOption
-from pa_console.schema.incident import After, AssetIs, AssetReach, Condition, TrackIs
+from pa_console.schema.incident import After, AssetIs, AssetReach, IncidentCondition, TrackIs
 from pa_console.schema.text import count
 from pa_console.session.log.writer import refuse_audit_file
 from pa_console.sim.worlds.scenario_file import list_scenarios, open_scenario
@@ -135,7 +135,7 @@ def check_scenario(
     )
 
 
-def _condition(condition: Condition | None) -> str:
+def _condition(condition: IncidentCondition | None) -> str:
     match condition:
         case TrackIs(track=track, state=state):
             return f"when {track} is {state}"

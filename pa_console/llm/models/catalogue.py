@@ -144,7 +144,7 @@ class PackageSource(StrictModel):
         return self
 
 
-Source = Annotated[PathSource | HubSource | PackageSource, Field(discriminator="kind")]
+WeightsSource = Annotated[PathSource | HubSource | PackageSource, Field(discriminator="kind")]
 
 
 ChatFormat = Literal["template", "chatml", "plain"]
@@ -186,7 +186,7 @@ class ModelEntry(StrictModel):
         description="another model that reads an order of which this one is unsure, if it is here",
     )
     notes: str = ""
-    sources: tuple[Source, ...] = Field(min_length=1)
+    sources: tuple[WeightsSource, ...] = Field(min_length=1)
 
     @property
     def description(self) -> str:

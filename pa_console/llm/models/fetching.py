@@ -25,10 +25,16 @@ from pa_console.llm.models.cache import (
     run_watched,
     silent,
 )
-from pa_console.llm.models.catalogue import HubSource, ModelEntry, PackageSource, PathSource, Source
+from pa_console.llm.models.catalogue import (
+    HubSource,
+    ModelEntry,
+    PackageSource,
+    PathSource,
+    WeightsSource,
+)
 
 
-def label_of(source: Source) -> str:
+def label_of(source: WeightsSource) -> str:
     """Return the name of `source` in messages."""
     match source:
         case PathSource():

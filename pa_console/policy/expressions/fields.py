@@ -17,9 +17,9 @@ from pa_console.policy.expressions.syntax import (
     Constant,
     Index,
     Listing,
-    Node,
     Operation,
     Select,
+    SyntaxNode,
     Variable,
 )
 
@@ -79,7 +79,7 @@ def names_of(fields: Fields | None, every: Iterable[str]) -> Iterable[str]:
     return every if fields is None else fields
 
 
-def fields_read(tree: Node, shapes: Shapes) -> Fields:
+def fields_read(tree: SyntaxNode, shapes: Shapes) -> Fields:
     """Return what the expression `tree` reads of the variables that `shapes` describes."""
     roots = {name: _ReadValue(shape) for name, shape in shapes.items()}
     reader = _FieldReader(roots)
@@ -132,7 +132,7 @@ class _FieldReader:
         self._roots = roots
         self.named: set[str] = set()
 
-    def read(self, node: Node, bound: Mapping[str, _Value]) -> _Value:
+    def read(self, node: SyntaxNode, bound: Mapping[str, _Value]) -> _Value:
         """Return the value of `node`; `bound` is what the loops around it go through."""
         match node:
             case Constant():
@@ -166,7 +166,7 @@ class _FieldReader:
             return value.element
         return value.part(name)
 
-    def _index(self, value: _Value, at: Node, bound: Mapping[str, _Value]) -> _Value:
+    def _index(self, value: _Value, at: SyntaxNode, bound: Mapping[str, _Value]) -> _Value:
         self._read_whole((at,), bound)
         if value is None or value.element is not None:
             return None if value is None else value.element
@@ -200,7 +200,7 @@ class _FieldReader:
         name: str,
         target: _Value,
         variable: str,
-        bodies: Sequence[Node],
+        bodies: Sequence[SyntaxNode],
         bound: Mapping[str, _Value],
     ) -> _Value:
         """Return what a loop over `target` yields; over a map, it goes through the keys."""
@@ -214,7 +214,7 @@ class _FieldReader:
         return target if name == "filter" and listed else None
 
     def _operation(
-        self, sign: str, operands: tuple[Node, ...], bound: Mapping[str, _Value]
+        self, sign: str, operands: tuple[SyntaxNode, ...], bound: Mapping[str, _Value]
     ) -> _Value:
         if sign in ("==", "!=") and Constant("null") in operands:
             for operand in operands:
@@ -234,6 +234,6 @@ class _FieldReader:
         if value is not None and value.element is None:
             _whole(value)
 
-    def _read_whole(self, nodes: Iterable[Node], bound: Mapping[str, _Value]) -> None:
+    def _read_whole(self, nodes: Iterable[SyntaxNode], bound: Mapping[str, _Value]) -> None:
         for node in nodes:
             _whole(self.read(node, bound))

@@ -289,7 +289,7 @@ class Variable:
 class Select:
     """`of.field`."""
 
-    of: "Node"
+    of: "SyntaxNode"
     field: str
 
 
@@ -297,8 +297,8 @@ class Select:
 class Index:
     """`of[at]`."""
 
-    of: "Node"
-    at: "Node"
+    of: "SyntaxNode"
+    at: "SyntaxNode"
 
 
 @dataclass(frozen=True)
@@ -306,8 +306,8 @@ class Call:
     """`name(...)`, or `target.name(...)`; a loop is one too."""
 
     name: str
-    target: "Node | None"
-    arguments: tuple["Node", ...]
+    target: "SyntaxNode | None"
+    arguments: tuple["SyntaxNode", ...]
 
 
 @dataclass(frozen=True)
@@ -315,7 +315,7 @@ class Operation:
     """An operator and its operands: one, two, or three for `?`."""
 
     sign: str
-    operands: tuple["Node", ...]
+    operands: tuple["SyntaxNode", ...]
 
 
 @dataclass(frozen=True)
@@ -323,13 +323,13 @@ class Listing:
     """A list that is written out; `sign` is `{` for a map, whose keys and values are `items`."""
 
     sign: str
-    items: tuple["Node", ...]
+    items: tuple["SyntaxNode", ...]
 
 
-Node = Constant | Variable | Select | Index | Call | Operation | Listing
+SyntaxNode = Constant | Variable | Select | Index | Call | Operation | Listing
 
 
-def syntax_tree(tokens: Sequence[ExpressionToken]) -> Node:
+def syntax_tree(tokens: Sequence[ExpressionToken]) -> SyntaxNode:
     """Return the tree of an expression; raises SyntaxTreeError where it is not understood."""
     parser = _ExpressionParser(tokens)
     tree = parser.expression()
@@ -343,7 +343,7 @@ class _ExpressionParser:
     def __init__(self, tokens: Sequence[ExpressionToken]) -> None:
         self._tokens, self._at = tokens, 0
 
-    def expression(self) -> Node:
+    def expression(self) -> SyntaxNode:
         condition = self._binary(0)
         if not self._take("?"):
             return condition
@@ -355,7 +355,7 @@ class _ExpressionParser:
         if self._at != len(self._tokens):
             raise SyntaxTreeError(f"{self._tokens[self._at].text!r} is not expected")
 
-    def _binary(self, level: int) -> Node:
+    def _binary(self, level: int) -> SyntaxNode:
         if level == len(_LEVELS):
             return self._unary()
         found = self._binary(level + 1)
@@ -364,7 +364,7 @@ class _ExpressionParser:
             found = Operation(sign, (found, self._binary(level + 1)))
         return found
 
-    def _unary(self) -> Node:
+    def _unary(self) -> SyntaxNode:
         signs: list[str] = []
         while (sign := self._sign()) in ("!", "-"):
             self._at += 1
@@ -374,7 +374,7 @@ class _ExpressionParser:
             found = Operation(sign, (found,))
         return found
 
-    def _member(self) -> Node:
+    def _member(self) -> SyntaxNode:
         found = self._primary()
         while True:
             if self._take("."):
@@ -389,7 +389,7 @@ class _ExpressionParser:
             else:
                 return found
 
-    def _primary(self) -> Node:
+    def _primary(self) -> SyntaxNode:
         if self._at == len(self._tokens):
             raise SyntaxTreeError("it ends too early")
         token = self._tokens[self._at]
@@ -414,9 +414,9 @@ class _ExpressionParser:
             return Listing("{", self._until("}"))
         raise SyntaxTreeError(f"{token.text!r} is not expected")
 
-    def _until(self, close: str) -> tuple[Node, ...]:
+    def _until(self, close: str) -> tuple[SyntaxNode, ...]:
         """Return the parts up to the bracket `close`: arguments, elements, or keys and values."""
-        found: list[Node] = []
+        found: list[SyntaxNode] = []
         while not self._take(close):
             found.append(self.expression())
             if close == "}":

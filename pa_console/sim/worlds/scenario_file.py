@@ -23,7 +23,7 @@ from pa_console.schema.world import World
 FOLDER = "scenarios"
 """The folder of a world's scenarios, beside its world file."""
 
-Problem = tuple[FieldPath, str]
+FieldProblem = tuple[FieldPath, str]
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def list_scenarios(world_path: Path) -> list[tuple[str, str]]:
     return [(path.stem, Document.read(path).parse(Scenario).title) for path in files]
 
 
-def scenario_problems(scenario: Scenario, world: World) -> Iterator[Problem]:
+def scenario_problems(scenario: Scenario, world: World) -> Iterator[FieldProblem]:
     """Yield (field, problem with its remedy) for each name that `world` lacks."""
     yield from _spawned_twice(scenario)
     yield from _never(scenario)
@@ -128,7 +128,7 @@ def _incidents(scenario: Scenario) -> Iterator[tuple[FieldPath, Incident]]:
             yield ("random", index, "do", number), incident
 
 
-def _spawned_twice(scenario: Scenario) -> Iterator[Problem]:
+def _spawned_twice(scenario: Scenario) -> Iterator[FieldProblem]:
     """Refuse a handle that would mean two contacts."""
     seen: set[str] = set()
     for field, incident in _incidents(scenario):
@@ -138,7 +138,7 @@ def _spawned_twice(scenario: Scenario) -> Iterator[Problem]:
             seen.add(incident.name)
 
 
-def _never(scenario: Scenario) -> Iterator[Problem]:
+def _never(scenario: Scenario) -> Iterator[FieldProblem]:
     """Refuse events that wait for themselves, directly or through others or their own contact."""
     spawner = {
         event.do.name: index

@@ -23,7 +23,7 @@ LARGEST_M = 5000.0
 MOST_FRAME_M2 = 40_000.0
 """The squares of all frames' radii together, m²: four frames of the largest size."""
 
-Problem = tuple[FieldPath, str]
+FieldProblem = tuple[FieldPath, str]
 Floats = npt.NDArray[np.float64]
 Lines = npt.NDArray[np.object_]
 
@@ -43,7 +43,7 @@ def load_world(path: Path) -> World:
     return world
 
 
-def geometry_problems(world: World) -> Iterator[Problem]:
+def geometry_problems(world: World) -> Iterator[FieldProblem]:
     """Yield (field, problem with its remedy) for everything that cannot be simulated."""
     standing = True
     for source in (_sizes, _polygons, _walls):
@@ -62,7 +62,7 @@ def geometry_problems(world: World) -> Iterator[Problem]:
         yield from _posts(world)
 
 
-def _sizes(world: World) -> Iterator[Problem]:
+def _sizes(world: World) -> Iterator[FieldProblem]:
     """Keep every size within what the simulation can represent."""
     limits: list[tuple[FieldPath, float, float, float]] = [
         (("dt_s",), world.dt_s, 0.01, 0.5),
@@ -111,7 +111,7 @@ def _all_points(world: World) -> Iterator[tuple[FieldPath, tuple[Point, ...]]]:
         yield ("walls", index), (wall.start, wall.end)
 
 
-def _polygons(world: World) -> Iterator[Problem]:
+def _polygons(world: World) -> Iterator[FieldProblem]:
     named = [(("perimeter",), world.perimeter)]
     named += [(("zones", name, "polygon"), zone.polygon) for name, zone in world.zones.items()]
     for field, points in named:
@@ -120,13 +120,13 @@ def _polygons(world: World) -> Iterator[Problem]:
             yield field, "the sides cross or enclose nothing; list the corners in order"
 
 
-def _walls(world: World) -> Iterator[Problem]:
+def _walls(world: World) -> Iterator[FieldProblem]:
     for index, wall in enumerate(world.walls):
         if wall.start == wall.end:
             yield ("walls", index, "end"), "start and end are the same point"
 
 
-def _frames(world: World, walls: Lines, thick: Floats) -> Iterator[Problem]:
+def _frames(world: World, walls: Lines, thick: Floats) -> Iterator[FieldProblem]:
     """Frames must be where a ground asset can stand, and apart, or `at` would be ambiguous."""
     ground = [p.radius_m for kind, p in world.platforms.items() if kind != "uav"]
     widest = max(ground, default=0.0)
@@ -150,7 +150,7 @@ def _frames(world: World, walls: Lines, thick: Floats) -> Iterator[Problem]:
                 )
 
 
-def _lanes(world: World, walls: Lines, thick: Floats) -> Iterator[Problem]:
+def _lanes(world: World, walls: Lines, thick: Floats) -> Iterator[FieldProblem]:
     """A lane must lead to where tracks wait for its gate, on open ground."""
     reach = waiting_distance(world)
     for name, lane in world.lanes.items():
@@ -168,7 +168,7 @@ def _lanes(world: World, walls: Lines, thick: Floats) -> Iterator[Problem]:
             yield ("lanes", name, "points"), f"it runs through walls.{index}"
 
 
-def _posts(world: World) -> Iterator[Problem]:
+def _posts(world: World) -> Iterator[FieldProblem]:
     """There must be a standing place for every asset at the frame where it starts."""
     terrain = Terrain(world)
     posted = Counter((spec.post, spec.kind == "uav") for spec in world.assets.values())

@@ -32,7 +32,7 @@ from pa_console.tui.approval.plan_rows import approval_rows, looked_at_rows
 from pa_console.tui.approval.plan_text import PlanText, panel_rows
 from pa_console.tui.plan_preview import PlanPreview
 from pa_console.tui.status_words import term
-from pa_console.tui.surroundings import Clock, JoinedTo
+from pa_console.tui.surroundings import JoinedTo, SecondsClock
 from pa_console.tui.widgets.fields import CheckBox
 
 ARM_DELAY_S = 0.6
@@ -89,7 +89,7 @@ class ApprovalPanel(Vertical, can_focus=True):
 
     def __init__(
         self,
-        clock: Clock = time.monotonic,
+        clock: SecondsClock = time.monotonic,
         *,
         decides: bool = True,
         joined: JoinedTo | None = None,

@@ -13,7 +13,7 @@ from pa_console.tui.actions import ActionContext, ConsoleAction
 from pa_console.tui.kept_input import History
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.screens.recording import RecordingScreen
-from pa_console.tui.surroundings import Clock, JoinedTo, LiveStation
+from pa_console.tui.surroundings import JoinedTo, LiveStation, SecondsClock
 
 
 class ConsoleSession:
@@ -27,7 +27,7 @@ class ConsoleSession:
         player: Player | None,
         *,
         readonly: bool,
-        clock: Clock,
+        clock: SecondsClock,
         joined: JoinedTo | None = None,
     ) -> None:
         """A live console has a `station`, a replay a `player`; one may have `joined` another."""

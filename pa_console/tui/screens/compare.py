@@ -15,7 +15,7 @@ from pa_console.tui.recordings import OpenedLog
 from pa_console.tui.rows import WrappedRow, row
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.status_words import BAD, GOOD, NOTE, QUIET, WARN
-from pa_console.tui.surroundings import Clock
+from pa_console.tui.surroundings import SecondsClock
 from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.row_views import TextRows
@@ -36,7 +36,7 @@ class CompareScreen(ModalScreen[None]):
         Binding("b", "open(1)", "Open B"),
     ]
 
-    def __init__(self, a: OpenedLog, b: OpenedLog, clock: Clock) -> None:
+    def __init__(self, a: OpenedLog, b: OpenedLog, clock: SecondsClock) -> None:
         super().__init__()
         self._sides, self._clock = (a, b), clock
         self._found: SessionComparison | None = None

@@ -22,7 +22,7 @@ from pa_console.tui.rows import layout, row
 from pa_console.tui.screens.dialogs import AskFolder, open_beside
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.status_words import WARN
-from pa_console.tui.surroundings import Clock
+from pa_console.tui.surroundings import SecondsClock
 from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.evaluation_runs import (
     KINDS,
@@ -54,7 +54,9 @@ class EvaluationScreen(Screen[None]):
         Binding("o", "other", "Other folder", show=False),
     ]
 
-    def __init__(self, folder: Path, clock: Clock = time.monotonic, *, over: bool = True) -> None:
+    def __init__(
+        self, folder: Path, clock: SecondsClock = time.monotonic, *, over: bool = True
+    ) -> None:
         """Show the evaluation in `folder`; `over` another screen, Escape goes back there."""
         super().__init__()
         self._folder, self._clock, self._over = folder, clock, over

@@ -22,7 +22,7 @@ from pa_console.tui.approval.plan_text import PlanSchedule
 from pa_console.tui.kept_input import History
 from pa_console.tui.order_templates import OrderNames
 from pa_console.tui.plan_preview import PlanPreview, Playback, waiting_plan
-from pa_console.tui.surroundings import Clock, JoinedTo
+from pa_console.tui.surroundings import JoinedTo, SecondsClock
 from pa_console.tui.widgets.alarms import AlarmBar, AlarmPane
 from pa_console.tui.widgets.assets import AssetPane
 from pa_console.tui.widgets.bars import VIEWS, KeyFooter, StatusBar, ViewBar
@@ -70,7 +70,7 @@ class MainScreen(Screen[None]):
         *,
         closed: str,
         mode: str,
-        clock: Clock,
+        clock: SecondsClock,
         joined: JoinedTo | None = None,
     ) -> None:
         """Open the screen; `closed` is why no mission is accepted here.

@@ -21,7 +21,7 @@ from pa_console.tui.kept_input import History
 from pa_console.tui.refresh import ALL_VIEWS, FRAME_S, is_open, views_of
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.status_words import QUIET, term
-from pa_console.tui.surroundings import Clock
+from pa_console.tui.surroundings import SecondsClock
 from pa_console.tui.widgets.bars import Scrubber
 
 MISSIONS = frozenset[MarkKind](("mission",))
@@ -43,7 +43,7 @@ class RecordingScreen(MainScreen):
         world: World,
         rules: Mapping[str, Rule],
         player: Player,
-        clock: Clock,
+        clock: SecondsClock,
         *,
         over: bool = False,
         view: str = "map",

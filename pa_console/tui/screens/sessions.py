@@ -36,7 +36,7 @@ from pa_console.tui.screens.compare import CompareScreen
 from pa_console.tui.screens.dialogs import open_beside
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.status_words import QUIET, WARN, term
-from pa_console.tui.surroundings import Clock
+from pa_console.tui.surroundings import SecondsClock
 from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.row_views import Cells, Layout, PointedRows, TextRows
 from pa_console.tui.widgets.trace_pane import trace_text
@@ -140,7 +140,7 @@ class SessionsScreen(Screen[None]):
         Binding("f5", "read", "Read anew", show=False),
     ]
 
-    def __init__(self, folder: Path, clock: Clock, copies: Path | None = None) -> None:
+    def __init__(self, folder: Path, clock: SecondsClock, copies: Path | None = None) -> None:
         """Show the sessions whose logs are in `folder`; exports go to `copies`."""
         super().__init__()
         self._folder, self._clock = folder, clock

@@ -186,7 +186,7 @@ class _Item(NamedTuple):
     name: str
 
 
-class Count(NamedTuple):
+class RowCount(NamedTuple):
     """The numbers of rows, of shown ones, and of all that need an eye."""
 
     total: int = 0
@@ -206,7 +206,7 @@ class AssetTable(VirtualRows):
         self._items: list[_Item] = []
         self._headings: list[int] = []
         self._wanted: tuple[str, ...] = ()
-        self.count = Count()
+        self.count = RowCount()
 
     def show(self, picture: Picture | None) -> None:
         """Show another picture; filter and cursor stay."""
@@ -244,7 +244,7 @@ class AssetTable(VirtualRows):
             items += [_Item("heading", "cameras"), *(_Item("camera", name) for name, _ in cameras)]
         down = sum(look.camera(camera) != "works" for camera in picture.cameras.values())
         suspicious = sum(track_rank(track)[0] < 4 for track in picture.tracks.values())
-        self.count = Count(
+        self.count = RowCount(
             total=len(picture.tracks) + len(picture.assets) + len(picture.cameras),
             shown=len(tracks) + len(assets) + len(cameras),
             problems=sum(rank < FINE for rank in ranks.values()) + down + suspicious,

@@ -20,7 +20,7 @@ from textual.widgets.text_area import Selection
 from pa_console.tui.kept_input import History
 from pa_console.tui.order_templates import Completion, OrderNames, Slot, next_slot, slots
 from pa_console.tui.refresh import retitle
-from pa_console.tui.surroundings import Clock
+from pa_console.tui.surroundings import SecondsClock
 from pa_console.tui.widgets.fields import TextField
 
 ELSEWHERE = "Say in plain words what is to be done; / brings you here"
@@ -71,7 +71,7 @@ class MissionInput(TextField):
         self,
         history: History,
         names: OrderNames,
-        clock: Clock,
+        clock: SecondsClock,
         *,
         here: str = _HERE,
         elsewhere: str = ELSEWHERE,
@@ -269,7 +269,7 @@ class MissionPrompt(Horizontal):
         self,
         history: History,
         names: OrderNames,
-        clock: Clock,
+        clock: SecondsClock,
         closed: str = "",
         *,
         asks: bool = False,
