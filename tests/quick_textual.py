@@ -59,21 +59,25 @@ async def _a_thread_computes(loop: Any) -> bool:
 def _has_gone_on() -> bool:
     """Take what waits for a frame: a new size, a layout, and whatever is called after it."""
     app: Any = active_app.get(None)
-    screen = getattr(app, "_screen_stack", None) and app._screen_stack[-1]
-    if not screen or app._batch_count or not screen.is_running:
+    if not getattr(app, "_screen_stack", None) or app._batch_count:
         return False
-    if app._resize_event is not None:
+    if app._resize_event is not None and app._screen_stack[-1].is_running:
         app._check_resize()
         return True
-    if not (
+    waiting = [screen for screen in app._screen_stack if screen.is_running and _waits(screen)]
+    for screen in waiting:
+        screen._on_timer_update()
+    return bool(waiting)
+
+
+def _waits(screen: Any) -> bool:
+    """Return whether a screen, the one in front or one behind it, waits for its next frame."""
+    return bool(
         screen._layout_required
         or screen._scroll_required
         or screen._recompose_required
         or screen._callbacks
-    ):
-        return False
-    screen._on_timer_update()
-    return True
+    )
 
 
 def _waiting_for_busy_ones() -> Any:
