@@ -33,7 +33,7 @@ def pytest_configure() -> None:
     starts many processes that import the same ones. No property test has a deadline: how long an
     example takes is the machine's business.
     """
-    settings.register_profile("suite", deadline=None, max_examples=50)
+    settings.register_profile("suite", deadline=None)
     settings.load_profile("suite")
     sys.dont_write_bytecode = False
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)

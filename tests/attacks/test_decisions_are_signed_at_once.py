@@ -13,7 +13,6 @@ from pa_console.schema.events import event as ev
 from pa_console.session.log.signed_head import head_path, read_head
 from pa_console.session.log.writer import LogWriter, verify
 from pa_console.station.station import ControlStation
-from tests.depth import depth
 from tests.rig import Rig, rig, site
 from tests.scripted import ScriptedEngine, plan
 from tests.session.logs import kept
@@ -60,7 +59,7 @@ def test_nothing_that_somebody_answers_for_is_unsigned_after_a_crash(tmp_path: P
 
 
 @settings(
-    max_examples=depth(150),
+    max_examples=150,
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )

@@ -20,7 +20,6 @@ from pa_console.session.log.signed_head import head_path, sign_head, write_head
 from pa_console.session.log.writer import LogWriter, new_log_path
 from pa_console.signing import KEY_VARIABLE, Signer, load_signer
 from tests.cli.inside import Call, caller
-from tests.depth import depth
 from tests.session.story import story
 from tests.session.tamper import OTHER, long_story
 
@@ -148,7 +147,7 @@ def test_a_log_that_no_index_has_is_no_copy(folder: Path, signer: Signer) -> Non
 
 
 @settings(
-    max_examples=depth(200),
+    max_examples=200,
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )

@@ -34,7 +34,6 @@ from pa_console.schema.rule import Rule
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.station.assembly import load_site
 from tests.attacks.hostile_rules import KINDS, measure, measure_apart, write_hostile
-from tests.depth import depth
 from tests.policy.book import write_rules
 from tests.policy.test_large import MISSION
 
@@ -223,7 +222,7 @@ WORDS = st.sampled_from(
 )  # fmt: skip
 
 
-@settings(deadline=None, max_examples=depth(300))
+@settings(deadline=None, max_examples=300)
 @given(st.lists(WORDS, max_size=30).map("".join))
 def test_watching_a_loop_changes_nothing_that_it_says(source: str) -> None:
     values: dict[str, Any] = dict.fromkeys(PLAN_VARIABLES, 0)

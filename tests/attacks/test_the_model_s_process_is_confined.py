@@ -25,7 +25,6 @@ from pa_console.llm.local.messages import Load, PinnedFile
 from pa_console.llm.models.cache import hash_file
 from pa_console.llm.models.catalogue import LocalModel
 from tests.attacks.dangerous_calls import DANGEROUS
-from tests.depth import depth
 from tests.training.adapters.tiny import write_tiny
 
 LINUX = sys.platform == "linux" and os.uname().machine in seccomp.MACHINES
@@ -277,7 +276,7 @@ BY_ARGUMENT: dict[str, Callable[[list[int], int], bool]] = {
 """What the arguments of a call must be, by their low halves, for it to be allowed."""
 
 
-@settings(deadline=None, max_examples=depth(500))
+@settings(deadline=None, max_examples=500)
 @given(MACHINES, st.integers(0, 0x1FF), ARGUMENTS, st.booleans())
 def test_the_filter_decides_every_call_as_its_tables_say(
     machine: seccomp.CpuKind, number: int, arguments: tuple[int, ...], pinned: bool

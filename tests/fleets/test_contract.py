@@ -20,7 +20,6 @@ from pa_console.schema.telemetry import AssetTelemetry
 from pa_console.schema.world import KINDS, World
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.terrain import Terrain
-from tests.depth import depth
 from tests.fleets.schemas import problems
 
 NOW = datetime(2026, 3, 1, 12, 0, 0, 500_000, UTC)
@@ -76,7 +75,7 @@ def test_every_command(verb: Any, token: str | None, world: World) -> None:
     assert_valid(messages.InstantActions(**HEADER, actions=extra))
 
 
-@settings(max_examples=depth(40), deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(
     seed=st.integers(0, 50),
     steps=st.integers(0, 60),

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 
 from pa_console.fleets import authorization as auth
 from pa_console.schema.command import COMMANDS, DeviceCommand
-from tests.depth import depth
 from tests.fleets.keyring import (
     KEYS,
     NOW,
@@ -35,7 +34,7 @@ from tests.fleets.keyring import (
 pytestmark = pytest.mark.long
 
 EACH = 20
-EXAMPLES = depth(500)
+EXAMPLES = 500
 """EXAMPLES times EACH commands are drawn."""
 
 VEHICLES = ("Ugv_T01", "Ugv_T02")
@@ -163,7 +162,7 @@ def test_no_hostile_command_is_carried_out(sent: list[Attack], serial: str) -> N
         assert vehicle.get(TOKENS[FRESH.command_id], FRESH) == "", "what was approved still passes"
 
 
-@settings(max_examples=depth(300), deadline=None)
+@settings(max_examples=300, deadline=None)
 @given(
     st.sampled_from(tuple(KEYS)),
     st.sampled_from(("ann", "bob", "cleo", "otto", "gone", "eve")),

@@ -16,7 +16,6 @@ from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rule import Rule, RuleSet, RulesSeal
-from tests.depth import depth
 from tests.fleets.keyring import KEYS, PUBLIC, ROSTER, RULES, TO_NORTH, Clock, Vehicle
 
 STATIONS = ("north", "south", "lost")
@@ -159,4 +158,4 @@ def rank(message: str) -> Rank:
 
 
 TestTakeovers = Takeovers.TestCase
-TestTakeovers.settings = settings(max_examples=depth(400), stateful_step_count=30, deadline=None)
+TestTakeovers.settings = settings(max_examples=400, stateful_step_count=30, deadline=None)

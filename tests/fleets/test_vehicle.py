@@ -12,7 +12,6 @@ from pa_console.fleets.vda5050 import commands, messages
 from pa_console.fleets.vda5050.vehicle import EXPIRY_S, Vehicle
 from pa_console.fleets.vda5050.wire import Identity
 from pa_console.schema.command import CommandReply, DeviceCommand, ReplyStatus, Verb
-from tests.depth import depth
 
 ME, OTHER = Identity("acme", "Drone_T01"), Identity("acme", "Drone_T02")
 START = datetime(2026, 3, 1, 12, tzinfo=UTC)
@@ -263,7 +262,7 @@ SENT = st.one_of(
 )
 
 
-@settings(max_examples=depth(200), deadline=None)
+@settings(max_examples=200, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 8), SENT), max_size=40))
 def test_whatever_comes_is_carried_out_once_and_only_with_a_good_token(
     sent: list[tuple[int, tuple[Any, ...]]],

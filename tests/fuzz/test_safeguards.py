@@ -2,7 +2,6 @@
 
 import pytest
 
-from tests.depth import depth
 from tests.fuzz.campaign import campaign
 
 pytestmark = pytest.mark.long
@@ -10,7 +9,7 @@ pytestmark = pytest.mark.long
 
 @pytest.mark.parametrize("seed", [11, 12])
 async def test_no_drawn_plan_escapes(seed: int) -> None:
-    tally = await campaign(depth(150), seed)
+    tally = await campaign(150, seed)
     assert tally.escaped == []
     assert tally.executed > 0
     assert tally.refused > 0

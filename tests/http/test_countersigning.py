@@ -30,7 +30,6 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision, Mission
 from pa_console.session.state import SessionState
 from pa_console.station.station import ControlStation
-from tests.depth import depth
 from tests.fleets.keyring import KEYS, PUBLIC, RULES, TO_SOUTH
 from tests.mission.gate import send
 from tests.mission.test_two_people import BOOK, Site, decision_on, request
@@ -144,7 +143,7 @@ ACTS = st.one_of(
 Act = str | tuple[str, str, str]
 
 
-@settings(max_examples=depth(2000), deadline=None)
+@settings(max_examples=2000, deadline=None)
 @given(st.sampled_from(("block", "away", "override", "acknowledge")), st.lists(ACTS, max_size=8))
 def test_no_history_of_requests_sends_what_two_people_have_not_signed(
     kind: str, acts: list[Act]

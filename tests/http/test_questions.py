@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.schema.mission import MAX_MISSION_TEXT
-from tests.depth import depth
 from tests.http.conftest import ASKS_AT_ONCE, Site
 from tests.http.test_served_session import ORDER, decision, events, problem
 
@@ -108,7 +107,7 @@ def test_whatever_is_posted_there_is_no_mission_and_no_command(
     before = acts(site)
     codes = Counter[int]()
 
-    @settings(max_examples=depth(200), deadline=None)
+    @settings(max_examples=200, deadline=None)
     @given(TEXTS)
     def posted(text: str) -> None:
         codes[ask(site, text, "carl").status_code] += 1

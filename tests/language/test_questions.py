@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from pa_console.language.questions import read_question
 from pa_console.schema.events.intake import QuestionTopic
 from pa_console.schema.incident import FailAsset
-from tests.depth import depth
 from tests.language.references.scenes import HOME, scene
 from tests.shipped import missions
 
@@ -122,7 +121,7 @@ def test_no_mission_that_is_shipped_is_a_question() -> None:
     assert not [text for text in MISSIONS if found(text) is not None]
 
 
-@settings(max_examples=depth(1500), deadline=None)
+@settings(max_examples=1500, deadline=None)
 @given(
     st.sampled_from(sorted(QUESTIONS)),
     st.sampled_from((*ORDERS[:2], *MISSIONS)),
@@ -143,7 +142,7 @@ WORDS = (
 )
 
 
-@settings(max_examples=depth(3000), deadline=None)
+@settings(max_examples=3000, deadline=None)
 @given(st.lists(st.sampled_from(WORDS), max_size=9), st.sampled_from((" ", ", ", "? ", " and ")))
 def test_whatever_is_a_question_is_none_with_an_order_beside_it(
     words: list[str], joint: str

@@ -12,7 +12,6 @@ from pa_console.policy.standing_conditions import StandingCondition
 from pa_console.resources import data_folder
 from pa_console.schema.mission import StandingOrder
 from pa_console.sim.worlds.world_file import load_world
-from tests.depth import depth
 
 WORLD = load_world(data_folder() / "worlds" / "checkpoint" / "world.yaml")
 SCENE = ReferenceScene(WORLD, SimulatedFleet.start(WORLD, 0).picture())
@@ -92,7 +91,7 @@ def test_who_is_asked_and_how_often_at_most_is_said_in_the_order() -> None:
 WORDS = sorted({word for text in (*READ, *ASKED) for word in text.split()})
 
 
-@settings(max_examples=depth(300), deadline=None)
+@settings(max_examples=300, deadline=None)
 @given(st.lists(st.sampled_from(WORDS), max_size=12))
 def test_whatever_is_said_it_compiles_is_asked_about_or_is_none(said: list[str]) -> None:
     read = read_standing(SCENE, f"Whenever {' '.join(said)}")

@@ -18,7 +18,6 @@ from pa_console.language.order import Condition, in_words
 from pa_console.llm.roles.grammar import compact_opening_grammar, plan_grammar
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Digest, Selection
-from tests.depth import depth
 from tests.llm.site import WORLD, picture
 
 BYTES = LLTokenizer("byte")
@@ -121,7 +120,7 @@ def test_whether_a_condition_is_so_is_read_from_the_picture(it: Condition, so: b
     assert can_begin_outcome(asked)
 
 
-@settings(max_examples=depth(200))
+@settings(max_examples=200)
 @given(st.sampled_from([*conditions(WORLD, DIGEST)]), st.booleans())
 def test_what_was_asked_once_is_told_as_its_condition_stands_now(
     condition: Condition, stay: bool

@@ -17,7 +17,6 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
 from pa_console.sim.worlds.world_file import load_world
-from tests.depth import depth
 from tests.mission.gate import send
 
 WORLD = load_world(data_folder() / "worlds" / "checkpoint" / "world.yaml")
@@ -153,7 +152,7 @@ COMMANDS = (
 )
 
 
-@settings(max_examples=depth(500), deadline=None)
+@settings(max_examples=500, deadline=None)
 @given(st.lists(ACTS, max_size=40))
 def test_in_any_order_of_events_only_what_was_decided_passes_and_nothing_moves_while_stopped(
     acts: list[str | int | tuple[str, int]],

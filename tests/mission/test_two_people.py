@@ -19,7 +19,6 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rule import Rule, RuleSet, RulesSeal
-from tests.depth import depth
 from tests.fleets.keyring import (
     KEYS,
     PUBLIC,
@@ -145,7 +144,7 @@ ACTS = st.one_of(
 )
 
 
-@settings(max_examples=depth(600), deadline=None)
+@settings(max_examples=600, deadline=None)
 @given(st.lists(ACTS, max_size=8))
 def test_in_any_history_no_command_goes_out_with_fewer_approvals_than_it_needs(
     acts: list[str | tuple[str, str, list[str], str]],

@@ -17,7 +17,6 @@ from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.rule import RuleExample
-from tests.depth import depth
 from tests.policy.book import checkpoint_rules, write_rules
 from tests.policy.situations import plans, rehearsals
 from tests.schema.strategies import models
@@ -56,7 +55,7 @@ def assert_decided(plan: Plan, rehearsal: Rehearsal, mission: Mission) -> None:
         assert bool(finding.message) == (finding.status == "violates")
 
 
-@settings(max_examples=depth(60), deadline=None, suppress_health_check=SLOW_DATA)
+@settings(max_examples=60, deadline=None, suppress_health_check=SLOW_DATA)
 @given(models(Plan), models(Rehearsal), models(Mission))
 def test_every_rule_is_decided_once_on_any_values_that_the_schema_allows(
     plan: Plan, rehearsal: Rehearsal, mission: Mission
@@ -64,7 +63,7 @@ def test_every_rule_is_decided_once_on_any_values_that_the_schema_allows(
     assert_decided(plan, rehearsal, mission)
 
 
-@settings(max_examples=depth(60), deadline=None, suppress_health_check=SLOW_DATA)
+@settings(max_examples=60, deadline=None, suppress_health_check=SLOW_DATA)
 @given(st.data())
 def test_every_rule_is_decided_once_on_random_plans_at_a_random_checkpoint(
     data: st.DataObject,
@@ -73,7 +72,7 @@ def test_every_rule_is_decided_once_on_random_plans_at_a_random_checkpoint(
     assert_decided(plan, data.draw(rehearsals(plan)), data.draw(models(Mission)))
 
 
-@settings(max_examples=depth(100), deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.text(min_size=1, max_size=300))
 def test_any_words_are_decided_at_intake(text: str) -> None:
     mission = Mission(id="M1", text=text, created=MISSION.created)

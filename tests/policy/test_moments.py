@@ -12,7 +12,6 @@ from pa_console.policy.moments import distinct, moment
 from pa_console.schema.plan import Action
 from pa_console.schema.rehearsal import Moment, OrderMoment, TrackMoment
 from pa_console.schema.telemetry import Picture
-from tests.depth import depth
 
 WEST = WORLD.frames["WestGate"].at
 OUT_5_M = (WEST[0] - 5.0, WEST[1])
@@ -145,7 +144,7 @@ def test_another_threat_is_a_hostile_track_at_the_same_gate_that_has_not_turned_
     assert threats == {"V1": False, "V2": True, "V3": False, "V4": False}
 
 
-@settings(max_examples=depth(100), deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.lists(st.sampled_from(["a", "b", "c"]), max_size=12))
 def test_distinct_moments_keep_the_first_of_every_run_that_differs_in_time_only(
     states: list[str],

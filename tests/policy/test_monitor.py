@@ -13,7 +13,6 @@ from pa_console.policy.monitor import Monitor
 from pa_console.policy.rulebook import Compiler, Rulebook, load_rules
 from pa_console.schema.rehearsal import Moment, TrackMoment
 from pa_console.schema.rule import Ordering, Rule
-from tests.depth import depth
 from tests.policy.book import checkpoint_rules, write_rules
 
 Kind = Literal["before", "after", "never_while", "within", "until"]
@@ -137,7 +136,7 @@ def timed(drawn: list[tuple[float, int, dict[str, tuple[bool, bool]]]]):
 
 
 @pytest.mark.parametrize("kind", get_args(Kind))
-@settings(max_examples=depth(200), deadline=None)
+@settings(max_examples=200, deadline=None)
 @given(stretches.map(timed))
 def test_moment_by_moment_is_the_same_as_the_whole_trace_at_once(
     kind: Kind, trace: list[tuple[float, dict[str, tuple[bool, bool]]]]
@@ -156,7 +155,7 @@ def test_what_was_done_in_time_need_not_be_done_again_until_its_cause_begins_ane
 
 
 @pytest.mark.parametrize("kind", get_args(Kind))
-@settings(max_examples=depth(40), deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(stretches.map(timed), st.integers(0, 14))
 def test_a_copy_goes_on_as_the_original_would_and_leaves_it_alone(
     kind: Kind, trace: list[tuple[float, dict[str, tuple[bool, bool]]]], cut: int
@@ -170,7 +169,7 @@ def test_a_copy_goes_on_as_the_original_would_and_leaves_it_alone(
 
 
 @pytest.mark.parametrize("kind", get_args(Kind))
-@settings(max_examples=depth(40), deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(stretches.map(timed))
 def test_speaking_of_the_whole_moment_finds_the_same_as_speaking_of_the_subject(
     kind: Kind, trace: list[tuple[float, dict[str, tuple[bool, bool]]]]

@@ -10,7 +10,6 @@ from pa_console.policy.orderings import WorkflowMove, WorkflowRun
 from pa_console.policy.rulebook import Compiler, Rulebook, compile_rule
 from pa_console.schema.rehearsal import Moment, TrackMoment
 from pa_console.schema.rule import Phase, Rule, Workflow
-from tests.depth import depth
 from tests.policy.book import checkpoint_rules
 
 UNKNOWN: dict[str, Any] = {
@@ -222,7 +221,7 @@ def test_a_threat_that_is_none_any_more_ends_once_it_has_been_steady() -> None:
     assert story.then(5.0) == []
 
 
-@settings(max_examples=depth(150), deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(facts, st.lists(st.tuples(st.sampled_from([0.5, 3.0, 7.0]), facts), max_size=12))
 def test_a_workflow_only_goes_on_tells_every_phase_once_and_ends_with_an_outcome(
     first: dict[str, Any], later: list[tuple[float, dict[str, Any]]]

@@ -8,7 +8,6 @@ from pa_console.schema import incident as inc
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision, Mission
 from pa_console.views.event_words import event_in_words
-from tests.depth import depth
 from tests.schema.strategies import events
 from tests.session.logs import folded
 from tests.session.story import PLAN, START, at, story
@@ -65,7 +64,7 @@ def test_a_mission_that_was_never_received_does_not_become_the_active_one() -> N
 
 
 @given(st.lists(events(), max_size=10))
-@settings(max_examples=depth(100), deadline=None)
+@settings(max_examples=100, deadline=None)
 def test_events_in_any_order_never_break_the_fold(happened: list[ev.Event]) -> None:
     state = folded(happened)
     current = state.current

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from pa_console.schema.document import DocumentError
 from pa_console.session.log.writer import LogError, VerifyResult, read_log, verify
-from tests.depth import depth
 from tests.session.logs import write_log
 from tests.session.story import story
 from tests.session.tamper import rehashed
@@ -66,7 +65,7 @@ def test_the_hash_is_sha256_of_the_canonical_json_of_the_rest(original: bytes) -
 
 
 @given(st.data())
-@settings(max_examples=depth(300), deadline=None)
+@settings(max_examples=300, deadline=None)
 def test_any_changed_byte_is_found_on_its_line(
     original: bytes, check: Tamper, data: st.DataObject
 ) -> None:
@@ -80,7 +79,7 @@ def test_any_changed_byte_is_found_on_its_line(
 
 
 @given(st.data())
-@settings(max_examples=depth(150), deadline=None)
+@settings(max_examples=150, deadline=None)
 def test_any_inserted_or_deleted_byte_is_found(
     original: bytes, check: Tamper, data: st.DataObject
 ) -> None:
@@ -94,7 +93,7 @@ def test_any_inserted_or_deleted_byte_is_found(
 
 
 @given(st.data())
-@settings(max_examples=depth(100), deadline=None)
+@settings(max_examples=100, deadline=None)
 def test_removed_repeated_and_swapped_lines_are_found(
     original: bytes, check: Tamper, data: st.DataObject
 ) -> None:
@@ -111,7 +110,7 @@ def test_removed_repeated_and_swapped_lines_are_found(
 
 
 @given(st.data())
-@settings(max_examples=depth(100), deadline=None)
+@settings(max_examples=100, deadline=None)
 def test_a_cut_is_found_or_noted(original: bytes, check: Tamper, data: st.DataObject) -> None:
     cut = data.draw(st.integers(0, len(original) - 1))
     result = check(original[:cut])
@@ -205,7 +204,7 @@ def test_rubbish_is_an_error_with_its_line_and_never_a_crash(
 
 
 @given(st.binary(max_size=200))
-@settings(max_examples=depth(200), deadline=None)
+@settings(max_examples=200, deadline=None)
 def test_any_bytes_are_refused_politely(check: Tamper, content: bytes) -> None:
     result = check(content)
     assert result.ok == (content == b"")

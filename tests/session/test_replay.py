@@ -10,7 +10,6 @@ from pa_console.schema.events import event as ev
 from pa_console.session.log.writer import LogError
 from pa_console.session.recording import Player, Recording
 from pa_console.session.timeline import MARK_KINDS, MarkKind
-from tests.depth import depth
 from tests.schema.strategies import events
 from tests.session.logs import folded, kept, write_log
 from tests.session.story import START, at, story, telemetry
@@ -52,7 +51,7 @@ def test_live_and_replayed_fold_agree_for_any_events(
 
 
 @given(st.lists(st.floats(-2.0, 11.0), min_size=1, max_size=5))
-@settings(max_examples=depth(80), deadline=None)
+@settings(max_examples=80, deadline=None)
 def test_seeking_to_a_moment_equals_playing_to_it(log: Path, targets: list[float]) -> None:
     seeker = Player.open(log)
     for target in targets:

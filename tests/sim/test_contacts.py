@@ -24,7 +24,6 @@ from pa_console.schema.incident import (
 from pa_console.schema.telemetry import Track
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
-from tests.depth import depth
 from tests.sim.running import carry_out, finish, order, run
 
 
@@ -261,7 +260,7 @@ happenings: st.SearchStrategy[Incident] = st.one_of(
     history=st.lists(st.tuples(st.integers(1, 150), happenings), min_size=1, max_size=5),
     seed=st.integers(0, 2**32),
 )
-@settings(max_examples=depth(25), deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_tracks_never_say_more_than_sensors_do(
     world: World, history: list[tuple[int, Incident]], seed: int
 ) -> None:

@@ -30,7 +30,6 @@ from pa_console.sim import motion
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.scene import AssetState
 from pa_console.sim.worlds.terrain import Terrain
-from tests.depth import depth
 from tests.sim.running import order, run
 
 AGENTS = ["Drone_T01", "Drone_T04", "Ugv_T01", "Ugv_T02", "Robot_T01", "Robot_T02"]
@@ -86,7 +85,7 @@ def live_through(sim: Checkpoint, history: list[tuple[int, Any]]) -> None:
 
 
 @given(past=moments, future=moments, seed=st.integers(0, 2**32))
-@settings(max_examples=depth(40), deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_twins_and_forks_stay_equal(
     world: World, past: list[tuple[int, Any]], future: list[tuple[int, Any]], seed: int
 ) -> None:

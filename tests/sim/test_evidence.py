@@ -15,7 +15,6 @@ from pa_console.sim.evidence import FORGOTTEN_S, WITHDRAWN_S
 from pa_console.sim.scene import Scene
 from pa_console.sim.sensing_state import Detection
 from pa_console.sim.worlds.terrain import Terrain
-from tests.depth import depth
 from tests.sim.lookout import RANGE_M, lookout, reports_from, scene_at
 
 WAITS: Point = (0.0, 9.0)
@@ -235,7 +234,7 @@ HISTORIES = st.lists(
         st.sampled_from(("authorized", "unauthorized")), st.sampled_from(get_args(Intent))
     ),
 )
-@settings(max_examples=depth(1500), deadline=None)
+@settings(max_examples=1500, deadline=None)
 def test_one_liar_makes_nobody_harmless_against_two_and_nobody_hostile(
     history: list[Said], liar: str, truth: tuple[Identity, Intent]
 ) -> None:

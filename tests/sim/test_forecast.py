@@ -20,7 +20,6 @@ from pa_console.schema.incident import (
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
-from tests.depth import depth
 from tests.sim.running import finish, order, run
 from tests.sim.test_determinism import commands, incidents, live_through, moments
 
@@ -39,7 +38,7 @@ hidden: st.SearchStrategy[Incident] = st.one_of(
     future=st.lists(st.tuples(st.integers(1, 40), commands()), max_size=4),
     seeds=st.tuples(st.integers(0, 99), st.integers(100, 199)),
 )
-@settings(max_examples=depth(25), deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_equal_pictures_give_equal_forecasts_whatever_the_truth_is(
     world: World,
     past: list[tuple[int, Any]],

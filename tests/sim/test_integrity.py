@@ -17,7 +17,6 @@ from pa_console.schema.incident import (
 from pa_console.schema.telemetry import AssetTelemetry
 from pa_console.schema.world import Camera, World
 from pa_console.sim.checkpoint import Checkpoint
-from tests.depth import depth
 from tests.sim.running import order, run
 from tests.sim.test_determinism import commands, honest, live_through
 
@@ -96,7 +95,7 @@ def test_honest_assets_are_never_suspect(world: World) -> None:
     seed=st.integers(0, 999),
 )
 @example(history=[(58, SetRadio()), (7, PlaceAsset(asset="Drone_T01", frame="Base"))], seed=0)
-@settings(max_examples=depth(40), deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_no_honest_mishap_looks_like_a_forgery(
     world: World, history: list[tuple[int, Any]], seed: int
 ) -> None:

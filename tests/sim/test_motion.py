@@ -11,7 +11,6 @@ from pa_console.schema.command import DeviceCommand
 from pa_console.schema.incident import FailAsset, PlaceAsset
 from pa_console.schema.world import AssetKind, AssetSpec, World
 from pa_console.sim.checkpoint import Checkpoint
-from tests.depth import depth
 from tests.sim.running import carry_out, finish, order, run
 
 FRAMES = ["NorthGate", "EastGate", "SouthGate", "WestGate", "Checkpoint", "Base"]
@@ -35,7 +34,7 @@ def team(world: World, kinds: list[AssetKind]) -> World:
         max_size=12,
     ),
 )
-@settings(max_examples=depth(25), deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_ground_vehicles_keep_out_of_walls_zones_and_each_other(
     world: World, kinds: list[AssetKind], orders: list[tuple[int, str, int]]
 ) -> None:

@@ -11,7 +11,6 @@ from pa_console.schema.incident import FailAsset, JamArea, PlaceAsset, SetComms,
 from pa_console.schema.telemetry import AssetTelemetry
 from pa_console.schema.world import Radio, World
 from pa_console.sim.checkpoint import Checkpoint
-from tests.depth import depth
 from tests.sim.running import finish, order, run
 
 
@@ -77,7 +76,7 @@ def test_as_many_commands_are_lost_as_the_radio_says(world: World) -> None:
     loss=st.floats(0.0, 0.6),
     seed=st.integers(0, 1000),
 )
-@settings(max_examples=depth(25), deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_messages_of_one_device_keep_their_order(
     world: World, latency_s: float, jitter_s: float, loss: float, seed: int
 ) -> None:
@@ -109,7 +108,7 @@ def test_a_report_overtaken_by_a_newer_one_is_ignored(sim: Checkpoint) -> None:
 
 
 @given(times=st.lists(st.integers(1, 8), min_size=1, max_size=6), loss=st.floats(0.0, 0.7))
-@settings(max_examples=depth(20), deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_a_command_sent_again_is_carried_out_once(
     world: World, times: list[int], loss: float
 ) -> None:

@@ -10,7 +10,6 @@ from shapely import LineString, Point, Polygon
 
 from pa_console.schema.world import AssetKind, Frame, Wall, World, Zone
 from pa_console.sim.worlds.routes import RoutePlanner
-from tests.depth import depth
 
 KINDS: list[AssetKind] = ["uav", "ugv", "robot"]
 
@@ -31,7 +30,7 @@ def test_ground_route_bends_round_the_barrier(world: World) -> None:
     start=st.tuples(st.floats(-52, 52), st.floats(-32, 32)),
     frame=st.sampled_from(["NorthGate", "EastGate", "SouthGate", "WestGate", "Checkpoint", "Base"]),
 )
-@settings(max_examples=depth(80), deadline=None)
+@settings(max_examples=80, deadline=None)
 def test_routes_stay_clear_of_walls_zones_and_the_outside(
     world: World, kind: AssetKind, start: tuple[float, float], frame: str
 ) -> None:

@@ -27,7 +27,6 @@ from pa_console.schema.incident import (
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.scenario_file import list_scenarios, load_scenario, scenario_path
-from tests.depth import depth
 from tests.sim.running import order, run
 
 MARK = SetBattery(asset="Robot_T02", percent=50.0)
@@ -225,7 +224,7 @@ def test_starting_anew_plays_the_scenario_anew(world: World) -> None:
 
 
 @given(seed=st.integers(0, 2**32), name=st.integers(0, 20), cut=st.integers(1, 400))
-@settings(max_examples=depth(12), deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_twins_and_forks_of_every_scenario_stay_equal(
     world: World, world_path: Path, seed: int, name: int, cut: int
 ) -> None:

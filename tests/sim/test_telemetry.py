@@ -19,7 +19,6 @@ from pa_console.schema.incident import (
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
-from tests.depth import depth
 from tests.sim.running import carry_out, order, run
 from tests.sim.test_determinism import live_through, moments
 
@@ -161,7 +160,7 @@ def test_a_track_needs_a_lane(world: World) -> None:
 
 
 @given(history=moments, seed=st.integers(0, 999))
-@settings(max_examples=depth(30), deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_no_picture_claims_more_than_its_reports_say(
     world: World, history: list[tuple[int, Any]], seed: int
 ) -> None:

@@ -12,7 +12,6 @@ from pa_console.sim.physics import Traffic
 from pa_console.sim.scene import AssetState
 from pa_console.sim.worlds.terrain import Terrain
 from pa_console.sim.worlds.world_generator import generate_world
-from tests.depth import depth
 
 spots = st.tuples(st.floats(-80, 80), st.floats(-80, 80))
 
@@ -23,7 +22,7 @@ def terrain() -> Terrain:
 
 
 @given(spot=spots)
-@settings(max_examples=depth(200), deadline=None)
+@settings(max_examples=200, deadline=None)
 def test_the_frame_at_a_point_is_the_nearest_that_reaches_it(
     terrain: Terrain, spot: tuple[float, float]
 ) -> None:
@@ -41,7 +40,7 @@ def test_every_frame_is_where_it_is(world: World) -> None:
 
 
 @given(spot=spots)
-@settings(max_examples=depth(100), deadline=None)
+@settings(max_examples=100, deadline=None)
 def test_no_wall_within_reach_is_left_out(terrain: Terrain, spot: tuple[float, float]) -> None:
     near = terrain.near_walls(*spot)
     for wall in terrain.world.walls:
@@ -53,7 +52,7 @@ def test_no_wall_within_reach_is_left_out(terrain: Terrain, spot: tuple[float, f
     points=st.lists(spots, min_size=1, max_size=40),
     legs=st.lists(st.lists(spots, min_size=1, max_size=40), max_size=4),
 )
-@settings(max_examples=depth(100), deadline=None)
+@settings(max_examples=100, deadline=None)
 def test_everybody_within_reach_is_found_after_every_move(
     points: list[tuple[float, float]], legs: list[list[tuple[float, float]]]
 ) -> None:

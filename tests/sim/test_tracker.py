@@ -17,7 +17,6 @@ from pa_console.sim.sensing_state import ContactState, Detection
 from pa_console.sim.sensors import WATCH_S
 from pa_console.sim.tracker import DROP_S
 from pa_console.sim.worlds.terrain import Terrain
-from tests.depth import depth
 from tests.sim.lookout import lookout, reports_from, scene_at, stand
 
 WAITS: Point = (0.0, 9.0)
@@ -123,7 +122,7 @@ def test_a_moving_track_gets_less_certain_while_nobody_sees_it(
     velocity=st.tuples(st.floats(-12, 12), st.floats(-12, 12)),
     sensors=st.integers(1, 3),
 )
-@settings(max_examples=depth(80), deadline=None)
+@settings(max_examples=80, deadline=None)
 def test_the_estimate_stays_within_a_few_sigma(
     seed: int, sigma: float, start: Point, velocity: Point, sensors: int
 ) -> None:
@@ -193,7 +192,7 @@ def test_a_hostile_contact_takes_two_sensors(terrain: Terrain, scene: Scene) -> 
         max_size=12,
     )
 )
-@settings(max_examples=depth(100), deadline=None)
+@settings(max_examples=100, deadline=None)
 def test_hostile_implies_two_independent_sensors(told: list[tuple[str, Intent, str]]) -> None:
     terrain, scene = Terrain(lookout(cameras={"Cam": {}})), scene_at()
     said: dict[str, Intent] = {}

@@ -14,7 +14,6 @@ from pa_console.schema.document import DocumentError
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.world_file import geometry_problems, load_world, open_world
-from tests.depth import depth
 from tests.sim.running import order, run
 
 JUNK: st.SearchStrategy[object] = st.one_of(
@@ -113,7 +112,7 @@ def test_missing_file_and_broken_yaml(tmp_path: Path) -> None:
 
 
 @given(data=st.data())
-@settings(max_examples=depth(60), deadline=None)
+@settings(max_examples=60, deadline=None)
 def test_a_damaged_world_is_refused_or_can_be_simulated(
     world_path: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
 ) -> None:

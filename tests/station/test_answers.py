@@ -15,7 +15,6 @@ from pa_console.schema.mission import Decision
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.station.assembly import Site, open_station
 from pa_console.station.clock import SteppedClock
-from tests.depth import depth
 from tests.scripted import FAILURE, SUCCESS, ScriptedEngine, plan
 
 REASON = "asked: 1 drone to EastGate; Drone_T04 is free"
@@ -320,21 +319,21 @@ async def test_thousands_of_questions_move_nobody_and_decide_nothing(site: Site)
         assert len(talk.engine.requests) == requests, "no model is asked"
 
     async def play(talk: Talk) -> None:
-        await questions(talk, depth(200))
+        await questions(talk, 200)
         request = await talk.order()
-        await questions(talk, depth(500))
+        await questions(talk, 500)
         await talk.decide(request)
-        await questions(talk, depth(500))
+        await questions(talk, 500)
         talk.station.submit("Shoot the vehicle at the west gate.")
         await talk.until("mission_finished")
-        await questions(talk, depth(300))
+        await questions(talk, 300)
         asked_back = await talk.order("Send a drone to the gate with two guards.")
-        await questions(talk, depth(300))
+        await questions(talk, 300)
         await talk.decide(asked_back, kind="reject", reason="never mind")
         talk.station.stop_all()
-        await questions(talk, depth(200))
+        await questions(talk, 200)
 
     talk = await talks(site, play, engine=ScriptedEngine([TO_EAST], [SUCCESS]))
-    assert asked == depth(2000)
+    assert asked == 2000
     answered = [each for each in talk.events if each.data.kind == "question_answered"]
     assert answered

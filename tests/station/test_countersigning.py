@@ -20,7 +20,6 @@ from pa_console.mission.decide import answered, countersignature
 from pa_console.mission.rehearse import device_commands
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
-from tests.depth import depth
 from tests.fleets.keyring import KEYS, PUBLIC, RULES, TO_SOUTH
 from tests.mission.gate import send
 from tests.mission.test_two_people import BOOK, Site, decision_on, request
@@ -97,7 +96,7 @@ def decided(site: Site, asked: ev.ApprovalRequested, decisions: list[Decision]) 
         return None
 
 
-@settings(max_examples=depth(500), deadline=None)
+@settings(max_examples=500, deadline=None)
 @given(st.sampled_from(("block", "override", "acknowledge", "move")), st.lists(ACTS, max_size=8))
 def test_no_history_of_messages_approves_what_two_people_have_not_signed(
     kind: str, acts: list[Act]

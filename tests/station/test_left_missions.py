@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 from pa_console.schema.events import event as ev
 from pa_console.session.state import SessionState
 from pa_console.station.earlier_session import LeftMissions
-from tests.depth import depth
 from tests.schema.strategies import events
 from tests.session.logs import folded
 from tests.session.story import at, story
@@ -41,7 +40,7 @@ def test_of_a_session_that_was_closed_nothing_is_left() -> None:
 
 
 @given(st.lists(st.one_of(st.sampled_from(story()), events()), max_size=30))
-@settings(max_examples=depth(150), deadline=None)
+@settings(max_examples=150, deadline=None)
 def test_whatever_happened_no_mission_is_both_or_over(happened: list[ev.Event]) -> None:
     state = SessionState()
     for event in happened:

@@ -36,7 +36,6 @@ from pa_console.station.clock import SteppedClock
 from pa_console.station.headless import run_missions
 from pa_console.tak.reports import TakReports
 from pa_console.tak.site_on_map import Geography, SiteOnMap
-from tests.depth import depth
 from tests.scripted import ScriptedEngine, plan
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
@@ -240,7 +239,7 @@ def test_a_session_plans_and_commands_as_without_a_server(
     assert "N1" in told.contacts, "something did come in"
 
 
-@settings(max_examples=depth(300), suppress_health_check=[HealthCheck.too_slow], deadline=None)
+@settings(max_examples=300, suppress_health_check=[HealthCheck.too_slow], deadline=None)
 @given(chunks=histories)
 def test_what_is_told_is_bounded_and_shown_as_it_is(
     world_site: SiteOnMap, chunks: list[bytes]

@@ -13,7 +13,6 @@ from pa_training.order_generator.orders import Order, canonical_order, due_asks,
 from pa_training.order_generator.sampler import TASKS, sample_order
 from pa_training.situations.situations import Situation, random_situation, settled
 from pa_training.situations.worlds import random_world, shipped_world
-from tests.depth import depth
 
 IDENTITIES: tuple[tuple[Identity, Intent, str], ...] = (
     ("unknown", "unknown", "not identified"),
@@ -31,7 +30,7 @@ def drawn(seed: int, count: int) -> tuple[Situation, list[tuple[Order, str]]]:
     return situation, [sample_order(rng, world, picture, digest) for _ in range(count)]
 
 
-@settings(max_examples=depth(15), deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(0, 10**6))
 def test_an_order_speaks_of_what_is_there_unless_it_is_wrong_on_purpose(seed: int) -> None:
     situation, orders = drawn(seed, 20)
@@ -57,7 +56,7 @@ def test_equal_seeds_draw_equal_orders(seed: int) -> None:
     assert drawn(seed, 5)[1] == drawn(seed, 5)[1]
 
 
-@settings(max_examples=depth(15), deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(0, 10**6))
 def test_a_condition_is_as_its_kind_says(seed: int) -> None:
     situation, orders = drawn(seed, 30)

@@ -16,7 +16,6 @@ from pa_training.phrasing.names import NameForms, key_of
 from pa_training.phrasing.phrase_bank import Split, phrase_bank
 from pa_training.phrasing.phrasing import Phrasing, phrase
 from pa_training.situations.worlds import random_world, shipped_world
-from tests.depth import depth
 
 EMPTY = Picture(tick=0, time_s=0.0, assets={}, gates={})
 WORLDS = tuple(random_world(random.Random(seed)) for seed in range(30))
@@ -111,7 +110,7 @@ def _case(draw: st.DrawFn) -> tuple[World, Order, int]:
     return world, order, draw(st.integers(0, 10**6))
 
 
-@settings(max_examples=depth(150), deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(case=_case(), split=st.sampled_from(SPLITS))
 def test_every_order_becomes_a_mission_without_marks(
     case: tuple[World, Order, int], split: Split
@@ -126,7 +125,7 @@ def test_every_order_becomes_a_mission_without_marks(
     assert said == phrase(order, world, EMPTY, random.Random(seed), split)
 
 
-@settings(max_examples=depth(100), deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(seed=st.integers(0, 10**6))
 def test_every_form_of_a_name_means_nothing_else_in_its_world(seed: int) -> None:
     world = WORLDS[seed % len(WORLDS)]

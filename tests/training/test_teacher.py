@@ -20,7 +20,6 @@ from pa_training.proof.verify import verify
 from pa_training.situations.situations import Situation, random_situation, settled
 from pa_training.situations.worlds import random_world, shipped_world
 from pa_training.teacher.teacher import Target, teach
-from tests.depth import depth
 
 HOME = shipped_world()
 QUIET = settled(HOME)
@@ -45,7 +44,7 @@ def with_(*setup: Incident) -> Situation:
     return settled(HOME, setup=setup)
 
 
-@settings(max_examples=depth(25), deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10**6))
 @example(61734)
 def test_every_plan_can_be_started_and_its_aim_be_scored(seed: int) -> None:

@@ -14,7 +14,6 @@ from pa_console.schema.world import World
 from pa_console.tui.map.canvas import Canvas, Cell
 from pa_console.tui.map.projection import Projection
 from pa_console.tui.map.scene import MapScene
-from tests.depth import depth
 from tests.tui import crowd
 from tests.tui.site import WORLD, picture, track
 
@@ -85,7 +84,7 @@ def ways(canvas: Canvas, at: Cell) -> Iterator[list[Cell]]:
 @given(teams, sizes, troubles)
 @example(list(CROWDED_WEST), (69, 13), {})
 @example(list(CROWDED_WEST), (80, 17), {})
-@settings(max_examples=depth(250), deadline=None)
+@settings(max_examples=250, deadline=None)
 def test_every_marker_is_in_the_cell_of_its_asset(
     places: list[tuple[float, float]], size: tuple[int, int], trouble: dict[str, object]
 ) -> None:
@@ -106,7 +105,7 @@ def test_every_marker_is_in_the_cell_of_its_asset(
 @example(list(CROWDED_WEST), (69, 13), {})
 @example(list(CROWDED_WEST), (80, 17), {})
 @example([(-46.0, 23.0), (-46.0, 23.0)], (45, 8), {})
-@settings(max_examples=depth(250), deadline=None)
+@settings(max_examples=250, deadline=None)
 def test_no_name_lies_on_or_beyond_a_wall_or_the_edge_of_a_zone(
     places: list[tuple[float, float]], size: tuple[int, int], trouble: dict[str, object]
 ) -> None:
@@ -128,7 +127,7 @@ def test_no_name_lies_on_or_beyond_a_wall_or_the_edge_of_a_zone(
 
 
 @given(teams, sizes)
-@settings(max_examples=depth(120), deadline=None)
+@settings(max_examples=120, deadline=None)
 def test_a_leader_begins_at_its_marker_and_ends_at_the_name(
     places: list[tuple[float, float]], size: tuple[int, int]
 ) -> None:
@@ -146,7 +145,7 @@ def test_a_leader_begins_at_its_marker_and_ends_at_the_name(
 
 
 @given(teams, sizes)
-@settings(max_examples=depth(120), deadline=None)
+@settings(max_examples=120, deadline=None)
 def test_hatched_is_what_lies_in_the_zone_and_nothing_else(
     places: list[tuple[float, float]], size: tuple[int, int]
 ) -> None:
@@ -192,7 +191,7 @@ def test_what_lies_beyond_the_view_is_an_arrow_at_its_edge() -> None:
 
 
 @given(st.randoms(use_true_random=False), st.integers(40, 150), sizes)
-@settings(max_examples=depth(25), deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_every_cell_of_a_large_team_shows_how_many_are_in_it(
     random: Random, assets: int, size: tuple[int, int]
 ) -> None:

@@ -13,7 +13,6 @@ from pa_console.tui.controllers.typing import TEXT_S, KeyLine
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.widgets.alarms import AlarmPane
 from pa_console.tui.widgets.mission_prompt import MissionInput
-from tests.depth import depth
 from tests.tui import living, story
 from tests.tui.scripted import FakeClock, ScriptedStation, Show, notices, settle
 
@@ -233,7 +232,7 @@ PROSE = (
 LETTERS = "armcSkxzudqtjop"
 
 
-@pytest.mark.parametrize("seed", range(depth(30)))
+@pytest.mark.parametrize("seed", range(30))
 async def test_nothing_that_was_not_meant_is_commanded_at_an_approval(
     seed: int, show: Show
 ) -> None:

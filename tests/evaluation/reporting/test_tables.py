@@ -24,10 +24,9 @@ from pa_console.evaluation.tables_outcomes import (
     reason_pattern,
 )
 from pa_console.schema.mission import Metrics
-from tests.depth import depth
 from tests.evaluation.records import made_evaluation, made_record, many_records
 
-LONG = settings(deadline=None, max_examples=depth(30), suppress_health_check=[HealthCheck.too_slow])
+LONG = settings(deadline=None, max_examples=30, suppress_health_check=[HealthCheck.too_slow])
 
 
 def named(records: list[RunRecord], name: str) -> ReportTable:

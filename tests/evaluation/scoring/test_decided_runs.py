@@ -17,7 +17,6 @@ from pa_console.mission.rehearse import device_commands
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.evaluation import MissionCase
 from pa_console.schema.world import World
-from tests.depth import depth
 from tests.evaluation.scoring.recordings import ALL_RULES, UNKNOWN, WORLD, case, order
 from tests.evaluation.witness_play import plans, written
 from tests.shipped import missions
@@ -62,10 +61,7 @@ def test_watching_a_decided_run_changes_nothing(name: str) -> None:
     assert scores(each, world, [stay(world)])[1] is False
 
 
-SOME = sorted(WITNESSES)[:: len(WITNESSES) // depth(len(WITNESSES))]
-
-
-@pytest.mark.parametrize("name", SOME)
+@pytest.mark.parametrize("name", sorted(WITNESSES))
 def test_a_witness_that_is_decided_scores_as_when_it_is_watched(name: str) -> None:
     each, world = CASES[name]
     stages = [

@@ -16,7 +16,6 @@ from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Action, Plan
 from pa_console.sim.checkpoint import Checkpoint
-from tests.depth import depth
 from tests.evaluation.scoring.recordings import ALL_RULES, UNKNOWN, WORLD, Take, case, order
 from tests.fuzz.generate import situation
 
@@ -76,7 +75,7 @@ async def test_a_check_that_is_switched_off_changes_nothing_for_the_scorer(tmp_p
     assert Take().do(STRIP, wait_s=30.0).broken == {"WF-03"}
 
 
-@settings(max_examples=depth(40), deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 10_000), data=st.data())
 def test_whoever_only_holds_and_reports_breaks_nothing(seed: int, data: st.DataObject) -> None:
     mission = case(*_possible(seed), watch_s=25.0)

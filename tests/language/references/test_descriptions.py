@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from pa_console.language.references.conversation import ResolvedOrder, Unclear
 from pa_console.language.references.resolution import chosen, resolve
 from pa_console.schema.incident import FailAsset, Incident, PlaceAsset, SetBattery, SpawnTrack
-from tests.depth import depth
 from tests.language.references.scenes import HOME, asked, read, scene
 
 QUIET = scene()
@@ -172,7 +171,7 @@ WORDS = [
 ]
 
 
-@settings(deadline=None, max_examples=depth(300))
+@settings(deadline=None, max_examples=300)
 @given(st.lists(st.sampled_from(WORDS), max_size=14).map(" ".join))
 def test_any_words_are_read_the_same_again_and_name_only_what_there_is(text: str) -> None:
     found = resolve(QUIET, text)
