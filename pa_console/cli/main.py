@@ -40,8 +40,10 @@ app = typer.Typer(
 @app.callback(invoke_without_command=True)
 def _default(
     context: typer.Context,
-    version: Annotated[
-        bool, typer.Option("--version", help="Show the version and leave.", is_eager=True)
+    version: Annotated[bool, typer.Option("--version", help="Show the version and leave.")] = False,
+    json: Annotated[
+        bool,
+        typer.Option("--json", help="With --version: as JSON, with the versions below it."),
     ] = False,
     assignments: Annotated[
         list[str] | None,
@@ -52,8 +54,10 @@ def _default(
 ) -> None:
     """Open the console when no verb is given."""
     if version:
-        typer.echo(f"pa-console {__version__}")
+        _print_version(json)
         raise typer.Exit
+    if json:
+        raise ValueError("--json goes with --version, or after a verb")
     from pa_console.cli.settings_defaults import set_defaults  # noqa: PLC0415 - no version needs settings
 
     set_defaults(context, assignments or ())
@@ -62,6 +66,27 @@ def _default(
         opened = context.command.commands["console"]
         with opened.make_context("console", [], parent=context) as below:
             opened.invoke(below)
+
+
+def _print_version(json: bool) -> None:
+    """Print the program's version; as `json` with what a bug report is asked for."""
+    if not json:
+        typer.echo(f"pa-console {__version__}")
+        return
+    from importlib.metadata import version  # noqa: PLC0415 - only a report needs it
+    from platform import platform, python_version  # noqa: PLC0415
+
+    from pa_console.terminal.output import print_json  # noqa: PLC0415
+
+    libraries = ("llama-cpp-python", "llguidance", "pydantic", "pymunk", "textual")
+    print_json(
+        {
+            "pa-console": __version__,
+            "python": python_version(),
+            "platform": platform(),
+            "libraries": {name: version(name) for name in libraries},
+        }
+    )
 
 
 def main() -> None:

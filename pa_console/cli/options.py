@@ -5,15 +5,27 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pa_console.cli import completion
+
 if TYPE_CHECKING:
     from pa_console.evaluation.dask_sweep import Workers
 
 
 WorldOption = Annotated[
-    str, typer.Option("--world", help="A world: an installed name, a folder or a file.")
+    str,
+    typer.Option(
+        "--world",
+        help="A world: an installed name, a folder or a file.",
+        autocompletion=completion.worlds,
+    ),
 ]
 RulesOption = Annotated[
-    str, typer.Option("--rules", help="A rule file: an installed name or path.")
+    str,
+    typer.Option(
+        "--rules",
+        help="A rule file: an installed name or path.",
+        autocompletion=completion.rule_files,
+    ),
 ]
 UnsignedOption = Annotated[
     bool,
@@ -35,11 +47,16 @@ ModelOption = Annotated[
         "--model",
         help="A model of the catalogue, the path of a GGUF file, or, in console and mission, a "
         "model on a server: openai:BASE_URL#NAME.",
+        autocompletion=completion.models,
     ),
 ]
 ScenarioOption = Annotated[
     str | None,
-    typer.Option("--scenario", help="A situation to play; see 'pa-console scenarios list'."),
+    typer.Option(
+        "--scenario",
+        help="A situation to play; see 'pa-console scenarios list'.",
+        autocompletion=completion.scenarios,
+    ),
 ]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the simulation.")]
 FleetOption = Annotated[

@@ -17,6 +17,14 @@ from pa_console.signing import PASSPHRASE_VARIABLE
 
 FILE_VARIABLE = f"{ENV_PREFIX}SETTINGS"
 PATHS = ("logs", "cache", "signing_key")
+SECRET_VARIABLES = (
+    PASSPHRASE_VARIABLE,
+    f"{ENV_PREFIX}SERVER_KEY",
+    f"{ENV_PREFIX}JUDGE_SERVER_KEY",
+    f"{ENV_PREFIX}READER_SERVER_KEY",
+    f"{ENV_PREFIX}TAK_PASSWORD",
+)
+"""Variables that are no settings: secrets stand in no file of settings."""
 EXPORTED = ("cache", "signing_key")
 """Settings that lower layers and child processes read from the environment."""
 
@@ -114,10 +122,8 @@ def default_settings() -> LoadedSettings:
 
 def unknown_variables() -> list[str]:
     """Return the PA_CONSOLE_... variables of the environment without a meaning."""
-    from pa_console.llm.remote.address import KEY_VARIABLES  # noqa: PLC0415 - rarely needed
-
     known = {setting.variable for setting in describe_settings().values()}
-    known |= {FILE_VARIABLE, PASSPHRASE_VARIABLE, *KEY_VARIABLES.values()}
+    known |= {FILE_VARIABLE, *SECRET_VARIABLES}
     return sorted(name for name in os.environ if name.startswith(ENV_PREFIX) and name not in known)
 
 

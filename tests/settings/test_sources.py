@@ -1,12 +1,20 @@
 """Where a setting's value comes from, and how a wrong one is explained."""
 
+import re
 from pathlib import Path
 
 import pytest
 
+import pa_console
 from pa_console.schema.document import DocumentError
 from pa_console.settings.schema import Settings, describe_settings
-from pa_console.settings.sources import load_settings, settings_file, unknown_variables
+from pa_console.settings.sources import (
+    FILE_VARIABLE,
+    SECRET_VARIABLES,
+    load_settings,
+    settings_file,
+    unknown_variables,
+)
 
 
 @pytest.fixture
@@ -139,3 +147,18 @@ def test_the_file_is_in_the_platforms_config_folder(monkeypatch: pytest.MonkeyPa
     monkeypatch.delenv("PA_CONSOLE_SETTINGS")
     monkeypatch.setenv("XDG_CONFIG_HOME", "/somewhere")
     assert settings_file().parent.name == "pa-console"
+
+
+def test_every_variable_that_the_program_reads_is_known_and_in_the_manual() -> None:
+    package = Path(pa_console.__file__).parent
+    page = (package / "manual" / "console.md").read_text(encoding="utf-8")
+    settings = {setting.variable for setting in describe_settings().values()}
+    named = {
+        name
+        for file in package.rglob("*.py")
+        for name in re.findall(r"PA_CONSOLE_[A-Z_]*[A-Z]", file.read_text(encoding="utf-8"))
+    }
+    assert named
+    for name in (named | {FILE_VARIABLE, *SECRET_VARIABLES}) - settings:
+        assert f"`{name}`" in page, name
+        assert name in {FILE_VARIABLE, *SECRET_VARIABLES}

@@ -4,7 +4,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import platformdirs
+import typer
 
+from pa_console.cli.settings_defaults import settings_of
 from pa_console.private_files import nearest_existing
 from pa_console.session.log.signed_head import URLS, Witness
 from pa_console.session.log.writer import LogError, LogWriter, default_folder, open_session_log
@@ -40,6 +42,20 @@ def open_log(
         witness=Witness(target) if target else None,
         resumed=resumed,
     )
+
+
+def recorded_log(context: typer.Context, given: Path) -> Path:
+    """Return the log that a verb is to read: a file, a session's id, how it begins, or `last`.
+
+    Raises ValueError if there is no such log, or several begin so.
+    """
+    if given.is_file():
+        return given
+    if len(given.parts) > 1 or given.suffix:
+        raise ValueError(f"{given}: there is no such log")
+    from pa_console.session.past_sessions import find_session  # noqa: PLC0415 - only without a file
+
+    return find_session(settings_of(context).values.logs or default_folder(), str(given))
 
 
 def witness_target(given: str) -> str:

@@ -8,7 +8,9 @@ from typing import Annotated
 
 import typer
 
+from pa_console.cli import completion
 from pa_console.cli.progress_bars import ExportBar
+from pa_console.cli.sessions.log import recorded_log
 from pa_console.export.markdown import mission_document
 from pa_console.export.mcap_file import write_mcap
 from pa_console.export.source_log import (
@@ -32,7 +34,13 @@ app = typer.Typer(
 )
 
 
-LogArgument = Annotated[Path, typer.Argument(help="A session log (JSONL).")]
+LogArgument = Annotated[
+    Path,
+    typer.Argument(
+        help="A session log (JSONL), a session of 'pa-console sessions' by its id, or 'last'.",
+        autocompletion=completion.sessions,
+    ),
+]
 SessionWorld = Annotated[
     str | None, typer.Option("--world", help="The session's world, when it is a file.")
 ]
@@ -41,8 +49,9 @@ SessionRules = Annotated[
 ]
 
 
-def opened(log: Path) -> OpenedSession:
-    """Read the log, and report on stderr if it could not be read to its end."""
+def opened(context: typer.Context, log: Path) -> OpenedSession:
+    """Read the log that is meant, and report on stderr if it could not be read to its end."""
+    log = recorded_log(context, log)
     with errors.status(f"reading {log.name}"):
         session = open_session(log)
     if session.recording.problem is not None:
@@ -77,6 +86,7 @@ UntilOption = Annotated[
 
 @app.command("svg")
 def svg(
+    context: typer.Context,
     log: LogArgument,
     target: Annotated[Path, typer.Option("--out", "-o", help="The folder to make.")],
     at: Annotated[
@@ -114,7 +124,7 @@ def svg(
     if at and every is not None:
         raise ValueError("--at and --every exclude each other")
     screen = size_of(size)
-    session = opened(log)
+    session = opened(context, log)
     span = span_of(session, mission, first, until)
     shots = (
         shots_every(every, *span)
@@ -136,6 +146,7 @@ def svg(
 
 @app.command("cast")
 def cast(
+    context: typer.Context,
     log: LogArgument,
     target: Annotated[Path, typer.Option("--out", "-o", help="The file to write.")],
     speed: Annotated[
@@ -164,7 +175,7 @@ def cast(
     from pa_console.session.recording import Player  # noqa: PLC0415
 
     screen = size_of(size)
-    session = opened(log)
+    session = opened(context, log)
     span = span_of(session, mission, first, until)
     shown = positions(session.recording, *span, speed / fps)
     site = site_of(session.started, world, rules)
@@ -225,6 +236,7 @@ def _mission_at(session: OpenedSession, index: int) -> str | None:
 
 @app.command("markdown")
 def markdown(
+    context: typer.Context,
     log: LogArgument,
     mission: Annotated[
         str | None,
@@ -239,7 +251,7 @@ def markdown(
 
     Prompts, answers and rules that were not broken are folded away.
     """
-    session = opened(log)
+    session = opened(context, log)
     trace = choose_mission(session.final_state().missions, mission)
     known, note = rules_of(session.started, rules)
     problem = session.recording.problem
@@ -255,6 +267,7 @@ def markdown(
 
 @app.command("mcap")
 def mcap(
+    context: typer.Context,
     log: LogArgument,
     target: Annotated[Path, typer.Option("--out", "-o", help="The file to write.")],
     world: SessionWorld = None,
@@ -264,7 +277,7 @@ def mcap(
     /telemetry has the pictures, /events/KIND every other event, /notices the event list and
     /scene the checkpoint in 3D. Needs the extra: pip install 'pa-console[mcap]'
     """
-    session = opened(log)
+    session = opened(context, log)
     site = world_of(session.started, world)
     if site is None:
         name = session.started.world

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from pa_console.cli import completion
 from pa_console.cli.options import JsonOption
 from pa_console.manual_pages import Page, load_manual
 from pa_console.terminal.output import out, print_document, print_json
@@ -16,7 +17,11 @@ COLOURED = "-FRX"
 
 def manual(
     topic: Annotated[
-        str | None, typer.Argument(help="A page of the manual; without one they are listed.")
+        str | None,
+        typer.Argument(
+            help="A page of the manual; without one they are listed.",
+            autocompletion=completion.manual_pages,
+        ),
     ] = None,
     plain: Annotated[
         bool, typer.Option("--plain", help="Print the page's Markdown as it is, without a pager.")

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from pa_console.cli import completion
 from pa_console.cli.options import (
     AcceptRulesOption,
     CertificatesOption,
@@ -40,7 +41,10 @@ def mission(
     context: typer.Context,
     text: Annotated[
         str | None,
-        typer.Argument(help="The mission, in plain language; not needed with --scenario."),
+        typer.Argument(
+            help="The mission, in plain language; not needed with --scenario.",
+            autocompletion=completion.words_of_mission,
+        ),
     ] = None,
     world: WorldOption = "checkpoint",
     rules: RulesOption = "checkpoint",

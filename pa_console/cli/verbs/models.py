@@ -8,6 +8,7 @@ from rich.box import SIMPLE_HEAD
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from pa_console.cli import completion
 from pa_console.cli.options import JsonOption
 from pa_console.llm.models.catalogue import Catalog, ModelEntry
 from pa_console.llm.models.fetching import pull as fetch
@@ -59,7 +60,11 @@ def _row(catalog: Catalog, entry: ModelEntry) -> dict[str, Any]:
 @app.command()
 def pull(
     name: Annotated[
-        str | None, typer.Argument(help="A model of the catalogue; default: the default one.")
+        str | None,
+        typer.Argument(
+            help="A model of the catalogue; default: the default one.",
+            autocompletion=completion.models,
+        ),
     ] = None,
     with_reader: Annotated[
         bool,

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from pa_console.cli import completion
 from pa_console.cli.options import JsonOption
 from pa_console.cli.settings_defaults import settings_of
 from pa_console.settings.sources import LoadedSettings
@@ -15,7 +16,8 @@ def replay(
     log: Annotated[
         Path | None,
         typer.Argument(
-            help="A session log (JSONL), or a session of 'pa-console sessions' by its id."
+            help="A session log (JSONL), or a session of 'pa-console sessions' by its id.",
+            autocompletion=completion.sessions,
         ),
     ] = None,
     last: Annotated[
@@ -124,17 +126,9 @@ def _chosen(context: typer.Context, log: Path | None, *, last: bool) -> Path:
             "give a session log, or --last for the session that was recorded last. "
             "See 'pa-console replay --help'."
         )
-    if log is not None and log.is_file():
-        return log
-    from pa_console.session.log.writer import default_folder  # noqa: PLC0415 - only without a file
-    from pa_console.session.past_sessions import find_session  # noqa: PLC0415
+    from pa_console.cli.sessions.log import recorded_log  # noqa: PLC0415 - no help needs it
 
-    folder = settings_of(context).values.logs or default_folder()
-    if log is None:
-        return find_session(folder, "last")
-    if len(log.parts) > 1 or log.suffix:
-        raise ValueError(f"{log}: there is no such log")
-    return find_session(folder, str(log))
+    return recorded_log(context, log or Path("last"))
 
 
 def _show(log: Path, other: Path | None, world: str | None, settings: LoadedSettings) -> None:

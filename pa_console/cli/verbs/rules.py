@@ -7,6 +7,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
+from pa_console.cli import completion
 from pa_console.cli.options import JsonOption, RulesOption, WorldOption
 from pa_console.cli.progress_bars import ExportBar
 from pa_console.cli.verbs.rules_in_sessions import effect, trace
@@ -96,7 +97,12 @@ def search(
 
 
 def check(
-    file: Annotated[Path | None, typer.Argument(help="A rule file; default: checkpoint.")] = None,
+    file: Annotated[
+        Path | None,
+        typer.Argument(
+            help="A rule file; default: checkpoint.", autocompletion=completion.rule_files
+        ),
+    ] = None,
     json: JsonOption = False,
 ) -> None:
     """Load a rule file, compile its checks and run every example; exit code 2 if one is wrong.

@@ -7,6 +7,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
+from pa_console.cli import completion
 from pa_console.cli.options import JsonOption
 from pa_console.cli.settings_defaults import settings_of
 from pa_console.schema.text import clock_text, count, visible
@@ -32,7 +33,10 @@ def sessions(
     context: typer.Context,
     session: Annotated[
         str | None,
-        typer.Argument(help="Show one: a session's id, how it begins, 'last', or a log file."),
+        typer.Argument(
+            help="Show one: a session's id, how it begins, 'last', or a log file.",
+            autocompletion=completion.sessions,
+        ),
     ] = None,
     most: Annotated[
         int, typer.Option("--most", min=1, help="List at most so many, the newest first.")

@@ -6,6 +6,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
+from pa_console.cli import completion
 from pa_console.cli.options import JsonOption
 from pa_console.cli.settings_defaults import given_settings
 from pa_console.settings.file import reset_settings, save_setting
@@ -20,7 +21,11 @@ app = typer.Typer(
     "defaults.",
 )
 NameArgument = Annotated[
-    str, typer.Argument(help="A setting, or keys.ACTION; 'settings show' lists them.")
+    str,
+    typer.Argument(
+        help="A setting, or keys.ACTION; 'settings show' lists them.",
+        autocompletion=completion.settings,
+    ),
 ]
 
 

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from pa_console.cli import completion
 from pa_console.cli.options import JsonOption, WorldOption
 from pa_console.schema.incident import After, AssetIs, AssetReach, IncidentCondition, TrackIs
 from pa_console.schema.text import count
@@ -48,7 +49,13 @@ def generate(
 
 @app.command()
 def check(
-    world: Annotated[str, typer.Argument(help="A world: an installed name, a folder or a file.")],
+    world: Annotated[
+        str,
+        typer.Argument(
+            help="A world: an installed name, a folder or a file.",
+            autocompletion=completion.worlds,
+        ),
+    ],
 ) -> None:
     """Check a world file; errors name line and field."""
     from pa_console.sim.checkpoint import Checkpoint  # noqa: PLC0415 - scenarios do without pymunk
@@ -95,7 +102,10 @@ def list_(world: WorldOption = "checkpoint", json: JsonOption = False) -> None:
 
 @scenarios_app.command()
 def show(
-    name: Annotated[str, typer.Argument(help="Name of a situation, or a file.")],
+    name: Annotated[
+        str,
+        typer.Argument(help="Name of a situation, or a file.", autocompletion=completion.scenarios),
+    ],
     world: WorldOption = "checkpoint",
     json: JsonOption = False,
 ) -> None:
