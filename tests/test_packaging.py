@@ -1,6 +1,7 @@
 """What `pip install` brings: the package with its worlds, rules and model catalogue."""
 
 import ast
+import os
 import re
 import subprocess
 import sys
@@ -22,15 +23,45 @@ MANUAL = "pa_console/manual"
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
-    """The names of the files in a wheel built from this checkout."""
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A wheel built from this checkout."""
     pytest.importorskip("hatchling")
     folder = tmp_path_factory.mktemp("wheel")
     command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
-    (built,) = folder.glob("*.whl")
+    (file,) = folder.glob("*.whl")
+    return file
+
+
+@pytest.fixture(scope="module")
+def wheel(built: Path) -> set[str]:
+    """The names of the files in the wheel."""
     return set(zipfile.ZipFile(built).namelist())
+
+
+def test_the_installed_command_works_far_from_the_checkout(built: Path, tmp_path: Path) -> None:
+    place = tmp_path / "installed"
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index"]
+    subprocess.run([*pip, "--target", str(place), str(built)], check=True)
+    command = place / "bin" / "pa-console"
+    alone = {**os.environ, "PYTHONPATH": str(place), "PYTHONSAFEPATH": "1"}
+
+    def printed(*words: str) -> str:
+        done = subprocess.run(
+            [sys.executable, command, *words],
+            cwd=tmp_path,
+            env=alone,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    assert printed("--version").split() == ["pa-console", pa_console.__version__]
+    assert "situation-2" in printed("scenarios", "list")
+    assert "32" in printed("rules", "check")
 
 
 def test_the_default_world_rules_and_catalogue_are_inside(wheel: set[str]) -> None:
