@@ -36,6 +36,7 @@ app(["--help"], standalone_mode=False)
 print(*sys.modules)
 """
 MISSION_HELPED = HELPED.replace('"--help"', '"mission", "--help"')
+CONSOLE_LOADED = "import pa_console.tui.app, sys; print(*sys.modules)"
 VERBS_LOADED = """
 import sys
 from pa_console.cli.verbs import VERBS, load_verb
@@ -104,6 +105,29 @@ def test_the_help_of_a_mission_waits_for_no_session() -> None:
     helped = loaded_by(MISSION_HELPED)
     assert "pa_console.cli.verbs.mission" in helped
     assert not helped & {"numpy", "shapely", "cel", "pa_console.station", "pa_console.llm"}
+
+
+def test_the_console_opens_without_what_only_other_screens_need() -> None:
+    loaded = loaded_by(CONSOLE_LOADED)
+    assert "pa_console.tui.screens.main" in loaded
+    assert not loaded & {
+        "jsonschema",
+        "matplotlib.pyplot",
+        "networkx",
+        "openai",
+        "prompt_toolkit",
+        "pa_console.evaluation.report",
+        "pa_console.tui.screens.compare",
+        "pa_console.tui.screens.evaluation",
+        "pa_console.tui.screens.policies",
+    }
+
+
+@pytest.mark.parametrize(
+    ("script", "most"), [(STARTED, 290), (MISSION_HELPED, 540), (CONSOLE_LOADED, 1130)]
+)
+def test_an_entry_point_keeps_to_its_number_of_modules(script: str, most: int) -> None:
+    assert len(loaded_by(script)) <= most
 
 
 def test_every_verb_is_there_without_what_trains_and_without_a_screen() -> None:

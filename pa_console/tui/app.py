@@ -44,8 +44,6 @@ from pa_console.tui.controllers.typing import KeyTime, TypingController
 from pa_console.tui.kept_input import History, history_file
 from pa_console.tui.palette import ConsoleCommands
 from pa_console.tui.recordings import OpenedLog
-from pa_console.tui.screens.compare import CompareScreen
-from pa_console.tui.screens.evaluation import EvaluationScreen
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.surroundings import JoinedTo, LiveStation, SecondsClock, ShownRules
@@ -322,6 +320,8 @@ def comparison(a: OpenedLog, b: OpenedLog) -> Opening:
 
     def show(app: ConsoleApp) -> None:
         app.show_session()
+        from pa_console.tui.screens.compare import CompareScreen  # noqa: PLC0415 - not at start
+
         app.push_screen(CompareScreen(a, b, app.session.clock))
 
     return show
@@ -331,6 +331,8 @@ def evaluation(folder: Path) -> Opening:
     """Return what shows the evaluation in `folder` with no session behind it; q leaves it."""
 
     def show(app: ConsoleApp) -> None:
+        from pa_console.tui.screens.evaluation import EvaluationScreen  # noqa: PLC0415
+
         app.push_screen(EvaluationScreen(folder, app.session.clock, over=False))
 
     return show
