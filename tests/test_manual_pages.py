@@ -4,6 +4,8 @@ import pytest
 
 from pa_console.manual_pages import FIRST, Manual, linked_pages, load_manual, read_page
 
+MOST_WORDS = 2500
+
 RULES = """# Rules of engagement
 
 ![A picture of a rule](rule.svg)
@@ -42,6 +44,18 @@ def test_every_page_has_a_title_and_begins_with_a_sentence() -> None:
     for page in found:
         assert page.text.startswith(f"# {page.title}\n"), page.name
         assert page.summary.endswith((".", "!", "?")), page.name
+
+
+def test_a_page_can_be_read_in_a_quarter_of_an_hour() -> None:
+    pages = {page.name: len(page.text.split()) for page in load_manual().pages}
+    history = pages.pop("changelog")
+    assert history
+    assert {name: words for name, words in pages.items() if words > MOST_WORDS} == {}
+
+
+def test_the_newcomer_s_path_comes_first() -> None:
+    names = [page.name for page in load_manual().pages]
+    assert names[:6] == ["index", "start", "first-order", "approval", "days-work", "trouble"]
 
 
 def test_every_link_between_pages_leads_to_one() -> None:

@@ -141,7 +141,7 @@ def test_a_page_begins_with_its_title_and_what_it_is_for(page: Path) -> None:
     purpose = " ".join(rest[: rest.index("")])
     assert re.fullmatch(r"# \S.*", title)
     assert not empty
-    assert re.fullmatch(r"This page [^.]+\.", purpose)
+    assert re.fullmatch(r"After this page [^.]+\.", purpose)
 
 
 def test_the_index_leads_to_every_page() -> None:
@@ -175,6 +175,6 @@ def test_a_page_lists_what_the_verb_lists(call: Call, verb: str, page: str) -> N
 
 
 def test_the_manual_explains_every_setting(call: Call) -> None:
-    text = text_of(MANUAL / "console.md")
+    text = text_of(MANUAL / "settings.md")
     listed = call("settings", "show", "--json").json["settings"]
     assert [entry["name"] for entry in listed if f"`{entry['name']}`" not in text] == []

@@ -151,7 +151,7 @@ def test_the_file_is_in_the_platforms_config_folder(monkeypatch: pytest.MonkeyPa
 
 def test_every_variable_that_the_program_reads_is_known_and_in_the_manual() -> None:
     package = Path(pa_console.__file__).parent
-    page = (package / "manual" / "console.md").read_text(encoding="utf-8")
+    page = (package / "manual" / "settings.md").read_text(encoding="utf-8")
     settings = {setting.variable for setting in describe_settings().values()}
     named = {
         name
