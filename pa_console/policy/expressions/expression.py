@@ -25,13 +25,19 @@ from pa_console.policy.expressions.deadlines import (
     going_on,
     left_s,
 )
-from pa_console.policy.expressions.fields import Fields, Shapes, everything, fields_read
+from pa_console.policy.expressions.fields import (
+    Fields,
+    NotUnderstoodError,
+    Shapes,
+    everything,
+    fields_read,
+)
 from pa_console.policy.expressions.forbidden_words import (
     asks_for_force,
     asks_to_confine,
     asks_to_set_rules_aside,
 )
-from pa_console.policy.expressions.syntax import GOING_ON, Source, SyntaxTreeError, syntax_tree
+from pa_console.policy.expressions.syntax import GOING_ON, Source
 
 _re2: Any = import_module("re2")
 """The library has no type information."""
@@ -257,8 +263,8 @@ class Expression:
 
     def _find_reads(self, shapes: Shapes) -> Fields:
         try:
-            return fields_read(syntax_tree(self._tokens), shapes)
-        except (SyntaxTreeError, RecursionError):
+            return fields_read(self._tokens, shapes)
+        except (NotUnderstoodError, RecursionError):
             return everything(self.variables)
 
     def evaluate(self, context: cel.Context) -> Any:

@@ -11,17 +11,7 @@ known for certain everything counts as read.
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from pa_console.policy.expressions.syntax import (
-    LOOPS,
-    Call,
-    Constant,
-    Index,
-    Listing,
-    Operation,
-    Select,
-    SyntaxNode,
-    Variable,
-)
+from pa_console.policy.expressions.syntax import LOOPS, ExpressionToken
 
 Fields = Mapping[str, "Fields | None"]
 """Fields by name, each with those read of it; None stands for all. A list or map has those of its
@@ -79,12 +69,20 @@ def names_of(fields: Fields | None, every: Iterable[str]) -> Iterable[str]:
     return every if fields is None else fields
 
 
-def fields_read(tree: SyntaxNode, shapes: Shapes) -> Fields:
-    """Return what the expression `tree` reads of the variables that `shapes` describes."""
+def fields_read(tokens: Sequence[ExpressionToken], shapes: Shapes) -> Fields:
+    """Return what the expression of these `tokens` reads of the variables in `shapes`.
+
+    Raises NotUnderstoodError where that cannot be known; the expression may be valid CEL.
+    """
     roots = {name: _ReadValue(shape) for name, shape in shapes.items()}
-    reader = _FieldReader(roots)
-    _whole(reader.read(tree, {}))
+    reader = _FieldReader(tokens, roots)
+    _whole(reader.expression())
+    reader.end()
     return {name: roots[name].fields() for name in reader.named}
+
+
+class NotUnderstoodError(Exception):
+    """An expression whose values cannot be followed."""
 
 
 @dataclass
@@ -118,122 +116,193 @@ _Value = _ReadValue | None
 """The record behind a value; None for a plain value, or for one that is read as a whole."""
 
 
-def _whole(value: _Value) -> None:
-    """Note that everything in `value` is read."""
-    if value is not None:
-        value.whole = True
-        _whole(value.element)
+def _whole(*values: _Value) -> None:
+    """Note that everything in `values` is read."""
+    for value in values:
+        if value is not None:
+            value.whole = True
+            _whole(value.element)
+
+
+def _count(value: _Value) -> None:
+    """Note that `value` is counted or gone through: of a record, that reads every field."""
+    if value is not None and value.element is None:
+        _whole(value)
+
+
+_NULL = _ReadValue(None)
+"""Stands for the constant null, with which a record can be compared unread."""
+_LEVELS = (("||",), ("&&",), ("<", "<=", ">", ">=", "==", "!=", "in"), ("+", "-"), ("*", "/", "%"))
+"""Operators with two operands, the loosest first."""
 
 
 class _FieldReader:
-    """Follows the values through an expression; `named` are the variables that it speaks of."""
+    """Parses CEL in its own precedence and follows the values; no tree is built.
 
-    def __init__(self, roots: Mapping[str, _ReadValue]) -> None:
-        self._roots = roots
+    `named` are the variables that the expression speaks of. How deep it recurses is bounded as the
+    brackets of an expression are.
+    """
+
+    def __init__(self, tokens: Sequence[ExpressionToken], roots: Mapping[str, _ReadValue]) -> None:
+        self._tokens, self._at, self._roots = tokens, 0, roots
+        self._bound: dict[str, _Value] = {}
+        """The elements that the loops around this place go through."""
         self.named: set[str] = set()
 
-    def read(self, node: SyntaxNode, bound: Mapping[str, _Value]) -> _Value:
-        """Return the value of `node`; `bound` is what the loops around it go through."""
-        match node:
-            case Constant():
-                return None
-            case Variable(name):
-                return self._variable(name, bound)
-            case Select(of, name):
-                return self._select(self.read(of, bound), name)
-            case Index(of, at):
-                return self._index(self.read(of, bound), at, bound)
-            case Call():
-                return self._call(node, bound)
-            case Operation(sign, operands):
-                return self._operation(sign, operands, bound)
-            case Listing(_, items):
-                self._read_whole(items, bound)
-                return None
+    def expression(self) -> _Value:
+        """Read an expression, and return its value."""
+        condition = self._binary(0)
+        if not self._take("?"):
+            return condition
+        yes = self._binary(0)
+        self._expect(":")
+        _whole(condition, yes, self.expression())
+        return None
 
-    def _variable(self, name: str, bound: Mapping[str, _Value]) -> _Value:
-        if name in bound:
-            return bound[name]
+    def end(self) -> None:
+        """Raise NotUnderstoodError unless everything was read."""
+        if self._at != len(self._tokens):
+            raise NotUnderstoodError(f"{self._tokens[self._at].text!r} is not expected")
+
+    def _binary(self, level: int) -> _Value:
+        if level == len(_LEVELS):
+            return self._unary()
+        found = self._binary(level + 1)
+        while (sign := self._sign()) in _LEVELS[level]:
+            self._at += 1
+            self._operation(sign, found, self._binary(level + 1))
+            found = None
+        return found
+
+    def _operation(self, sign: str, left: _Value, right: _Value) -> None:
+        if sign in ("==", "!=") and (left is _NULL or right is _NULL):
+            return
+        keyed = right is not None and isinstance(right.shape, Many) and right.shape.keyed
+        _whole(left, None if sign == "in" and keyed else right)
+
+    def _unary(self) -> _Value:
+        if self._take("!") or self._take("-"):
+            _whole(self._unary())
+            return None
+        return self._member()
+
+    def _member(self) -> _Value:
+        found = self._primary()
+        while True:
+            if self._take("."):
+                name = self._name()
+                found = self._method(name, found) if self._take("(") else _select(found, name)
+            elif self._take("["):
+                _whole(self.expression())
+                self._expect("]")
+                if found is not None and found.element is None:
+                    _whole(found)
+                found = None if found is None else found.element
+            else:
+                return found
+
+    def _method(self, name: str, target: _Value) -> _Value:
+        if name in LOOPS and self._tokens[self._at + 1 : self._at + 2] == (_COMMA,):
+            return self._loop(name, target)
+        arguments = self._until(")")
+        if name == "size" and not arguments:
+            _count(target)
+        else:
+            _whole(target, *arguments)
+        return None
+
+    def _loop(self, name: str, target: _Value) -> _Value:
+        """Return what a loop over `target` yields; over a map, it goes through the keys."""
+        _count(target)
+        listed = target is not None and isinstance(target.shape, Many) and not target.shape.keyed
+        variable, before = self._name(), self._bound
+        self._expect(",")
+        self._bound = {**before, variable: target.element if target and listed else None}
+        bodies = self._until(")")
+        self._bound = before
+        if len(bodies) not in ((1, 2) if name == "map" else (1,)):
+            raise NotUnderstoodError(f"{name}() has other arguments than a loop")
+        if name == "filter":
+            return target if listed else None
+        _whole(*bodies)
+        return None
+
+    def _primary(self) -> _Value:
+        if self._at == len(self._tokens):
+            raise NotUnderstoodError("it ends too early")
+        token = self._tokens[self._at]
+        self._at += 1
+        if token.kind in ("text", "number") or token.text in ("true", "false"):
+            return None
+        if token.text == "null":
+            return _NULL
+        if token.kind == "name" and token.text != "in":
+            if self._sign() == "{":
+                raise NotUnderstoodError("messages are not known")
+            return self._call(token.text) if self._take("(") else self._variable(token.text)
+        if token.text == "(":
+            found = self.expression()
+            self._expect(")")
+            return found
+        if token.text in ("[", "{"):
+            _whole(*self._until("]" if token.text == "[" else "}"))
+            return None
+        raise NotUnderstoodError(f"{token.text!r} is not expected")
+
+    def _call(self, name: str) -> None:
+        arguments = self._until(")")
+        if name == "size" and len(arguments) == 1:
+            _count(arguments[0])
+        elif name != "has" or len(arguments) != 1:
+            _whole(*arguments)
+
+    def _variable(self, name: str) -> _Value:
+        if name in self._bound:
+            return self._bound[name]
         if name not in self._roots:
             return None
         self.named.add(name)
         return self._roots[name]
 
-    def _select(self, value: _Value, name: str) -> _Value:
-        if value is None:
-            return None
-        if isinstance(value.shape, Many):
-            return value.element
-        return value.part(name)
+    def _until(self, close: str) -> list[_Value]:
+        """Return the parts up to the bracket `close`: arguments, elements, or keys and values."""
+        found: list[_Value] = []
+        while not self._take(close):
+            found.append(self.expression())
+            if close == "}":
+                self._expect(":")
+                found.append(self.expression())
+            if self._sign() != close:
+                self._expect(",")
+        return found
 
-    def _index(self, value: _Value, at: SyntaxNode, bound: Mapping[str, _Value]) -> _Value:
-        self._read_whole((at,), bound)
-        if value is None or value.element is not None:
-            return None if value is None else value.element
-        _whole(value)
+    def _sign(self) -> str:
+        """Return the next token where it may be an operator or a bracket, else ''."""
+        if self._at == len(self._tokens):
+            return ""
+        token = self._tokens[self._at]
+        return token.text if token.kind == "sign" or token.text == "in" else ""
+
+    def _take(self, sign: str) -> bool:
+        found = self._sign() == sign
+        self._at += found
+        return found
+
+    def _expect(self, sign: str) -> None:
+        if not self._take(sign):
+            raise NotUnderstoodError(f"{sign!r} is missing")
+
+    def _name(self) -> str:
+        if self._at == len(self._tokens) or self._tokens[self._at].kind != "name":
+            raise NotUnderstoodError("a name is missing")
+        self._at += 1
+        return self._tokens[self._at - 1].text
+
+
+_COMMA = ExpressionToken("sign", ",")
+
+
+def _select(value: _Value, name: str) -> _Value:
+    if value is None:
         return None
-
-    def _call(self, call: Call, bound: Mapping[str, _Value]) -> _Value:
-        if call.target is None:
-            if call.name == "size" and len(call.arguments) == 1:
-                self._count(self.read(call.arguments[0], bound))
-            elif call.name == "has" and len(call.arguments) == 1:
-                self.read(call.arguments[0], bound)
-            else:
-                self._read_whole(call.arguments, bound)
-            return None
-        target = self.read(call.target, bound)
-        if call.name == "size" and not call.arguments:
-            self._count(target)
-            return None
-        parts = (2, 3) if call.name == "map" else (2,)
-        if call.name in LOOPS and len(call.arguments) in parts:
-            variable, *bodies = call.arguments
-            if isinstance(variable, Variable):
-                return self._loop(call.name, target, variable.name, bodies, bound)
-        _whole(target)
-        self._read_whole(call.arguments, bound)
-        return None
-
-    def _loop(
-        self,
-        name: str,
-        target: _Value,
-        variable: str,
-        bodies: Sequence[SyntaxNode],
-        bound: Mapping[str, _Value],
-    ) -> _Value:
-        """Return what a loop over `target` yields; over a map, it goes through the keys."""
-        self._count(target)
-        listed = target is not None and isinstance(target.shape, Many) and not target.shape.keyed
-        inner = {**bound, variable: target.element if target is not None and listed else None}
-        for body in bodies:
-            value = self.read(body, inner)
-            if name != "filter":
-                _whole(value)
-        return target if name == "filter" and listed else None
-
-    def _operation(
-        self, sign: str, operands: tuple[SyntaxNode, ...], bound: Mapping[str, _Value]
-    ) -> _Value:
-        if sign in ("==", "!=") and Constant("null") in operands:
-            for operand in operands:
-                self.read(operand, bound)
-            return None
-        if sign == "in":
-            self._read_whole(operands[:1], bound)
-            among = self.read(operands[1], bound)
-            if among is not None and not (isinstance(among.shape, Many) and among.shape.keyed):
-                _whole(among)
-            return None
-        self._read_whole(operands, bound)
-        return None
-
-    def _count(self, value: _Value) -> None:
-        """Note that `value` is counted or gone through: of a record, that reads every field."""
-        if value is not None and value.element is None:
-            _whole(value)
-
-    def _read_whole(self, nodes: Iterable[SyntaxNode], bound: Mapping[str, _Value]) -> None:
-        for node in nodes:
-            _whole(self.read(node, bound))
+    return value.element if isinstance(value.shape, Many) else value.part(name)
