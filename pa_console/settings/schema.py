@@ -1,9 +1,13 @@
 """The schema of all settings, from which file, screen and help are made."""
 
-from collections.abc import Mapping
+import ast
+import inspect
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, Field
@@ -49,12 +53,20 @@ CollectorAddress = Annotated[str, AfterValidator(_collector)]
 TakAddress = Annotated[str, AfterValidator(_tak_server)]
 
 
-def _about(group: str, *, restart: bool = True, form: str = "") -> dict[str, Any]:
-    """Return a field's further properties: its group, and True if a change needs a restart.
+KEYS_FORM = (
+    "`keys: {stop: f11}` in the file, `--set keys.stop=f11` on the command line, "
+    """`PA_CONSOLE_KEYS='{"stop": "f11"}'` in the environment"""
+)
 
-    `form` shows the form of a value that is more than one word or number.
+
+def _shown(group: str, title: str, *, restart: bool = True, form: str = "", **limits: Any) -> Any:
+    """Return a field's properties on the screen; its attribute docstring is its help.
+
+    `restart` is True if a change needs a restart, and `form` shows the form of a value that is more
+    than one word or number. `limits` are those of pydantic's Field.
     """
-    return {"group": group, "restart": restart, "form": form}
+    extra: dict[str, Any] = {"group": group, "restart": restart, "form": form}
+    return Field(title=title, json_schema_extra=extra, **limits)
 
 
 class Settings(BaseSettings):
@@ -64,251 +76,133 @@ class Settings(BaseSettings):
         env_prefix=ENV_PREFIX, env_ignore_empty=True, extra="forbid", frozen=True
     )
 
-    model: str = Field(
-        default="",
-        title="Model",
-        description="The model that plans and judges: a name of the catalogue, or the path of a "
-        "GGUF file. Empty is the catalogue's default. A model on a server plans, "
-        "openai:BASE_URL#NAME; the default judges, and takes over when the server does not answer.",
-        json_schema_extra=_about("Session"),
-    )
-    second_reader: str = Field(
-        default="",
-        title="Second reader",
-        description="The model that reads an order again of which the first is unsure. Empty is "
-        "the one that goes with the model, if it was pulled; off is none. It may be on a server.",
-        json_schema_extra=_about("Session"),
-    )
-    judge_server: str = Field(
-        default="",
-        title="Judge's server",
-        description="A model on a server that judges, openai:BASE_URL#NAME. Empty: the model of "
-        "this machine judges.",
-        json_schema_extra=_about("Session"),
-    )
-    server_patience_s: float = Field(
-        default=20.0,
-        ge=1.0,
-        le=50.0,
-        title="Patience with a server",
-        description="Seconds that a model on a server may take for an answer, before the model of "
-        "this machine is asked.",
-        json_schema_extra=_about("Session"),
-    )
-    plain_servers: bool = Field(
-        default=False,
-        title="Unencrypted servers",
-        description="Whether the operator's words and the picture may go to a server on another "
-        "machine without https.",
-        json_schema_extra=_about("Session"),
-    )
-    world: str = Field(
-        default="checkpoint",
-        min_length=1,
-        title="World",
-        description="The world that the console opens: an installed name, a folder or a file.",
-        json_schema_extra=_about("Session"),
-    )
-    rules: str = Field(
-        default="checkpoint",
-        min_length=1,
-        title="Rules",
-        description="The rule set in force: an installed name, or the path of a file.",
-        json_schema_extra=_about("Session"),
-    )
-    speed: float = Field(
-        default=1.0,
-        ge=1.0,
-        le=8.0,
-        title="Speed",
-        description="Simulated seconds per second when the console opens.",
-        json_schema_extra=_about("Session"),
-    )
-    alarms: bool = Field(
-        default=True,
-        title="Alarms become missions",
-        description="Whether an alarm queues a mission by itself. Every plan still waits for you.",
-        json_schema_extra=_about("Approval and alarms"),
-    )
-    approval_delay_s: float = Field(
-        default=0.6,
-        ge=0.2,
-        le=10.0,
-        title="Approval hold delay",
-        description="Quiet seconds before the approval panel takes a key, so that no stray key "
-        "approves a plan.",
-        json_schema_extra=_about("Approval and alarms", restart=False),
-    )
-    check_deadline_ms: float = Field(
-        default=10.0,
-        ge=1.0,
-        le=1000.0,
-        title="Deadline of a check",
-        description="Milliseconds of processor time that one check of a rule may take. One that "
-        "takes longer decides nothing, which blocks the plan.",
-        json_schema_extra=_about("Approval and alarms"),
-    )
-    standing_confidence: float = Field(
-        default=0.9,
-        ge=0.0,
-        le=1.0,
-        title="Standing approval needs",
-        description="How sure the console has to be of what was asked, 0 to 1, for "
-        "`--approve auto` to approve a plan. An order whose words its reading does not account for "
-        "is never approved so.",
-        json_schema_extra=_about("Approval and alarms", restart=False),
-    )
-    stale_after_s: float = Field(
-        default=5.0,
-        ge=2.0,
-        le=120.0,
-        title="Telemetry is stale after",
-        description="Seconds without telemetry after which the top line warns.",
-        json_schema_extra=_about("Approval and alarms", restart=False),
-    )
-    bell: bool = Field(
-        default=True,
-        title="Bell",
-        description="Whether the terminal's bell rings when a plan or an urgent alarm begins to "
-        "wait for you.",
-        json_schema_extra=_about("Screen", restart=False),
-    )
-    desktop_notices: bool = Field(
-        default=True,
-        title="Desktop notices",
-        description="Whether the terminal is asked for a notice of the desktop then (OSC 9 and "
-        "OSC 777).",
-        json_schema_extra=_about("Screen", restart=False),
-    )
-    window_title: bool = Field(
-        default=True,
-        title="Window title",
-        description="Whether the title of the terminal's window says what waits for you.",
-        json_schema_extra=_about("Screen", restart=False),
-    )
-    theme: str = Field(
-        default="pa-console",
-        min_length=1,
-        title="Theme",
-        description="The colours of the console.",
-        json_schema_extra=_about("Screen", restart=False),
-    )
-    mouse: bool = Field(
-        default=True,
-        title="Mouse",
-        description="Whether the console takes the mouse; off leaves it to the terminal, to "
-        "select text.",
-        json_schema_extra=_about("Screen"),
-    )
-    history_kept: int = Field(
-        default=200,
-        ge=0,
-        le=10_000,
-        title="Missions remembered",
-        description="How many typed missions the arrow keys bring back in the mission field.",
-        json_schema_extra=_about("Screen"),
-    )
-    logs: WholePath | None = Field(
-        default=None,
-        title="Session logs",
-        description="The folder that session logs are written to. Empty is the user's state "
-        "folder.",
-        json_schema_extra=_about("Files"),
-    )
-    cache: WholePath | None = Field(
-        default=None,
-        title="Models and cache",
-        description="The folder of fetched models and of everything else that can be made again. "
-        "Empty is the user's cache folder.",
-        json_schema_extra=_about("Files"),
-    )
-    signing_key: WholePath | None = Field(
-        default=None,
-        title="Signing key",
-        description="The file of the key that signs session logs; it is made on first use. Empty "
-        "is the user's config folder.",
-        json_schema_extra=_about("Files"),
-    )
-    witness: WitnessTarget = Field(
-        default="",
-        title="Witness of session logs",
-        description="A file on another disk, or an address with http:// or https://, that is given "
-        "the signed heads of the session log every 10 s and at every decision. Empty is none.",
-        json_schema_extra=_about("Files"),
-    )
-    traces: CollectorAddress = Field(
-        default="",
-        title="Traces",
-        description="The address of an OpenTelemetry collector, such as http://127.0.0.1:4318, "
-        "that is given every mission as a trace. Empty is none.",
-        json_schema_extra=_about("Observability"),
-    )
-    trace_words: bool = Field(
-        default=False,
-        title="Words in traces",
-        description="Whether traces have what operators typed and models wrote, and who decided.",
-        json_schema_extra=_about("Observability"),
-    )
-    metrics_port: int = Field(
-        default=0,
-        ge=0,
-        le=65_535,
-        title="Port of metrics",
-        description="The port of this machine at which a session gives its metrics as Prometheus "
-        "text. 0 is none.",
-        json_schema_extra=_about("Observability"),
-    )
-    tak: TakAddress = Field(
-        default="",
-        title="TAK server",
-        description="The TAK server that is shown every session, such as tls://tak.example:8089. "
-        "Empty is none.",
-        json_schema_extra=_about("TAK maps"),
-    )
-    tak_origin: str = Field(
-        default="",
-        title="Origin on the earth",
-        description="Where (0, 0) of a world is: LATITUDE,LONGITUDE[,BEARING[,ALTITUDE]]. Empty is "
-        "what the world's file says.",
-        json_schema_extra=_about("TAK maps"),
-    )
-    tak_contacts: bool | None = Field(
-        default=None,
-        title="Contacts from TAK",
-        description="Whether what others on the TAK server report is shown as unverified contacts. "
-        "Empty: where the server is reached over TLS, or is on this machine.",
-        json_schema_extra=_about("TAK maps", form="on or off"),
-    )
-    tak_certificate: WholePath | None = Field(
-        default=None,
-        title="Certificate for TAK",
-        description="The certificate that is shown to a TAK server: PEM, or PKCS #12 (.p12).",
-        json_schema_extra=_about("TAK maps"),
-    )
-    tak_key: WholePath | None = Field(
-        default=None,
-        title="Key for TAK",
-        description="The key of that certificate (PEM). Empty is the same file.",
-        json_schema_extra=_about("TAK maps"),
-    )
-    tak_authority: WholePath | None = Field(
-        default=None,
-        title="Authority for TAK",
-        description="The certificate (PEM) of the authority that vouches for the TAK server.",
-        json_schema_extra=_about("TAK maps"),
-    )
-    keys: dict[str, str] = Field(
-        default={},
-        title="Keys",
-        description="Other keys for the console's actions: an action's name and its keys, "
-        "separated by commas.",
-        json_schema_extra=_about(
-            "Keys",
-            restart=False,
-            form="`keys: {stop: f11}` in the file, `--set keys.stop=f11` on the command line, "
-            """`PA_CONSOLE_KEYS='{"stop": "f11"}'` in the environment""",
-        ),
-    )
+    model: Annotated[str, _shown("Session", "Model")] = ""
+    """The model that plans and judges: a name of the catalogue, or the path of a GGUF file. Empty
+    is the catalogue's default. A model on a server plans, openai:BASE_URL#NAME; the default judges,
+    and takes over when the server does not answer."""
+
+    second_reader: Annotated[str, _shown("Session", "Second reader")] = ""
+    """The model that reads an order again of which the first is unsure. Empty is the one that goes
+    with the model, if it was pulled; off is none. It may be on a server."""
+
+    judge_server: Annotated[str, _shown("Session", "Judge's server")] = ""
+    """A model on a server that judges, openai:BASE_URL#NAME. Empty: the model of this machine
+    judges."""
+
+    server_patience_s: Annotated[
+        float, _shown("Session", "Patience with a server", ge=1.0, le=50.0)
+    ] = 20.0
+    """Seconds that a model on a server may take for an answer, before the model of this machine is
+    asked."""
+
+    plain_servers: Annotated[bool, _shown("Session", "Unencrypted servers")] = False
+    """Whether the operator's words and the picture may go to a server on another machine without
+    https."""
+
+    world: Annotated[str, _shown("Session", "World", min_length=1)] = "checkpoint"
+    """The world that the console opens: an installed name, a folder or a file."""
+
+    rules: Annotated[str, _shown("Session", "Rules", min_length=1)] = "checkpoint"
+    """The rule set in force: an installed name, or the path of a file."""
+
+    speed: Annotated[float, _shown("Session", "Speed", ge=1.0, le=8.0)] = 1.0
+    """Simulated seconds per second when the console opens."""
+
+    alarms: Annotated[bool, _shown("Approval and alarms", "Alarms become missions")] = True
+    """Whether an alarm queues a mission by itself. Every plan still waits for you."""
+
+    approval_delay_s: Annotated[
+        float, _shown("Approval and alarms", "Approval hold delay", restart=False, ge=0.2, le=10.0)
+    ] = 0.6
+    """Quiet seconds before the approval panel takes a key, so that no stray key approves a plan."""
+
+    check_deadline_ms: Annotated[
+        float, _shown("Approval and alarms", "Deadline of a check", ge=1.0, le=1000.0)
+    ] = 10.0
+    """Milliseconds of processor time that one check of a rule may take. One that takes longer
+    decides nothing, which blocks the plan."""
+
+    standing_confidence: Annotated[
+        float,
+        _shown("Approval and alarms", "Standing approval needs", restart=False, ge=0.0, le=1.0),
+    ] = 0.9
+    """How sure the console has to be of what was asked, 0 to 1, for `--approve auto` to approve a
+    plan. An order whose words its reading does not account for is never approved so."""
+
+    stale_after_s: Annotated[
+        float,
+        _shown("Approval and alarms", "Telemetry is stale after", restart=False, ge=2.0, le=120.0),
+    ] = 5.0
+    """Seconds without telemetry after which the top line warns."""
+
+    bell: Annotated[bool, _shown("Screen", "Bell", restart=False)] = True
+    """Whether the terminal's bell rings when a plan or an urgent alarm begins to wait for you."""
+
+    desktop_notices: Annotated[bool, _shown("Screen", "Desktop notices", restart=False)] = True
+    """Whether the terminal is asked for a notice of the desktop then (OSC 9 and OSC 777)."""
+
+    window_title: Annotated[bool, _shown("Screen", "Window title", restart=False)] = True
+    """Whether the title of the terminal's window says what waits for you."""
+
+    theme: Annotated[str, _shown("Screen", "Theme", restart=False, min_length=1)] = "pa-console"
+    """The colours of the console."""
+
+    mouse: Annotated[bool, _shown("Screen", "Mouse")] = True
+    """Whether the console takes the mouse; off leaves it to the terminal, to select text."""
+
+    history_kept: Annotated[int, _shown("Screen", "Missions remembered", ge=0, le=10_000)] = 200
+    """How many typed missions the arrow keys bring back in the mission field."""
+
+    logs: Annotated[WholePath | None, _shown("Files", "Session logs")] = None
+    """The folder that session logs are written to. Empty is the user's state folder."""
+
+    cache: Annotated[WholePath | None, _shown("Files", "Models and cache")] = None
+    """The folder of fetched models and of everything else that can be made again. Empty is the
+    user's cache folder."""
+
+    signing_key: Annotated[WholePath | None, _shown("Files", "Signing key")] = None
+    """The file of the key that signs session logs; it is made on first use. Empty is the user's
+    config folder."""
+
+    witness: Annotated[WitnessTarget, _shown("Files", "Witness of session logs")] = ""
+    """A file on another disk, or an address with http:// or https://, that is given the signed
+    heads of the session log every 10 s and at every decision. Empty is none."""
+
+    traces: Annotated[CollectorAddress, _shown("Observability", "Traces")] = ""
+    """The address of an OpenTelemetry collector, such as http://127.0.0.1:4318, that is given every
+    mission as a trace. Empty is none."""
+
+    trace_words: Annotated[bool, _shown("Observability", "Words in traces")] = False
+    """Whether traces have what operators typed and models wrote, and who decided."""
+
+    metrics_port: Annotated[int, _shown("Observability", "Port of metrics", ge=0, le=65_535)] = 0
+    """The port of this machine at which a session gives its metrics as Prometheus text. 0 is
+    none."""
+
+    tak: Annotated[TakAddress, _shown("TAK maps", "TAK server")] = ""
+    """The TAK server that is shown every session, such as tls://tak.example:8089. Empty is none."""
+
+    tak_origin: Annotated[str, _shown("TAK maps", "Origin on the earth")] = ""
+    """Where (0, 0) of a world is: LATITUDE,LONGITUDE[,BEARING[,ALTITUDE]]. Empty is what the
+    world's file says."""
+
+    tak_contacts: Annotated[
+        bool | None, _shown("TAK maps", "Contacts from TAK", form="on or off")
+    ] = None
+    """Whether what others on the TAK server report is shown as unverified contacts. Empty: where
+    the server is reached over TLS, or is on this machine."""
+
+    tak_certificate: Annotated[WholePath | None, _shown("TAK maps", "Certificate for TAK")] = None
+    """The certificate that is shown to a TAK server: PEM, or PKCS #12 (.p12)."""
+
+    tak_key: Annotated[WholePath | None, _shown("TAK maps", "Key for TAK")] = None
+    """The key of that certificate (PEM). Empty is the same file."""
+
+    tak_authority: Annotated[WholePath | None, _shown("TAK maps", "Authority for TAK")] = None
+    """The certificate (PEM) of the authority that vouches for the TAK server."""
+
+    keys: Annotated[dict[str, str], _shown("Keys", "Keys", restart=False, form=KEYS_FORM)] = {}
+    """Other keys for the console's actions: an action's name and its keys, separated by commas."""
 
     @classmethod
     def settings_customise_sources(
@@ -342,14 +236,16 @@ class Setting:
         return f"{ENV_PREFIX}{self.name.upper()}"
 
 
-def describe_settings() -> dict[str, Setting]:
+@cache
+def describe_settings() -> Mapping[str, Setting]:
     """Return every field of the schema by name, in the schema's order."""
     properties: Mapping[str, Mapping[str, Any]] = Settings.model_json_schema()["properties"]
+    helps = dict(_helps())
     return {
         name: Setting(
             name,
             about["title"],
-            about["description"],
+            helps[name],
             about["group"],
             about["restart"],
             Settings.model_fields[name].default,
@@ -358,6 +254,20 @@ def describe_settings() -> dict[str, Setting]:
         )
         for name, about in properties.items()
     }
+
+
+def _helps() -> Iterator[tuple[str, str]]:
+    """Yield every field with the docstring below it.
+
+    Pydantic can read these too, but does so with the import, which takes it 30 ms.
+    """
+    [settings] = ast.parse(inspect.getsource(Settings)).body
+    for pair in pairwise(cast(ast.ClassDef, settings).body):
+        match pair:
+            case ast.AnnAssign(target=ast.Name(name)), ast.Expr(ast.Constant(str(text))):
+                yield name, " ".join(text.split())
+            case _:
+                pass
 
 
 def _limits(about: Mapping[str, Any]) -> str:

@@ -122,7 +122,7 @@ def default_settings() -> LoadedSettings:
 
 def unknown_variables() -> list[str]:
     """Return the PA_CONSOLE_... variables of the environment without a meaning."""
-    known = {setting.variable for setting in describe_settings().values()}
+    known = {f"{ENV_PREFIX}{name.upper()}" for name in Settings.model_fields}
     known |= {FILE_VARIABLE, *SECRET_VARIABLES}
     return sorted(name for name in os.environ if name.startswith(ENV_PREFIX) and name not in known)
 
