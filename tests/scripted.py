@@ -48,7 +48,7 @@ class ScriptedEngine:
         self.second_reader: ScriptedEngine | None = None
         self.name = self.sampler = "scripted"
         self.on_state: OnState | None = None
-        self.busy = False
+        self.busy, self.state = False, "ready"
         self.warmed: list[tuple[Role, str, str]] = []
         self.kills = 0
         """How often the worker was killed."""

@@ -46,6 +46,14 @@ _CONDITIONS = tuple(
 """The state of a condition is reported elsewhere; these patterns name the condition."""
 
 
+_JOINED = re.compile(r"(?<=[a-z])(?=[A-Z])")
+
+
+def place_words(name: str) -> str:
+    """Return a frame's name as words: `EastGate` is *East Gate*."""
+    return _JOINED.sub(" ", name)
+
+
 def plain_reading(asked: str) -> str:
     """Return a reading of an order in plain words, without how its condition stands at the moment.
 

@@ -111,16 +111,24 @@ def confidence(chances: Sequence[Chance], text: str, words: str) -> float | None
     return round(math.exp(sum(chance for at, chance in chances if begin <= at < end)), 4)
 
 
-class Backend(Protocol):
-    """A model that answers prompts, in a process of this machine or anywhere else."""
-
-    on_state: Callable[[Any, str], None] | None
-    """Called with each new state (a WorkerState or a ServerState) and the reason for it."""
+class Answerer(Protocol):
+    """A model, as the roles ask it."""
 
     @property
     def name(self) -> str:
         """The model's name in logs and on the screen."""
         ...
+
+    def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
+        """Yield the answer to `request` in pieces, then one GenerationEnd; raises EngineError."""
+        ...
+
+
+class Backend(Answerer, Protocol):
+    """A model that answers prompts, in a process of this machine or anywhere else."""
+
+    on_state: Callable[[Any, str], None] | None
+    """Called with each new state (a WorkerState or a ServerState) and the reason for it."""
 
     @property
     def usable(self) -> bool:
@@ -129,10 +137,6 @@ class Backend(Protocol):
 
     async def start(self) -> None:
         """Begin to get ready and return at once."""
-        ...
-
-    def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
-        """Yield the answer to `request` in pieces, then one GenerationEnd; raises EngineError."""
         ...
 
     async def close(self) -> None:
@@ -200,7 +204,7 @@ class ModelAnswer:
 
 
 async def ask_model(
-    backend: Backend, request: Request, on_text: OnText | None = None
+    model: Answerer, request: Request, on_text: OnText | None = None
 ) -> ModelAnswer:
     """Return the whole answer, which `on_text` gets in pieces; EngineError becomes its `error`.
 
@@ -213,7 +217,7 @@ async def ask_model(
         text = ""
         whole = ModelAnswer(text, Usage(), "the model ended without an answer", fatal=True)
         try:
-            async with aclosing(backend.generate(request)) as pieces:
+            async with aclosing(model.generate(request)) as pieces:
                 async for item in pieces:
                     if isinstance(item, GenerationEnd):
                         whole = _answer(item, request)

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Self
 
 from pa_console.fleets.fleet import Fleet
 from pa_console.language.references.scene import Move, PastMission, ReferenceScene, after
+from pa_console.llm.backend import Answerer
+from pa_console.llm.early_answers import EarlyAnswers
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.remote.servers import NO_SERVERS, Servers
 from pa_console.llm.roles.clause_reader import ClauseReader
@@ -107,6 +109,8 @@ class Services:
     """The standing orders in force in this session; the station keeps them."""
     second_reader: Judge | ClauseReader | None = None
     """The reader that reads an order again when planner or judge is unsure."""
+    early: EarlyAnswers = field(default_factory=EarlyAnswers)
+    """Answers that the own models gave to a draft of an order, before it was sent."""
     servers: Servers = NO_SERVERS
     """Models on servers, which are asked before the own one."""
     past: PastOrders = field(default_factory=PastOrders)
@@ -137,21 +141,22 @@ class Services:
         prompt_format = prompt_format or PROMPT_FORMATS[format_in(variant, engine.model.prompts)]
         if retriever is None:
             retriever = Retriever(rulebook.rules, variant.method or DEFAULT_METHOD)
-        journal, standing = Journal(), StandingOrders()
+        journal, standing, early = Journal(), StandingOrders(), EarlyAnswers()
         return cls(
             fleet=fleet,
             rulebook=with_core(rulebook),
             retriever=retriever,
             engine=engine,
-            planner=Planner(engine, max_tokens=prompt_format.plan_tokens),
-            judge=Judge(engine, max_tokens=prompt_format.verdict_tokens),
+            planner=Planner(early.due(engine), max_tokens=prompt_format.plan_tokens),
+            judge=Judge(early.due(engine), max_tokens=prompt_format.verdict_tokens),
             prompt_format=prompt_format,
             variant=variant,
             journal=journal,
             gate=CommandGate(fleet, journal, authority, standing),
             sightings=Sightings(fleet.world),
             standing=standing,
-            second_reader=_second_reader(engine),
+            second_reader=_second_reader(engine, early.due),
+            early=early,
             servers=servers,
         )
 
@@ -187,13 +192,39 @@ class Services:
         retriever = self.retriever.over(rulebook.rules)
         return replace(self, rulebook=with_core(rulebook), retriever=retriever)
 
+    def for_draft(self) -> Self:
+        """Return the same for a mission that is planned and never carried out.
 
-def _second_reader(engine: Engine) -> Judge | ClauseReader | None:
-    """Return what reads orders again: a judge as it was trained, or any model, in clauses."""
+        Only the models of this machine are asked, and their answers are kept. No command passes
+        its gate, and later missions know nothing of it.
+        """
+        engine, ahead, prompt_format = self.engine, self.early.ahead, self.prompt_format
+        gate = CommandGate(self.fleet, Journal())
+        gate.stop_all()
+        return replace(
+            self,
+            planner=Planner(ahead(engine), max_tokens=prompt_format.plan_tokens),
+            judge=Judge(ahead(engine), max_tokens=prompt_format.verdict_tokens),
+            second_reader=_second_reader(engine, ahead),
+            servers=NO_SERVERS,
+            journal=Journal(),
+            gate=gate,
+            standing=StandingOrders(),
+            past=PastOrders([*self.past.missions], self.past.pointer),
+        )
+
+
+def _second_reader(
+    engine: Engine, asked: Callable[[Answerer], Answerer]
+) -> Judge | ClauseReader | None:
+    """Return what reads orders again: a judge as it was trained, or any model, in clauses.
+
+    `asked` is how its model is asked.
+    """
     second = engine.second_reader
     if second is None or second.model.prompts != "compact":
-        return ClauseReader(second) if second is not None else None
-    return Judge(second, max_tokens=PROMPT_FORMATS["compact"].verdict_tokens)
+        return ClauseReader(asked(second)) if second is not None else None
+    return Judge(asked(second), max_tokens=PROMPT_FORMATS["compact"].verdict_tokens)
 
 
 @dataclass

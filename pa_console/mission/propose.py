@@ -210,7 +210,8 @@ async def ask_planner(
     answered = await first_answer(context.services.planners, ask, context.turn_to_own)
     emit(_proposed(answered, answered.proposal, attempt))
     if attempt == 1:
-        watch.add("first_token_s", answered.proposal.usage.first_token_s)
+        usage = answered.proposal.usage
+        watch.add("first_token_s", max(0.0, usage.first_token_s - usage.ahead_s))
     return answered
 
 

@@ -275,7 +275,9 @@ class MissionSpans:
             "gen_ai.usage.output_tokens": usage.completion_tokens,
             "pa.usage.cached_tokens": usage.cached_tokens,
         }
-        self._whole(traced, step, t, usage.seconds, {**about, **tokens})
+        if usage.ahead_s:
+            tokens["pa.usage.ahead_s"] = usage.ahead_s
+        self._whole(traced, step, t, usage.seconds - usage.ahead_s, {**about, **tokens})
 
     def _whole(
         self,

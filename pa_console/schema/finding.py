@@ -57,6 +57,11 @@ class Usage(StrictModel):
     )
     first_token_s: float = 0.0
     seconds: float = 0.0
+    ahead_s: float = Field(
+        default=0.0,
+        exclude_if=lambda seconds: not seconds,
+        description="seconds of these that passed before the order was sent: it was read live",
+    )
 
     def going_on(self, whole: "Usage") -> "Usage":
         """Return what an answer cost that began with this and was then written as a `whole`."""
@@ -68,4 +73,5 @@ class Usage(StrictModel):
             guessed_tokens=self.guessed_tokens + whole.guessed_tokens,
             first_token_s=self.first_token_s,
             seconds=self.seconds + whole.seconds,
+            ahead_s=self.ahead_s + whole.ahead_s,
         )

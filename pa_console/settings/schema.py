@@ -99,6 +99,10 @@ class Settings(BaseSettings):
     """Whether the operator's words and the picture may go to a server on another machine without
     https."""
 
+    live_reading: Annotated[bool, _shown("Session", "Live reading", restart=False)] = True
+    """Whether an order is read while you type it, and its reading shown under the mission field.
+    Nothing is sent or logged before Enter."""
+
     world: Annotated[str, _shown("Session", "World", min_length=1)] = "checkpoint"
     """The world that the console opens: an installed name, a folder or a file."""
 

@@ -326,6 +326,9 @@ class JoinedStation:
         )
         return given.told
 
+    def read_live(self, show: Callable[[str, str], None] | None) -> None:
+        """Read nothing: orders are given at the station itself."""
+
     def typing(self, text: str) -> None:
         """Take no notice."""
 

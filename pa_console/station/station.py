@@ -29,6 +29,7 @@ from pa_console.station.answering import IS_QUESTION, RecentRecord, answer
 from pa_console.station.clock import Clock, Ticking
 from pa_console.station.earlier_session import LeftMissions, ResumedSession, UnclosedSession
 from pa_console.station.intake import Intake, ReadText, read_text
+from pa_console.station.live_reading import LiveReading, ShowReading
 from pa_console.station.notices import Outside, pass_on
 from pa_console.station.read_ahead import ReadAhead
 from pa_console.station.rules_in_force import RulesReload, RulesWatch
@@ -88,6 +89,7 @@ class ControlStation:
         self._worker = MissionWorker(parts)
         self._ahead = ReadAhead(services, unasked=read_unasked)
         self._reload = RulesReload(services, watch, self._emit, self._worker, self._ahead)
+        self._live = LiveReading(lambda: self._reload.services, self._read, self._may_read_live)
         self._ticking = Ticking(parts, clock, self._worker, self._stop_for)
         self._closed, self._resumed = False, resumed
         self._record = RecentRecord(deepcopy(resumed.before.state) if resumed else SessionState())
@@ -258,7 +260,21 @@ class ControlStation:
 
     def typing(self, text: str) -> None:
         """Note that the operator types a mission, `text` so far; the model reads meanwhile."""
-        self._ahead.typing(text)
+        if text.strip():
+            self._ahead.typing(text)
+        self._live.typing(text)
+
+    def read_live(self, show: ShowReading | None) -> None:
+        """Read the order that is being typed, and give its reading to `show`; None: read nothing.
+
+        Nothing is logged, and no asset moves by it.
+        """
+        self._live.show_in(show)
+
+    def _may_read_live(self) -> bool:
+        """Return whether a mission would be worked on at once, and the models are idle."""
+        taken = not (self.readonly or self.stopped or self._closed)
+        return taken and self._worker.idle.is_set() and not self._worker.thinking
 
     def point(self, name: str) -> None:
         """Note what the operator has marked on the screen, "" for nothing: *this one* means it."""
@@ -296,6 +312,7 @@ class ControlStation:
         Other plans are checked and rehearsed for it; each is given to `found` as soon as it is
         ready. No decision follows, and no asset moves by it.
         """
+        self._live.give_way()
         given = await answer(self._reload.services, question, self._record.state, found)
         if not self._closed:
             self._emit(given.told, given.mission or None)
@@ -473,6 +490,7 @@ class ControlStation:
         if self._closed:
             return
         self._closed = True
+        self._live.close()
         try:
             await self._background.stop()
             if judge_outcomes:
@@ -500,6 +518,7 @@ class ControlStation:
         event = ev.Event(t=datetime.now(UTC), tick=self._fleet.tick, mission=mission, data=payload)
         self._journal.append(event)
         self._record.take(event)
+        self._live.see(payload)
         self._events.put_nowait(event)
 
     def _broken(self, error: BaseException) -> None:

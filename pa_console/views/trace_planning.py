@@ -164,7 +164,7 @@ def plan(attempt: Attempt) -> TraceSection:
         blocks.append(labelled("if halted", safety_in_words(attempt.if_halted)))
     blocks += [_warning("not met", text) for text in attempt.unmet]
     blocks += [_warning("unsure", attempt.doubt)] if attempt.doubt else []
-    spent = f"{count(usage.completion_tokens, 'token')}, {duration_text(usage.seconds)}"
+    spent = f"{count(usage.completion_tokens, 'token')}, {_took(usage)}"
     note = "by the operator" if attempt.author == "operator" else spent
     return TraceSection(key, "Plan", tuple(blocks), step=5, note=note)
 
@@ -220,12 +220,18 @@ def _warning(label: str, text: str) -> TraceLine:
     return TraceLine((Span(text),), label, "warn", width=_LABEL + 1)
 
 
+def _took(usage: Usage) -> str:
+    """Return how long a model took, and how much of that before the order was sent."""
+    before = f" ({duration_text(usage.ahead_s)} before Enter)" if usage.ahead_s else ""
+    return duration_text(usage.seconds) + before
+
+
 def answer(key: str, title: str, text: str, usage: Usage, step: int) -> TraceSection:
     """Return a model's answer word for word, with its cost."""
     cost = (
         f"{usage.prompt_tokens} prompt tokens ({usage.cached_tokens} cached), "
         f"{usage.completion_tokens} written, first after {duration_text(usage.first_token_s)}, "
-        f"{duration_text(usage.seconds)} in all"
+        f"{_took(usage)} in all"
     )
     note = cost if usage.completion_tokens else ""
     blocks = (Text(text, verbatim=True),)
@@ -387,7 +393,7 @@ def verdict(attempt: Attempt) -> TraceSection:
         mark = status_of("verdict", "none")
         return TraceSection(key, "Judge", blocks, step=6, mark=mark, note="means hold")
     mark = status_of("verdict", given.verdict)
-    took = duration_text(attempt.judge_usage.seconds)
+    took = _took(attempt.judge_usage)
     return TraceSection(key, "Judge", opinions(given), step=6, mark=mark, note=took)
 
 
@@ -400,7 +406,7 @@ def second_reading(attempt: Attempt, read: OrderReadAgain) -> TraceSection:
         blocks.append(labelled("read as", plain_reading(read.asked)))
     if read.confidence is not None:
         blocks.append(labelled("confidence", f"{read.confidence:.0%}"))
-    took = duration_text(read.usage.seconds)
+    took = _took(read.usage)
     return TraceSection(key, "Second reader", tuple(blocks), step=6, note=took)
 
 

@@ -3,7 +3,7 @@
 import typer
 
 from pa_console.cli.main import run
-from tests.benchmarks import load, scale, screen, twins
+from tests.benchmarks import live, load, scale, screen, twins
 from tests.benchmarks.degradation import degradation
 from tests.benchmarks.judge import judge
 from tests.benchmarks.retrieval import retrieval
@@ -22,6 +22,7 @@ app = typer.Typer(
 )
 app.callback(invoke_without_command=True)(speed.speed)
 app.command("load")(load.load)
+app.command("live")(live.live)
 app.command("scale")(scale.scale)
 app.command("retrieval")(retrieval.retrieval)
 app.command("twins")(twins.twins)

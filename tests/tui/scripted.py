@@ -90,7 +90,8 @@ class ScriptedStation:
         """Other ways and answers come once this is set."""
         self.slow.set()
         self.accepted = 0
-        self.typed = self.reloads = 0
+        self.typed, self.reloads = "", 0
+        self.show_reading: Callable[[str, str], None] | None = None
         self.retriever: Retriever = WordRetriever()
         self._broken = broken
         self._queue: asyncio.Queue[Event | None] = asyncio.Queue()
@@ -146,8 +147,12 @@ class ScriptedStation:
         self.pointed = name
 
     def typing(self, text: str) -> None:
-        """Count the keys that the prompt told of."""
-        self.typed += 1
+        """Note the text that the prompt told of."""
+        self.typed = text
+
+    def read_live(self, show: Callable[[str, str], None] | None) -> None:
+        """Give readings to `show`, when the test has one."""
+        self.show_reading = show
 
     def question_in(self, text: str) -> Question | None:
         """Return the question that the test has for a text."""

@@ -21,7 +21,7 @@ from pa_console.language.clause_grammar import grounded_asked
 from pa_console.language.clauses import ASKED
 from pa_console.language.facts import told_assets, told_frames, tracks_of_digest
 from pa_console.language.name_linking import link_names
-from pa_console.llm.backend import Backend, OnText, Request, ask_model, confidence
+from pa_console.llm.backend import Answerer, OnText, Request, ask_model, confidence
 from pa_console.llm.roles.grammar import TEXT_SCHEMA, Schema, begun_grammar
 from pa_console.llm.roles.judge import OrderReading
 from pa_console.llm.roles.prompts import Prompt, mission_line
@@ -185,7 +185,7 @@ class ClauseReader:
     """Reads orders with a model of this machine or of a server, in the name of a `role`."""
 
     def __init__(
-        self, engine: Backend, role: Role = "judge", *, deadline_s: float = DEADLINE_S
+        self, engine: Answerer, role: Role = "judge", *, deadline_s: float = DEADLINE_S
     ) -> None:
         self._engine, self._deadline_s = engine, deadline_s
         self._role: Role = role

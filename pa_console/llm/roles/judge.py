@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field, ValidationError
 
-from pa_console.llm.backend import Backend, ModelAnswer, OnText, Request, ask_model, confidence
+from pa_console.llm.backend import Answerer, ModelAnswer, OnText, Request, ask_model, confidence
 from pa_console.llm.roles.grammar import COMPARED_CHARS, PLANNED, Schema
 from pa_console.llm.roles.prompts import Prompt
 from pa_console.schema.base import StrictModel
@@ -69,7 +69,7 @@ class Judge:
     """Judges plans with the model of `engine`, each within `deadline_s` seconds."""
 
     def __init__(
-        self, engine: Backend, *, max_tokens: int = MAX_TOKENS, deadline_s: float = DEADLINE_S
+        self, engine: Answerer, *, max_tokens: int = MAX_TOKENS, deadline_s: float = DEADLINE_S
     ) -> None:
         self._engine, self._max_tokens, self._deadline_s = engine, max_tokens, deadline_s
 

@@ -7,7 +7,7 @@ from json import JSONDecoder
 from pydantic import ValidationError
 
 from pa_console.language.reading import asked_words
-from pa_console.llm.backend import Backend, OnText, Request, ask_model, confidence
+from pa_console.llm.backend import Answerer, OnText, Request, ask_model, confidence
 from pa_console.llm.roles.clause_reader import ClauseReader
 from pa_console.llm.roles.grammar import READ, Schema, begun_reason, reason_grammar
 from pa_console.llm.roles.prompts import Prompt
@@ -40,7 +40,7 @@ class Planner:
     """Writes plans with the model of `engine`, each within `deadline_s` seconds."""
 
     def __init__(
-        self, engine: Backend, *, max_tokens: int = MAX_TOKENS, deadline_s: float = DEADLINE_S
+        self, engine: Answerer, *, max_tokens: int = MAX_TOKENS, deadline_s: float = DEADLINE_S
     ) -> None:
         self._engine, self._max_tokens, self._deadline_s = engine, max_tokens, deadline_s
 

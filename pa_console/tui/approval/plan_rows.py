@@ -5,14 +5,13 @@ places, duration and charge: `Drone_T04 UAV Checkpoint → East Gate 7 s battery
 actions share a row.
 """
 
-import re
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 from textual.content import Content
 
 from pa_console.language.clauses import ASKED
-from pa_console.language.plain_words import plain_reading
+from pa_console.language.plain_words import place_words, plain_reading
 from pa_console.language.reading import asked_words
 from pa_console.llm.roles.grammar import PLANNED
 from pa_console.mission.approval import people_words
@@ -28,13 +27,6 @@ from pa_console.tui.plan_preview import PlanPreview
 from pa_console.tui.rows import Part, WrappedRow, phrased, row
 from pa_console.tui.status_words import BAD, CALM, GOOD, KIND_WORDS, NOTE, QUIET, WARN, term
 from pa_console.views.event_words import asked_in_words, safety_in_words
-
-_JOINED = re.compile(r"(?<=[a-z])(?=[A-Z])")
-
-
-def place_words(name: str) -> str:
-    """Return a frame's name as words: `EastGate` is *East Gate*."""
-    return _JOINED.sub(" ", name)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from pa_console.schema.world import World
 from pa_console.tui.actions import first_key
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.session_feed import SessionFeed
+from pa_console.tui.order_templates import slots
 from pa_console.tui.surroundings import LiveStation
 from pa_console.tui.widgets.alarms import AlarmPane
 from pa_console.tui.widgets.map_view import MapView
@@ -128,8 +129,10 @@ class CommandController:
 
     def typing(self, text: str) -> None:
         """Let the model read the picture and the words while the mission is being written."""
+        if self._session.main is not None:
+            self._session.main.typing(text)
         if self._session.station is not None:
-            self._session.station.typing(text)
+            self._session.station.typing("" if slots(text) else text)
 
     def point(self) -> None:
         """Report the mark on the map to the station: *this one* means it."""

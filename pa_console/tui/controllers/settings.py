@@ -44,6 +44,13 @@ class SettingsController:
         if self._session.main is not None:
             self._session.main.use_delays(values.approval_delay_s, values.stale_after_s)
             self._session.main.name_keys()
+        if self._session.station is not None:
+            self._session.station.read_live(self._show_reading if values.live_reading else None)
+
+    def _show_reading(self, text: str, reading: str) -> None:
+        """Show the reading of the `text` that is being typed, between two messages."""
+        if self._session.main is not None:
+            self._app.call_later(self._session.main.show_reading, text, reading)
 
     def _cannot_use(self, what: str, problem: str) -> None:
         title = f"Your {what} cannot be used; the console's own is"

@@ -29,7 +29,7 @@ from pa_console.tui.widgets.bars import VIEWS, KeyFooter, StatusBar, ViewBar
 from pa_console.tui.widgets.event_list import EventList
 from pa_console.tui.widgets.example_orders import ExampleOrders, example_orders
 from pa_console.tui.widgets.map_view import MapView
-from pa_console.tui.widgets.mission_prompt import MissionPrompt
+from pa_console.tui.widgets.mission_prompt import MissionPrompt, ReadingLine
 from pa_console.tui.widgets.trace_pane import NO_MISSION, TracePane
 
 PLAY_FRAME_S = 0.1
@@ -120,6 +120,7 @@ class MainScreen(Screen[None]):
             asks=self._joined is not None,
         )
         yield KeyFooter()
+        yield ReadingLine(id="reading", markup=False)
         yield Static(id="too-small", markup=False)
 
     def replay_line(self) -> ComposeResult:
@@ -235,6 +236,17 @@ class MainScreen(Screen[None]):
         """Show the present wait, empty for none; not on a screen that is being closed."""
         for prompt in self.query(MissionPrompt):
             prompt.show_waiting(text)
+
+    def show_reading(self, text: str, reading: str) -> None:
+        """Show the `reading` of `text`, if that is what stands in the prompt; '' hides the line."""
+        typed = " ".join(self.query_one(MissionPrompt).draft.split())
+        self.query_one(ReadingLine).show(text, reading if typed == text else "")
+
+    def typing(self, text: str) -> None:
+        """Hide the reading of any other text than that which stands in the prompt now."""
+        line = self.query_one(ReadingLine)
+        if line.text != " ".join(text.split()):
+            line.show("", "")
 
     def _show_approval(self, state: SessionState) -> None:
         """Show or withdraw the open request; focus moves only when nobody is typing."""

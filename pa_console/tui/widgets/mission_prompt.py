@@ -20,6 +20,7 @@ from textual.widgets.text_area import Selection
 from pa_console.tui.kept_input import History
 from pa_console.tui.order_templates import Completion, OrderNames, Slot, next_slot, slots
 from pa_console.tui.refresh import retitle
+from pa_console.tui.status_words import QUIET
 from pa_console.tui.surroundings import SecondsClock
 from pa_console.tui.widgets.fields import TextField
 
@@ -250,6 +251,29 @@ class MissionInput(TextField):
         self.move_cursor(self.document.end)
 
 
+class ReadingLine(Static):
+    """What the order in the prompt reads as so far; in the footer's place, so that nothing moves.
+
+    It is a reading and never an approval: the line takes no key.
+    """
+
+    DEFAULT_CSS = """
+    ReadingLine {
+        dock: bottom; width: 100%; height: 1; padding: 0 1; display: none;
+        text-wrap: nowrap; text-overflow: ellipsis;
+    }
+    """
+
+    text = ""
+    """The text whose reading is shown; '' for none."""
+
+    def show(self, text: str, reading: str) -> None:
+        """Show the reading of `text`, or hide the line without one."""
+        self.text = text if reading else ""
+        self.display = bool(reading)
+        self.update(Content.styled(reading, QUIET), layout=False)
+
+
 class MissionPrompt(Horizontal):
     """The prompt; closed, it says why no mission can be given, and takes questions at most."""
 
@@ -261,7 +285,7 @@ class MissionPrompt(Horizontal):
 
     @dataclass
     class Typed(Message):
-        """The operator is writing a mission, `text` so far."""
+        """The operator is writing a mission, `text` so far; '' once nothing is left of it."""
 
         text: str
 
@@ -298,10 +322,9 @@ class MissionPrompt(Horizontal):
             yield MissionInput(self._history, self._names, self._clock)
 
     def on_text_area_changed(self, event: TextArea.Changed) -> None:
-        """Post that a mission is being typed."""
+        """Post that a mission is being typed, or was taken back."""
         event.stop()
-        if self.draft.strip():
-            self.post_message(self.Typed(self.draft))
+        self.post_message(self.Typed(self.draft))
 
     def on_mission_input_sent(self, event: MissionInput.Sent) -> None:
         """Pass the text on; an empty field is nothing."""

@@ -1,0 +1,180 @@
+"""Answers that models were asked for before a mission needed them; each is used once.
+
+While an order is typed, a draft of it asks through `ahead`, and every answer is kept. A mission
+asks through `due`: the kept answer to exactly the same request comes at once, and any other request
+goes to the model. Decoding is greedy, so the answer is the same either way; only the wait differs.
+"""
+
+import asyncio
+from collections.abc import AsyncGenerator, Callable
+from contextlib import aclosing
+from dataclasses import replace
+from time import perf_counter
+
+from pa_console.llm.backend import Answerer, EngineError, GenerationEnd, Request
+from pa_console.schema.finding import Usage
+
+MOST_KEPT = 32
+"""The number of answers that are kept: those of the last few drafts."""
+
+_Asked = tuple[Answerer, Request]
+
+
+class EarlyAnswers:
+    """The kept answers of one session, and those that are being written."""
+
+    def __init__(self) -> None:
+        self._kept: dict[_Asked, _EarlyAnswer] = {}
+
+    def ahead(self, model: Answerer) -> Answerer:
+        """Return `model` for a draft: its answers are kept, and any other prompt interrupts it."""
+        return _Ahead(model, self)
+
+    def due(self, model: Answerer) -> Answerer:
+        """Return `model` for a mission: an answer that is kept, or being written, is used."""
+        return _Due(model, self)
+
+    def stop(self) -> None:
+        """Stop whatever is being written; complete answers stay."""
+        for early in list(self._kept.values()):
+            early.stop()
+
+    def begin(self, model: Answerer, request: Request) -> "_EarlyAnswer":
+        """Return the answer to `request`, which the model begins to write unless it is known."""
+        asked = _asked(model, request)
+        if asked not in self._kept:
+            pieces = model.generate(replace(request, yields=True))
+            self._kept[asked] = _EarlyAnswer(pieces, lambda early: self._forget(asked, early))
+            for oldest in list(self._kept)[:-MOST_KEPT]:
+                self._kept.pop(oldest).stop()
+        return self._kept[asked]
+
+    def _forget(self, asked: _Asked, early: "_EarlyAnswer") -> None:
+        if self._kept.get(asked) is early:
+            del self._kept[asked]
+
+    def take(self, model: Answerer, request: Request) -> "_EarlyAnswer | None":
+        """Return the answer to `request` and keep it no longer; None if there is none."""
+        return self._kept.pop(_asked(model, request), None)
+
+
+def _asked(model: Answerer, request: Request) -> _Asked:
+    """Return everything that an answer depends on.
+
+    The grammar says what the schema says, and urgency changes no answer.
+    """
+    return model, replace(request, schema=None, yields=False)
+
+
+class _EarlyAnswer:
+    """An answer that is being written, or complete; several callers may follow it."""
+
+    def __init__(
+        self,
+        pieces: AsyncGenerator[str | GenerationEnd],
+        forget: "Callable[[_EarlyAnswer], None]",
+    ) -> None:
+        """Write `pieces` from now on; `forget` it if no complete answer comes of them."""
+        self.began_s = perf_counter()
+        self._items: list[str | GenerationEnd] = []
+        self._grown = asyncio.Event()
+        self._over = False
+        self._forget = forget
+        self._writing = asyncio.create_task(self._write(pieces), name="early answer")
+
+    def stop(self) -> None:
+        """Stop writing; a complete answer stays as it is."""
+        self._writing.cancel()
+
+    async def follow(self) -> AsyncGenerator[str | GenerationEnd]:
+        """Yield all pieces, those to come too, then a GenerationEnd unless writing stopped."""
+        at = 0
+        while True:
+            grown = self._grown
+            while at < len(self._items):
+                yield self._items[at]
+                at += 1
+            if self._over:
+                return
+            await grown.wait()
+
+    async def _write(self, pieces: AsyncGenerator[str | GenerationEnd]) -> None:
+        complete = False
+        try:
+            async with aclosing(pieces):
+                async for item in pieces:
+                    self._items.append(item)
+                    complete = isinstance(item, GenerationEnd) and item.finish == "stop"
+                    self._tell()
+        except EngineError:
+            pass  # the mission asks again, and reports the error if it happens then
+        finally:
+            self._over = True
+            if not complete:
+                self._forget(self)
+            self._tell()
+
+    def _tell(self) -> None:
+        self._grown.set()
+        self._grown = asyncio.Event()
+
+
+class _Ahead:
+    """A model as a draft asks it."""
+
+    def __init__(self, model: Answerer, answers: EarlyAnswers) -> None:
+        self._model, self._answers = model, answers
+
+    @property
+    def name(self) -> str:
+        """The model's name."""
+        return self._model.name
+
+    async def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
+        """Yield the answer; the model goes on with it if the caller is cancelled meanwhile."""
+        async with aclosing(self._answers.begin(self._model, request).follow()) as items:
+            async for item in items:
+                yield item
+                if isinstance(item, GenerationEnd):
+                    return
+        yield GenerationEnd("", Usage(), "cancelled")
+
+
+class _Due:
+    """A model as a mission asks it."""
+
+    def __init__(self, model: Answerer, answers: EarlyAnswers) -> None:
+        self._model, self._answers = model, answers
+
+    @property
+    def name(self) -> str:
+        """The model's name."""
+        return self._model.name
+
+    async def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
+        """Yield the kept answer, with the seconds that it took before; else ask the model."""
+        given = 0
+        early = self._answers.take(self._model, request)
+        if early is not None:
+            ahead_s = perf_counter() - early.began_s
+            try:
+                async with aclosing(early.follow()) as items:
+                    async for item in items:
+                        if isinstance(item, str):
+                            given += len(item)
+                            yield item
+                        elif item.finish == "stop":
+                            ahead = {"ahead_s": min(ahead_s, item.usage.seconds)}
+                            yield replace(item, usage=item.usage.model_copy(update=ahead))
+                            return
+            finally:
+                early.stop()
+        # Where an early answer broke off, the same answer comes again from its beginning.
+        async with aclosing(self._model.generate(request)) as items:
+            async for item in items:
+                if isinstance(item, str):
+                    fresh, given = item[given:], max(0, given - len(item))
+                    if fresh:
+                        yield fresh
+                else:
+                    yield item

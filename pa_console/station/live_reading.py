@@ -1,0 +1,206 @@
+"""Live reading: an order is planned while it is typed, and shown as a reading.
+
+A draft is a mission that goes through the same steps as one that was sent, up to its approval. Its
+events are kept here and logged nowhere, no command passes its gate, and no other front end or
+station sees it. The answers of the models are kept (`llm.early_answers`): once the same order is
+sent, its mission takes every step anew, and a model whose prompt is the same has answered already.
+"""
+
+import asyncio
+from collections.abc import Callable
+from contextlib import suppress
+from datetime import UTC, datetime
+from functools import partial
+from typing import NamedTuple, NoReturn
+
+from pa_console.llm.local.engine import Engine
+from pa_console.llm.local.threads import NEARLY, idle_seconds
+from pa_console.mission.context import Services
+from pa_console.mission.dispatch import StepFeed
+from pa_console.mission.picture_text import digest_picture
+from pa_console.mission.run import MissionRun, StationSide
+from pa_console.mission.verify import OutcomeVerdicts
+from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.events import event as ev
+from pa_console.schema.mission import MAX_MISSION_TEXT, Decision, Mission
+from pa_console.schema.telemetry import Digest
+from pa_console.session.mission_trace import MissionTrace, apply_to_mission
+from pa_console.station.intake import ReadText
+from pa_console.views.live_reading import reading_line
+
+PAUSE_S = 0.3
+"""The time without a key after which an order is read, seconds."""
+
+LEAST_WORDS = 3
+"""A shorter text is hardly an order yet."""
+
+DRAFT = "draft"
+"""The id of a mission that was not sent."""
+
+ShowReading = Callable[[str, str], None]
+"""Takes a text and the line about its reading; two empty texts withdraw the last line."""
+
+
+class _Situation(NamedTuple):
+    """Everything beside its words that the reading of an order depends on."""
+
+    rulebook: Rulebook
+    digest: Digest
+    """The picture as prompts tell it, but for its tracks."""
+    tracks: tuple[tuple[str, ...], ...]
+    """The tracks without their distances, which change all the time."""
+    past: int
+    pointer: str
+
+
+class _DraftReadError(Exception):
+    """Ends a draft where a mission would wait for its operator."""
+
+
+class LiveReading:
+    """Reads the order that is being typed; whatever is really asked for goes first."""
+
+    def __init__(
+        self,
+        services: Callable[[], Services],
+        read: Callable[[str], ReadText],
+        free: Callable[[], bool],
+    ) -> None:
+        """`read` is how the station reads a text; `free` says that no mission needs the models."""
+        self._services, self._read_text, self._free = services, read, free
+        self._show: ShowReading | None = None
+        self._text = ""
+        self._read_in: _Situation | None = None
+        """The situation in which the text was read, or is."""
+        self._shown = False
+        self._timer: asyncio.TimerHandle | None = None
+        self._draft: asyncio.Task[None] | None = None
+        self._idle_s: float | None = None
+
+    def show_in(self, show: ShowReading | None) -> None:
+        """Give readings to `show` from now on; None: read nothing."""
+        self._stop()
+        self._show = show
+
+    def typing(self, text: str) -> None:
+        """Note that the text in the prompt is `text`; the reading of another one is withdrawn."""
+        words = " ".join(text.split())
+        if words != self._text:
+            self._stop()
+            self._text = words
+            self._wait()
+
+    def see(self, payload: ev.EventPayload) -> None:
+        """Give way to what happens, and read again in a situation that has changed."""
+        if not self._text:
+            return
+        match payload:
+            case ev.MissionReceived(mission=mission) if mission.said == self._text:
+                # What the models are writing for the draft is what the mission asks for next.
+                self._stop(answers=False)
+                self._text = ""
+            case ev.MissionReceived() | ev.AllStopped() | ev.RulesReplaced() | ev.CommandTaken():
+                self._stop()
+            case ev.TelemetryReceived() if self._show is not None:
+                if self._timer is None and self._read_in != self._situation():
+                    self._stop()
+                    self._wait()
+            case _:
+                pass
+
+    def give_way(self) -> None:
+        """Stop reading: the models, or the cores, are needed."""
+        self._stop()
+
+    def close(self) -> None:
+        """Stop for good."""
+        self._stop()
+        self._show = None
+
+    def _stop(self, *, answers: bool = True) -> None:
+        """Withdraw the reading and end the draft, and the `answers` that it waits for."""
+        if self._timer is not None:
+            self._timer.cancel()
+        if self._draft is not None:
+            self._draft.cancel()
+        self._timer = self._draft = self._read_in = None
+        if answers:
+            self._services().early.stop()
+        if self._shown and self._show is not None:
+            self._show("", "")
+        self._shown = False
+
+    def _wait(self) -> None:
+        """Read the text unless another key comes soon."""
+        if self._show is None or len(self._text.split()) < LEAST_WORDS:
+            return
+        slow = self._services().engine.state == "slow"
+        self._idle_s = idle_seconds() if slow else None
+        self._timer = asyncio.get_running_loop().call_later(PAUSE_S, self._begin)
+
+    def _begin(self) -> None:
+        """Begin a draft, unless something else needs the models or the cores; it is tried again."""
+        self._timer = None
+        services = self._services()
+        if self._free() and not services.servers.by_use and self._has_cores(services.engine):
+            self._read_in = self._situation()
+            self._draft = asyncio.create_task(self._read(self._text), name="live reading")
+
+    def _has_cores(self, engine: Engine) -> bool:
+        """Return whether the models get cores of their own, or one was idle during the pause."""
+        if engine.state != "slow":
+            return True
+        idle_s = idle_seconds()
+        if idle_s is None or self._idle_s is None:
+            return False
+        return idle_s - self._idle_s >= NEARLY * PAUSE_S
+
+    def _situation(self) -> _Situation:
+        services = self._services()
+        picture, past = services.fleet.picture(), services.past
+        tracks = tuple(
+            (track.id, track.gate, track.status, track.identity, track.intent)
+            for track in picture.tracks.values()
+        )
+        digest = digest_picture(picture, services.fleet.world).model_copy(update={"tracks": ()})
+        return _Situation(services.rulebook, digest, tracks, len(past.missions), past.pointer)
+
+    async def _read(self, text: str) -> None:
+        """Plan `text` as a mission would be, and show what it reads as."""
+        try:
+            order = self._read_text(text)
+            line = "" if order.question is not None else await self._line(order)
+        except Exception:  # a defect shows once the order is sent; a draft tells nobody
+            line = ""
+        if line and self._show is not None:
+            self._shown = True
+            self._show(text, line)
+
+    async def _line(self, order: ReadText) -> str:
+        services = self._services()
+        right = order.text[:MAX_MISSION_TEXT]
+        typed = order.typed if order.typed != right else ""
+        mission = Mission(id=DRAFT, text=right, typed=typed, created=datetime.now(UTC))
+        trace = MissionTrace(mission)
+        draft = MissionRun(
+            services.for_draft(),
+            mission,
+            partial(apply_to_mission, trace),
+            StationSide(StepFeed(), _not_decided, _no_verdicts(), lambda: ()),
+        )
+        with suppress(_DraftReadError):
+            await draft.work()
+        return reading_line(trace, services.fleet.world.base)
+
+
+async def _not_decided() -> Decision:
+    raise _DraftReadError
+
+
+def _no_verdicts() -> OutcomeVerdicts:
+    """Return the verdicts of a mission that is never carried out."""
+
+    def start(_: object) -> NoReturn:
+        raise _DraftReadError
+
+    return OutcomeVerdicts(start, between_missions=False)
