@@ -98,8 +98,11 @@ WORLD = World(
     assets={name: AssetSpec(kind=kind, post=post) for name, (kind, post) in _POSTS.items()},
 )
 
+_UNKNOWN_ASSET = AssetSpec(kind="uav", post="Checkpoint")
+"""Stands for an asset that only an example has."""
 
-def situation(given: Values) -> Values:
+
+def situation(given: Values, world: World = WORLD) -> Values:
     """Return the picture of `given` assets, tracks and gates as plain values.
 
     `available`, `low_battery` and the cover of each gate follow from the assets unless `given`
@@ -108,15 +111,15 @@ def situation(given: Values) -> Values:
     picture: Values = {"tick": 0, "time_s": 100.0, "assets": {}, "tracks": {}, "gates": {}}
     assets: Values = given.get("assets", {})
     tracks: Values = given.get("tracks", {})
-    for name in [*_POSTS, *(name for name in assets if name not in _POSTS)]:
-        picture["assets"][name] = _asset(name, assets.get(name, {}))
+    for name in dict.fromkeys((*world.assets, *assets)):
+        picture["assets"][name] = _asset(world, name, assets.get(name, {}))
     for name, facts in tracks.items():
-        picture["tracks"][name] = _track(name, facts)
-    picture["gates"] = overlay(covers(picture), given.get("gates", {}))
+        picture["tracks"][name] = _track(world, name, facts)
+    picture["gates"] = overlay(covers(picture, world), given.get("gates", {}))
     return picture
 
 
-def covers(picture: Values) -> Values:
+def covers(picture: Values, world: World) -> Values:
     """Return the cover of each gate: every available asset that is at its post there."""
     watch = {
         gate: [
@@ -124,27 +127,27 @@ def covers(picture: Values) -> Values:
             for name, asset in picture["assets"].items()
             if asset["available"] and asset["post"] == asset["at"] == gate
         ]
-        for gate in WORLD.gates
+        for gate in world.gates
     }
     return {gate: {"covered": bool(names), "by": names} for gate, names in watch.items()}
 
 
-def carried_out(before: Values, plan: Plan) -> Values:
+def carried_out(before: Values, plan: Plan, world: World) -> Values:
     """Return the picture when every action that can be done has been done."""
     after = copy.deepcopy(before)
     after["time_s"] += DURATION_S
     for action in plan.actions:
         asset = after["assets"].get(action.agent)
-        frame = goes_to(action, WORLD)
-        if asset is not None and asset["available"] and frame in WORLD.frames:
-            asset.update(at=frame, post=frame, position=WORLD.frames[frame].at)
-    after["gates"] = covers(after)
+        frame = goes_to(action, world)
+        if asset is not None and asset["available"] and frame in world.frames:
+            asset.update(at=frame, post=frame, position=world.frames[frame].at)
+    after["gates"] = covers(after, world)
     return after
 
 
-def example_timeline(before: Values, after: Values, plan: Plan) -> Values:
+def example_timeline(before: Values, after: Values, plan: Plan, world: World) -> Values:
     """Return the timeline between two pictures: UAVs arrive after RECON_S, others CONTACT_S."""
-    lost = {gate for gate in WORLD.gates if not after["gates"][gate]["covered"]}
+    lost = {gate for gate in world.gates if not after["gates"][gate]["covered"]}
     return {
         "duration_s": DURATION_S,
         "gates": {
@@ -153,11 +156,11 @@ def example_timeline(before: Values, after: Values, plan: Plan) -> Values:
                 "covered_after": gate not in lost,
                 "longest_gap_s": DURATION_S if gate in lost else 0.0,
             }
-            for gate in WORLD.gates
+            for gate in world.gates
         },
-        "tracks": {name: _contacts(track, plan) for name, track in before["tracks"].items()},
+        "tracks": {name: _contacts(track, plan, world) for name, track in before["tracks"].items()},
         "assets": {
-            action.agent: _outcome(action, before)
+            action.agent: _outcome(action, before, world)
             for action in plan.actions
             if action.agent in before["assets"]
         },
@@ -176,26 +179,27 @@ def overlay(base: Values, over: Values) -> Values:
     return merged
 
 
-def _asset(name: str, facts: Values) -> Values:
-    kind, post = _POSTS.get(name, ("uav", "Checkpoint"))
+def _asset(world: World, name: str, facts: Values) -> Values:
+    spec = world.assets.get(name, _UNKNOWN_ASSET)
     asset: Values = {
-        "id": name, "kind": kind, "at": post, "post": post, "heading_deg": 0.0, "speed_mps": 0.0,
-        "status": "ok", "task": "idle", "battery_pct": 90.0, "comms": "ok", "stamp_s": 100.0,
+        "id": name, "kind": spec.kind, "at": spec.post, "post": spec.post, "heading_deg": 0.0,
+        "speed_mps": 0.0, "status": "ok", "task": "idle", "battery_pct": 90.0, "comms": "ok",
+        "stamp_s": 100.0,
     } | facts  # fmt: skip
     if "post" not in facts:
         asset["post"] = asset["at"]
-    frame = WORLD.frames.get(asset["at"] or "Checkpoint")
+    frame = world.frames.get(asset["at"] or "")
     charge = asset["battery_pct"]
     derived: Values = {
         "position": frame.at if frame is not None else (0.0, 0.0),
-        "low_battery": charge < WORLD.low_battery_pct,
+        "low_battery": charge < world.low_battery_pct,
         "available": asset["status"] != "failed" and asset["comms"] != "lost" and charge > 0,
     }
     return derived | asset
 
 
-def _track(name: str, facts: Values) -> Values:
-    gate = WORLD.frames.get(facts.get("gate", ""))
+def _track(world: World, name: str, facts: Values) -> Values:
+    gate = world.frames.get(facts.get("gate", ""))
     return {
         "id": name, "kind": "vehicle", "position": _outside(gate.at if gate else (0.0, 50.0)),
         "heading_deg": 0.0, "speed_mps": 5.0, "distance_m": TRACK_DISTANCE_M, "stamp_s": 100.0,
@@ -204,27 +208,27 @@ def _track(name: str, facts: Values) -> Values:
 
 def _outside(gate: Point) -> Point:
     """Return the position TRACK_DISTANCE_M outside of `gate`, seen from the middle."""
-    stretch = 1.0 + TRACK_DISTANCE_M / math.hypot(*gate)
+    stretch = 1.0 + TRACK_DISTANCE_M / max(math.hypot(*gate), 1.0)
     return (gate[0] * stretch, gate[1] * stretch)
 
 
-def _contacts(track: Values, plan: Plan) -> Values:
+def _contacts(track: Values, plan: Plan, world: World) -> Values:
     kinds = {
-        WORLD.assets[action.agent].kind
+        world.assets[action.agent].kind
         for action in plan.actions
-        if action.agent in WORLD.assets and goes_to(action, WORLD) == track["gate"]
+        if action.agent in world.assets and goes_to(action, world) == track["gate"]
     }
     seen = 0.0 if track.get("observed") else RECON_S if "uav" in kinds else None
     return {"observed_s": seen, "ground_contact_s": CONTACT_S if kinds - {"uav"} else None}
 
 
-def _outcome(action: Action, before: Values) -> Values:
-    asset, frame = before["assets"][action.agent], goes_to(action, WORLD)
+def _outcome(action: Action, before: Values, world: World) -> Values:
+    asset, frame = before["assets"][action.agent], goes_to(action, world)
     there = any(track["gate"] == frame for track in before["tracks"].values())
     detail = ""
     if not asset["available"]:
         detail = f"{action.agent} is not available"
-    elif frame and frame not in WORLD.frames:
+    elif frame and frame not in world.frames:
         detail = f"no frame {frame}"
     elif action.verb in ADDRESSING and not there:
         detail = f"no track at {frame}"
@@ -351,9 +355,17 @@ def example_rehearsal(example: RuleExample, plan: Plan) -> Rehearsal:
     unknown = sorted(set(given) - set(GIVEN))
     if unknown:
         raise ValueError(f"given.{unknown[0]} is unknown; known: {', '.join(GIVEN)}")
-    before = situation(given)
-    after = overlay(carried_out(before, plan), given.get("after", {}))
-    timeline = overlay(example_timeline(before, after, plan), given.get("timeline", {}))
+    return rehearsal_in(WORLD, given, plan)
+
+
+def rehearsal_in(world: World, given: Values, plan: Plan) -> Rehearsal:
+    """Return the `given` situation in `world` and what `plan` brings about in it.
+
+    Raises ValidationError for an impossible fact.
+    """
+    before = situation(given, world)
+    after = overlay(carried_out(before, plan, world), given.get("after", {}))
+    timeline = overlay(example_timeline(before, after, plan, world), given.get("timeline", {}))
     values: dict[str, Any] = {"before": before, "after": after, "timeline": timeline}
     return Rehearsal.model_validate_json(json.dumps(values))
 

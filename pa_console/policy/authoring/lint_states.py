@@ -3,7 +3,6 @@
 Nothing is simulated: whoever can go is where he is sent when the plan has ended.
 """
 
-import math
 import random
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -18,29 +17,20 @@ from pa_console.policy.authoring.examples import (
     example_plan,
     example_rehearsal,
     example_sightings,
+    rehearsal_in,
 )
-from pa_console.policy.rule_variables import Sightings, TrackSighting, goes_to
+from pa_console.policy.rule_variables import Sightings, TrackSighting
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Action, Plan
-from pa_console.schema.rehearsal import (
-    AssetTimeline,
-    GateTimeline,
-    Rehearsal,
-    Timeline,
-    TrackTimeline,
-)
+from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.rule import Rule
-from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Track
 from pa_console.schema.world import World
 
 GATES = 4
 POSTS = 1
 EACH_KIND = 3
 NOW_S = 100.0
-DURATION_S = 60.0
-ARRIVES_S = {"uav": 10.0, "ugv": 30.0, "robot": 30.0}
-OUTSIDE_M = 40.0
 
 
 def small_world(world: World, named: Collection[str]) -> World:
@@ -95,110 +85,12 @@ class LintSituation:
 
 def rehearsal_of(world: World, situation: LintSituation, plan: Plan) -> Rehearsal:
     """Return the picture of `situation` and what `plan` brings about in it."""
-    assets = {name: _asset(world, name, situation.assets.get(name, {})) for name in world.assets}
-    tracks = {name: _track(world, name, facts) for name, facts in situation.tracks.items()}
-    before = Picture(
-        tick=0, time_s=NOW_S, assets=assets, tracks=tracks, gates=_covers(world, assets)
-    )
-    goals = {action.agent: goes_to(action, world) for action in plan.actions}
-    moved = {
-        name: asset.model_copy(update={"at": goal, "post": goal, "position": world.frames[goal].at})
-        for name, asset in assets.items()
-        if (goal := goals.get(name, "")) in world.frames and asset.available
+    course = {
+        "assets": {name: situation.course.get(name, {}) for name in plan.agents},
+        "tracks": {name: situation.course.get(name, {}) for name in situation.tracks},
     }
-    later = assets | moved
-    after = before.model_copy(
-        update={"time_s": NOW_S + DURATION_S, "assets": later, "gates": _covers(world, later)}
-    )
-    return Rehearsal(
-        before=before, after=after, timeline=_timeline(world, situation, plan, before, after)
-    )
-
-
-def _timeline(
-    world: World, situation: LintSituation, plan: Plan, before: Picture, after: Picture
-) -> Timeline:
-    def gate(name: str) -> GateTimeline:
-        was, now = before.gates[name].covered, after.gates[name].covered
-        return GateTimeline(
-            covered_before=was, covered_after=now, longest_gap_s=0.0 if now else DURATION_S
-        )
-
-    def track(seen: Track) -> TrackTimeline:
-        kinds = {
-            world.assets[action.agent].kind
-            for action in plan.actions
-            if action.agent in world.assets and goes_to(action, world) == seen.gate
-        }
-        ground = [ARRIVES_S[kind] for kind in sorted(kinds) if kind != "uav"]
-        known = TrackTimeline(
-            observed_s=0.0 if seen.observed else ARRIVES_S["uav"] if "uav" in kinds else None,
-            ground_contact_s=ground[0] if ground else None,
-        )
-        return known.model_copy(update=situation.course.get(seen.id, {}))
-
-    def asset(name: str) -> AssetTimeline:
-        known = before.assets[name]
-        detail = "" if known.available else f"{name} is not available"
-        outcome = AssetTimeline(
-            finished=known.available, detail=detail, least_battery_pct=known.battery_pct
-        )
-        return outcome.model_copy(update=situation.course.get(name, {}))
-
-    return Timeline(
-        duration_s=DURATION_S,
-        gates={name: gate(name) for name in world.gates},
-        tracks={name: track(seen) for name, seen in before.tracks.items()},
-        assets={name: asset(name) for name in dict.fromkeys(plan.agents) if name in before.assets},
-    )
-
-
-def _asset(world: World, name: str, facts: dict[str, object]) -> AssetTelemetry:
-    spec = world.assets[name]
-    at = facts.get("at", spec.post)
-    known = AssetTelemetry(
-        id=name,
-        kind=spec.kind,
-        at=spec.post,
-        post=spec.post,
-        position=world.frames[at if isinstance(at, str) else world.base].at,
-        heading_deg=0.0,
-        speed_mps=0.0,
-        status="ok",
-        task="idle",
-        battery_pct=90.0,
-        low_battery=False,
-        comms="ok",
-        available=True,
-        stamp_s=NOW_S,
-    ).model_copy(update={"post": at, **facts})
-    usable = known.status != "failed" and known.comms != "lost" and known.battery_pct > 0.0
-    sound = not known.stale and known.integrity == "ok"
-    low = known.battery_pct < world.low_battery_pct
-    return known.model_copy(update={"available": usable and sound, "low_battery": low})
-
-
-def _track(world: World, name: str, facts: dict[str, object]) -> Track:
-    gate = world.frames[str(facts["gate"])].at
-    stretch = 1.0 + OUTSIDE_M / max(math.hypot(*gate), 1.0)
-    return Track(
-        id=name,
-        kind="vehicle",
-        gate=str(facts["gate"]),
-        position=(gate[0] * stretch, gate[1] * stretch),
-        heading_deg=0.0,
-        speed_mps=5.0,
-        distance_m=OUTSIDE_M,
-        stamp_s=NOW_S,
-    ).model_copy(update=facts)
-
-
-def _covers(world: World, assets: dict[str, AssetTelemetry]) -> dict[str, GateCover]:
-    covers: dict[str, GateCover] = {}
-    for gate in world.gates:
-        by = [n for n, a in assets.items() if a.available and a.at == a.post == gate]
-        covers[gate] = GateCover(covered=bool(by), by=tuple(by))
-    return covers
+    given = {"assets": situation.assets, "tracks": situation.tracks, "timeline": course}
+    return rehearsal_in(world, given, plan)
 
 
 MOST_ORDERS = 3
@@ -293,6 +185,8 @@ def draw_situation(world: World, dice: random.Random) -> LintSituation:
             facts = _some(_ASSET_FACTS, dice, 0.25)
             if dice.random() < 0.3:
                 facts["at"] = dice.choice([None, *world.frames])
+            if "stale" in facts or "integrity" in facts:
+                facts["available"] = False
             if facts:
                 situation.assets[name] = facts
     for number in range(dice.randint(0, MOST_TRACKS)):
