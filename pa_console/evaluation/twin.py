@@ -170,26 +170,6 @@ def _done(work: Coroutine[Any, Any, Rehearsal]) -> Rehearsal:
             return ended.value
 
 
-def repeated_hashes(world: World, scenario: Scenario, seed: int) -> tuple[str, str]:
-    """Return the telemetry hashes of a scenario without interference, played twice.
-
-    The second time every picture comes from a fork of the simulation that was made at the one
-    before, so that equal hashes also show that a fork goes on exactly as its original.
-    """
-    every = max(1, round(world.telemetry_period_s / world.dt_s))
-    hashes: list[str] = []
-    for forked in (False, True):
-        sim, telemetry = Checkpoint(world, seed, scenario), TelemetryHash()
-        telemetry.add(sim.picture())
-        while sim.time_s < scenario.duration_s:
-            sim = sim.fork() if forked else sim
-            for _ in range(every):
-                sim.step()
-            telemetry.add(sim.picture())
-        hashes.append(telemetry.hexdigest())
-    return hashes[0], hashes[1]
-
-
 def _difference(recorded: BaseModel, repeated: BaseModel) -> str:
     """Return where two values differ first: a field, and the names in it if it has any."""
     for field in type(recorded).model_fields:

@@ -7,7 +7,10 @@ from rich.progress import Progress
 from rich.table import Table
 
 from pa_console.cli.options import WorldOption
-from pa_console.evaluation.twin import repeated_hashes
+from pa_console.evaluation.twin import TelemetryHash
+from pa_console.schema.incident import Scenario
+from pa_console.schema.world import World
+from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.scenario_file import list_scenarios, open_scenario
 from pa_console.sim.worlds.world_file import open_world
 from pa_console.terminal.output import errors, out
@@ -45,3 +48,23 @@ def twins(
     keep("twins", rows, json)
     if not all(row["equal"] for row in rows):
         raise typer.Exit(1)
+
+
+def repeated_hashes(world: World, scenario: Scenario, seed: int) -> tuple[str, str]:
+    """Return the telemetry hashes of a scenario without interference, played twice.
+
+    The second time every picture comes from a fork of the simulation that was made at the one
+    before, so that equal hashes also show that a fork goes on exactly as its original.
+    """
+    every = max(1, round(world.telemetry_period_s / world.dt_s))
+    hashes: list[str] = []
+    for forked in (False, True):
+        sim, telemetry = Checkpoint(world, seed, scenario), TelemetryHash()
+        telemetry.add(sim.picture())
+        while sim.time_s < scenario.duration_s:
+            sim = sim.fork() if forked else sim
+            for _ in range(every):
+                sim.step()
+            telemetry.add(sim.picture())
+        hashes.append(telemetry.hexdigest())
+    return hashes[0], hashes[1]

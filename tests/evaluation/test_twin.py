@@ -5,7 +5,7 @@ from functools import partial
 
 import pytest
 
-from pa_console.evaluation.twin import repeated_hashes, resimulate
+from pa_console.evaluation.twin import resimulate
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import (
     FailAsset,
@@ -17,6 +17,7 @@ from pa_console.schema.incident import (
 )
 from pa_console.station.assembly import Site
 from pa_console.station.station import ControlStation
+from tests.benchmarks.twins import repeated_hashes
 from tests.evaluation.sessions import IDENTIFY, RECON, WARN, play, scenario
 from tests.scripted import ScriptedEngine
 from tests.session.story import at, session_started

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pydantic import ValidationError
 
 from pa_console.evaluation.oracle import find_breaches
-from pa_console.evaluation.score import RunRecorder, play, watch
+from pa_console.evaluation.score import RunRecorder, watch
 from pa_console.mission.examine import examine
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.command import DeviceCommand
@@ -16,6 +16,7 @@ from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.station.assembly import load_site
+from tests.evaluation.scoring.played import play
 from tests.fuzz.generate import plan_text, situation
 
 SETTLE_STEPS = 20

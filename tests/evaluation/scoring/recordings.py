@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from pa_console.evaluation.oracle import find_breaches
 from pa_console.evaluation.run_facts import IssuedCommand, RuleBreach, RunRecording
-from pa_console.evaluation.score import RunRecorder, begin, play, watch
+from pa_console.evaluation.score import RunRecorder, begin, watch
 from pa_console.resources import data_folder
 from pa_console.schema.base import Point
 from pa_console.schema.command import DeviceCommand, Verb
@@ -13,6 +13,7 @@ from pa_console.schema.incident import Incident, SpawnTrack
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.truth import TrueContact
 from pa_console.sim.worlds.world_file import load_world
+from tests.evaluation.scoring.played import play
 
 WORLD = load_world(data_folder() / "worlds" / "checkpoint" / "world.yaml")
 ALL_RULES = frozenset(

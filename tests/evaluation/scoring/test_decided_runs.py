@@ -5,11 +5,9 @@ import pytest
 from pa_console.evaluation.score import (
     FROM_ORDERS,
     RunRecorder,
-    Stage,
     asked_fields,
     begin,
     is_decided,
-    play,
     score_run,
     watch,
 )
@@ -17,6 +15,7 @@ from pa_console.mission.rehearse import device_commands
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.evaluation import MissionCase
 from pa_console.schema.world import World
+from tests.evaluation.scoring.played import Stage, play
 from tests.evaluation.scoring.recordings import ALL_RULES, UNKNOWN, WORLD, case, order
 from tests.evaluation.witness_play import plans, written
 from tests.shipped import missions

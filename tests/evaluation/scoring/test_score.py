@@ -8,7 +8,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.evaluation.score import idle_run, rehearsed_run
+from pa_console.evaluation.score import idle_run
 from pa_console.mission.examine import examine
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import data_folder
@@ -16,6 +16,7 @@ from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Action, Plan
 from pa_console.sim.checkpoint import Checkpoint
+from tests.evaluation.scoring.played import rehearsed_run
 from tests.evaluation.scoring.recordings import ALL_RULES, UNKNOWN, WORLD, Take, case, order
 from tests.fuzz.generate import situation
 
@@ -50,8 +51,8 @@ def test_stages_follow_one_another_and_the_watch_goes_on_to_its_end() -> None:
     mission = case(UNKNOWN, success=["run.tracks[0].warned_s >= 0.0", "run.duration_s >= 60.0"])
     mission = mission.model_copy(update={"watch_s": 60.0})
     plan = [order("Drone_T04 observe WestGate"), order("Robot_T01 identify WestGate")]
-    later = [[order("Robot_T01 warn WestGate")]]
-    assert rehearsed_run(mission, WORLD, 1, ALL_RULES, plan, later=later).strict
+    later = [order("Robot_T01 warn WestGate")]
+    assert rehearsed_run(mission, WORLD, 1, ALL_RULES, plan, later).strict
 
 
 async def test_a_check_that_is_switched_off_changes_nothing_for_the_scorer(tmp_path: Path) -> None:
@@ -82,9 +83,7 @@ def test_whoever_only_holds_and_reports_breaks_nothing(seed: int, data: st.DataO
     verbs = st.sampled_from(("hold", "report"))
     agents = data.draw(st.lists(st.sampled_from(list(WORLD.assets)), max_size=8))
     orders = [order(f"{agent} {data.draw(verbs)}", n) for n, agent in enumerate(agents)]
-    assert (
-        rehearsed_run(mission, WORLD, seed, ALL_RULES, orders[:4], later=[orders[4:]]).broken == ()
-    )
+    assert rehearsed_run(mission, WORLD, seed, ALL_RULES, orders[:4], orders[4:]).broken == ()
 
 
 def _possible(seed: int) -> list[Incident]:
