@@ -3,6 +3,7 @@
 import errno
 import os
 import stat
+import tempfile
 from contextlib import suppress
 from pathlib import Path
 
@@ -46,17 +47,32 @@ def open_private(path: Path, flags: int) -> int:
     return file
 
 
-def replace_private(path: Path, content: bytes) -> None:
-    """Replace `path` by a file with `content`, wholly or not at all; raise OSError."""
-    new = path.with_name(path.name + ".new")
-    new.unlink(missing_ok=True)
-    file = _open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL)
+def replace_private(path: Path, content: bytes, mode: int = FILE_MODE) -> None:
+    """Replace `path` by a file with `content`, wholly or not at all; raise OSError.
+
+    A reader sees the old file or the new one, which is on the disk by then. Another `mode` than
+    that of a private file is for a file that others may use.
+    """
+    file, new = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
     try:
-        write_all(file, content)
-        os.fsync(file)
-    finally:
-        os.close(file)
-    os.replace(new, path)
+        with os.fdopen(file, "wb") as stream:
+            os.fchmod(file, mode)
+            stream.write(content)
+            stream.flush()
+            os.fsync(file)
+        os.replace(new, path)
+    except BaseException:
+        with suppress(OSError):
+            os.unlink(new)
+        raise
+
+
+def mode_of(path: Path) -> int:
+    """Return the mode of `path`, that of a private file before there is one; raise OSError."""
+    try:
+        return stat.S_IMODE(path.stat().st_mode)
+    except FileNotFoundError:
+        return FILE_MODE
 
 
 def write_all(file: int, content: bytes) -> None:

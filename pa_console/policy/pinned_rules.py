@@ -6,7 +6,6 @@ name and no lower version, unless the operator accepts it; that is then part of 
 """
 
 import json
-import os
 import re
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -15,6 +14,7 @@ from pathlib import Path
 from platformdirs import user_state_path
 from pydantic import ValidationError
 
+from pa_console.private_files import make_private_folder, replace_private
 from pa_console.schema.base import StrictModel
 from pa_console.schema.rule import RulesSeal, Version
 
@@ -127,17 +127,9 @@ class RulesPins:
 
     def _write(self, pin: RulesPin, before: RulesPin | None) -> None:
         """Put the pin in its file, for its owner alone; what was there stays until it is whole."""
-        if pin == before:
-            return
-        self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        new = self._path.with_name(f"{self._path.name}.{os.getpid()}.new")
-        new.unlink(missing_ok=True)
-        file = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
-        with os.fdopen(file, "w", encoding="utf-8") as stream:
-            json.dump(pin.model_dump(), stream, indent=2)
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.replace(new, self._path)
+        if pin != before:
+            make_private_folder(self._path.parent)
+            replace_private(self._path, json.dumps(pin.model_dump(), indent=2).encode())
 
 
 def _same(one: RulesPin, other: RulesPin) -> bool:

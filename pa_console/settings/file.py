@@ -1,15 +1,11 @@
 """The user's settings file, changed one field at a time, atomically, with its comments kept."""
 
-import os
-import shutil
-import tempfile
-from contextlib import suppress
 from pathlib import Path
 from typing import cast
 
 import yaml
 
-from pa_console.private_files import make_private_folder
+from pa_console.private_files import make_private_folder, mode_of, replace_private
 from pa_console.schema.document import Document, DocumentError, read_text
 
 HEAD = "# Settings of PA Console; `pa-console settings show` lists them all.\n"
@@ -79,19 +75,7 @@ def _has_content(text: str, wanted: dict[str, object]) -> bool:
 def write_atomically(path: Path, text: str) -> None:
     """Write `text` to `path` so that a reader sees the old file or the new one; raise OSError."""
     make_private_folder(path.parent)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        if path.exists():
-            shutil.copymode(path, name)
-        os.replace(name, path)
-    except BaseException:
-        with suppress(OSError):
-            os.unlink(name)
-        raise
+    replace_private(path, text.encode(), mode_of(path))
 
 
 def reset_settings(path: Path) -> Path | None:

@@ -7,9 +7,9 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pa_console import private_files
 from pa_console.schema.document import DocumentError
 from pa_console.schema.text import obeyed
-from pa_console.settings import file as settings_file
 from pa_console.settings.file import changed_text, reset_settings, save_setting
 
 MINE = """# my console
@@ -94,7 +94,7 @@ def test_a_disk_that_refuses_leaves_the_old_file_and_nothing_else(
     def full(handle: int) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(settings_file.os, "fsync", full)
+    monkeypatch.setattr(private_files.os, "fsync", full)
     with pytest.raises(OSError, match="No space"):
         save_setting(mine, "theme", "dracula")
     assert mine.read_text() == MINE

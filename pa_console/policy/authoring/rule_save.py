@@ -6,8 +6,6 @@ The file is changed as text: one rule is taken out, put back, added or removed; 
 import hashlib
 import os
 import re
-import stat
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -17,6 +15,7 @@ import yaml
 
 from pa_console.policy.authoring.differences import compare_rules
 from pa_console.policy.rulebook import compile_rule_set, parse_rule_set
+from pa_console.private_files import mode_of, replace_private
 from pa_console.schema.document import Document, DocumentError, read_bytes
 
 
@@ -351,21 +350,10 @@ def _checked(path: Path, before: RuleText, new: str, rule_id: str) -> str:
 def _write(path: Path, content: bytes) -> None:
     """Let `path` hold `content`: a new file takes its place once it is whole on the disk."""
     path = path.resolve()
-    mode = stat.S_IMODE(path.stat().st_mode)
+    mode = mode_of(path)
     if not mode & 0o222 or not os.access(path, os.W_OK):
         raise PermissionError(13, "the file is read-only", str(path))
-    number, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    try:
-        with os.fdopen(number, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(name, mode)
-        os.replace(name, path)
-    except BaseException:
-        with suppress(OSError):
-            os.unlink(name)
-        raise
+    replace_private(path, content, mode)
 
 
 def _read(path: Path) -> tuple[bytes, RuleText]:
