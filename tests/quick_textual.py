@@ -1,7 +1,8 @@
 """Spares the tests what Textual does anew for each of some hundred applications.
 
-A test goes on once its application has nothing left to do, without a look at the clock, and each
-style sheet is parsed once a session of tests.
+A test goes on once its application has nothing left to do, without a look at the clock. Each style
+sheet is parsed once a session of tests. No frame reaches a terminal, so of all frames only those
+are drawn that a test waits for with `paint`, and the last one.
 """
 
 import asyncio
@@ -11,7 +12,10 @@ from typing import Any
 import pytest
 import textual.app
 import textual.pilot
+from textual._compositor import Compositor
 from textual._context import active_app
+from textual.app import App
+from textual.css.model import RuleSet
 from textual.css.stylesheet import Stylesheet
 
 STEP_S = 0.004
@@ -25,6 +29,41 @@ def quicken(patch: pytest.MonkeyPatch) -> None:
         patch.setattr(module, "wait_for_idle", wait_for_idle)
     patch.setattr(textual.pilot.Pilot, "_wait_for_screen", _waiting_for_busy_ones())
     patch.setattr(Stylesheet, "_parse_rules", _parsing_once())
+    patch.setattr(RuleSet, "__hash__", object.__hash__)  # by identity as Textual's, but faster
+    patch.setattr(Compositor, "render_update", _leave_undrawn)
+    patch.setattr(App, "_shutdown", _painting_at_the_end())
+
+
+_render_update: Any = Compositor.render_update
+
+
+def paint(app: App[Any]) -> None:
+    """Draw what has changed on the screen in front since the last time.
+
+    Raises whatever a widget raises that cannot be drawn.
+    """
+    shown: Any = app
+    if shown.screen._compositor._dirty_regions:
+        _render_update(shown.screen._compositor, screen_stack=shown._background_screens)
+
+
+def _leave_undrawn(_compositor: Compositor, *_: object, **__: object) -> None:
+    """Draw nothing; what has changed stays marked for `paint`."""
+
+
+def _painting_at_the_end() -> Any:
+    """Return what ends an application once the last frame is drawn."""
+    shutdown: Any = getattr(App, "_shutdown")  # noqa: B009
+
+    async def paint_and_shutdown(app: Any) -> None:
+        try:
+            if app._screen_stack and app._exception is None:
+                paint(app)
+        except Exception as error:
+            app._handle_exception(error)
+        await shutdown(app)
+
+    return paint_and_shutdown
 
 
 async def wait_for_idle(min_sleep: float = 0.0, max_sleep: float = 1.0) -> None:

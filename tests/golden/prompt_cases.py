@@ -112,8 +112,13 @@ def retriever() -> Retriever:
     return Retriever(shipped().rulebook.rules)
 
 
-def cases() -> Iterator[Case]:
-    """Yield the ten of the paper, twenty of the field set and forty in generated situations."""
+@cache
+def cases() -> tuple[Case, ...]:
+    """Return the ten of the paper, twenty of the field set and forty in generated situations."""
+    return tuple(_cases())
+
+
+def _cases() -> Iterator[Case]:
     world, folder = shipped().world, data_folder() / "worlds" / "checkpoint" / "missions"
     paper, _ = load_with_worlds(folder / "paper.yaml", world)
     for case in paper.missions:

@@ -33,6 +33,7 @@ from pa_console.station.alternatives import Alternative
 from pa_console.station.station import ControlStation
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.controllers.typing import KeyTime
+from tests.quick_textual import paint
 from tests.tui.site import RULEBOOK, WORLD, WordRetriever
 from tests.tui.story import MISSION, START, stamped
 
@@ -298,6 +299,7 @@ async def settle(pilot: Pilot[Any], station: ScriptedStation | None = None) -> N
     app.feed.flush()
     for _ in range(LAYOUTS):
         await pilot.pause()
+    paint(app)
 
 
 async def until(pilot: Pilot[Any], done: Callable[[], object]) -> None:
