@@ -47,8 +47,9 @@ def paint(app: App[Any]) -> None:
         _render_update(shown.screen._compositor, screen_stack=shown._background_screens)
 
 
-def _leave_undrawn(_compositor: Compositor, *_: object, **__: object) -> None:
-    """Draw nothing; what has changed stays marked for `paint`."""
+def _leave_undrawn(compositor: Compositor, full: bool = False, **options: Any) -> Any:
+    """Draw a whole picture that is asked for; of a frame, what changed stays marked for `paint`."""
+    return _render_update(compositor, full, **options) if full else None
 
 
 def _painting_at_the_end() -> Any:

@@ -8,8 +8,12 @@ from pathlib import Path
 import pytest
 
 from pa_console.evaluation.run_record import read_runs
+from pa_console.llm.models.catalogue import LocalModel
 from pa_console.session.log.verification import verify
 from tests.cli.inside import Call
+from tests.llm.conftest import shallow_model, smallest_model
+
+__all__ = ["shallow_model", "smallest_model"]
 
 pytestmark = pytest.mark.long
 
@@ -37,8 +41,12 @@ worlds:
 missions:
 """
 MISSIONS = HEAD + ANSWERED + REFUSED
-NAME = "pa-135m"
-MODEL = ("--model", NAME)
+
+
+@pytest.fixture
+def model(shallow_model: LocalModel) -> str:
+    """Return the file of two layers of a model: what it answers does not matter here."""
+    return str(shallow_model.path)
 
 
 @pytest.fixture
@@ -50,14 +58,14 @@ def missions(tmp_path: Path) -> Path:
 
 
 def test_runs_are_scored_kept_resumed_and_reported(
-    call: Call, tmp_path: Path, missions: Path
+    call: Call, tmp_path: Path, missions: Path, model: str
 ) -> None:
-    out = tmp_path / "out"
-    asked = ("eval", "--missions", str(missions), *MODEL, "--out", str(out))
+    out, name = tmp_path / "out", Path(model).stem
+    asked = ("eval", "--missions", str(missions), "--model", model, "--out", str(out))
     first = call(*asked, "--only", "A2", "--json")
     assert first.code == 0, first.err
     [record] = first.json["runs"]
-    assert (record["run"], record["strict"]) == (f"{NAME}/full/own/A2/0", True)
+    assert (record["run"], record["strict"]) == (f"{name}/full/own/A2/0", True)
     second = call(*asked)
     assert second.code == 0, second.err
     assert "there already: 1 of 2 runs" in second.said
@@ -67,17 +75,20 @@ def test_runs_are_scored_kept_resumed_and_reported(
     assert all(verify(out / r.log).ok for r in runs)
     assert (out / "worlds" / "yard" / "world.yaml").is_file()
     page = (out / "report.html").read_text()
-    assert NAME in page
+    assert name in page
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert "## " in (out / "report.md").read_text()
     assert len(call("eval", "report", str(out), "--json").json["runs"]) == 2
 
 
-def test_ctrl_c_keeps_what_was_made_and_says_how_to_go_on(tmp_path: Path, missions: Path) -> None:
+def test_ctrl_c_keeps_what_was_made_and_says_how_to_go_on(
+    tmp_path: Path, missions: Path, model: str
+) -> None:
     """The first mission is refused before the model is asked; the model answers the next."""
     out = tmp_path / "out"
     missions.write_text(HEAD + REFUSED + ANSWERED)
-    asked = ["eval", "--missions", str(missions), *MODEL, "--out", str(out), "--repeat", "50"]
+    asked = ["eval", "--missions", str(missions), "--model", model, "--out", str(out)]
+    asked += ["--repeat", "50"]
     process = subprocess.Popen(
         [sys.executable, "-m", "pa_console", *asked], stderr=subprocess.PIPE, text=True
     )

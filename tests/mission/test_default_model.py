@@ -48,7 +48,7 @@ def unheard(_event: Event, _state: SessionState) -> None:
 
 async def planned(engine: Engine, site: Site, text: str) -> MissionTrace:
     """Return the trace of the mission `text` at the checkpoint, approved by a standing order."""
-    station = open_station(site, engine, SteppedClock(), respond=False)
+    station = open_station(site, engine, SteppedClock(), keep_engine=True)
     approver = standing_approver("auto", "it is a test")
     return (await run_missions(station, [text], approver, unheard))[0]
 
