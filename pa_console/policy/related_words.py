@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Iterable, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Annotated, Self
 
@@ -201,11 +201,24 @@ class Groups:
         self._members = np.zeros((len(members), len(vocabulary.groups)))
         for row, word in enumerate(self._spelling.words):
             self._members[row, sorted(members[word])] = 1.0
+        # Rule sets and missions repeat their words.
+        self.fit: Callable[[str], Floats] = lru_cache(maxsize=4096)(self._fit)
+        """Returns how well a word fits each group, in [0, 1], as an array to be read only."""
 
-    def fit(self, word: str) -> Floats:
-        """Return how well `word` fits each group, in [0, 1]: its likeness to the nearest member."""
+    @classmethod
+    def of(cls, vocabulary: Vocabulary) -> "Groups":
+        """Return the groups of `vocabulary`; those of the installed one are made once."""
+        return _default_groups() if vocabulary is default_vocabulary() else cls(vocabulary)
+
+    def _fit(self, word: str) -> Floats:
+        """Return the likeness of `word` to the nearest member of each group."""
         alike = self._spelling.likeness(word)
         rows = np.flatnonzero(alike >= ALIKE)
         if not len(rows):
             return np.zeros(self._members.shape[1])
         return (self._members[rows] * alike[rows, None]).max(axis=0)
+
+
+@cache
+def _default_groups() -> Groups:
+    return Groups(default_vocabulary())

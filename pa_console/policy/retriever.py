@@ -184,7 +184,7 @@ class RelatedRanking:
 
     def __init__(self, rules: Sequence[Rule], vocabulary: Vocabulary) -> None:
         """Index `rules`, whose words are compared with those of `vocabulary`."""
-        self._groups = Groups(vocabulary)
+        self._groups = Groups.of(vocabulary)
         words = [
             sorted({word for word in rule_words(rule) if word not in self._groups.ignored})
             for rule in rules

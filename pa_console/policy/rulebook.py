@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 from pa_console.policy.expressions.deadlines import DEADLINE_S
@@ -17,7 +17,7 @@ from pa_console.policy.expressions.fields import Fields, united
 from pa_console.policy.rule_seal import seal_of
 from pa_console.policy.rule_variables import PLAN_SHAPES
 from pa_console.schema.command import Verb
-from pa_console.schema.document import Document, FieldPath
+from pa_console.schema.document import Document, FieldPath, read_text
 from pa_console.schema.rule import Ordering, Rule, RuleSet, RulesSeal, Workflow
 
 MAX_SET_SIZE = 100_000
@@ -229,10 +229,21 @@ def load_rules(path: Path, deadline_s: float = DEADLINE_S) -> Rulebook:
     those who put it in force. Each expression may run `deadline_s` of processor time. Raises
     SigningError when this machine's keys cannot be read.
     """
-    document, rule_set = read_rule_set(path)
-    rules, workflows = compile_rule_set(document, rule_set, deadline_s)
+    sha256, rule_set, rules, workflows = _compiled(str(path), read_text(path), deadline_s)
     seal = seal_of(path, rule_set)
-    return Rulebook(rule_set.name, document.sha256, rules, workflows, seal, rule_set=rule_set)
+    return Rulebook(rule_set.name, sha256, rules, workflows, seal, rule_set=rule_set)
+
+
+# Keyed by content: a set that is read again unchanged, by a second station or after an edit was
+# taken back, costs a look-up. The signature is no part of it and is read each time.
+@lru_cache(maxsize=4)
+def _compiled(
+    source: str, text: str, deadline_s: float
+) -> tuple[str, RuleSet, tuple[CompiledRule, ...], tuple[CompiledWorkflow, ...]]:
+    """Return the content's SHA-256, and the rule set ready to run; raises DocumentError."""
+    document = Document(source, text)
+    rule_set = parse_rule_set(document)
+    return (document.sha256, rule_set, *compile_rule_set(document, rule_set, deadline_s))
 
 
 def read_rule_set(path: Path) -> tuple[Document, RuleSet]:

@@ -109,7 +109,7 @@ class Paraphraser:
     def __init__(self) -> None:
         """Take synonyms from the installed vocabulary."""
         known = default_vocabulary()
-        self._groups = Groups(known)
+        self._groups = Groups.of(known)
         self._members = tuple(known.groups.values())
 
     def paraphrases(self, rule: Rule) -> dict[str, str]:
