@@ -19,7 +19,8 @@ from pa_console.session.log.signed_head import (
     check_witness,
     head_path,
 )
-from pa_console.session.log.writer import LogWriter, verify
+from pa_console.session.log.verification import verify
+from pa_console.session.log.writer import LogWriter
 from pa_console.signing import KEY_VARIABLE, load_signer
 from pa_console.station.station import ControlStation
 from tests.cli.inside import Call, caller

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.schema.events import event as ev
 from pa_console.session.log.signed_head import head_path, read_head
-from pa_console.session.log.writer import LogWriter, verify
+from pa_console.session.log.verification import verify
+from pa_console.session.log.writer import LogWriter
 from pa_console.station.station import ControlStation
 from tests.rig import Rig, rig, site
 from tests.scripted import ScriptedEngine, plan

@@ -7,7 +7,7 @@ import pytest
 from pa_console.export.source_log import whole_file
 from pa_console.session.log.session_index import INDEX_NAME
 from pa_console.session.log.signed_head import head_path, read_head
-from pa_console.session.log.writer import verify
+from pa_console.session.log.verification import verify
 from pa_console.signing import KEY_VARIABLE, load_signer
 from tests.cli.inside import Call, caller
 from tests.session.tamper import write_signed

@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from pa_console.private_files import NotPrivateError, make_private_folder, open_private
+from pa_console.session.log.chain import LogError
 from pa_console.session.log.signed_head import head_path
-from pa_console.session.log.writer import LogError, LogWriter, new_log_path
+from pa_console.session.log.writer import LogWriter, new_log_path
 from pa_console.signing import (
     KEY_VARIABLE,
     KNOWN_FILE,

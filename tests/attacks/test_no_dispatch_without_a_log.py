@@ -8,7 +8,9 @@ import pytest
 
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
-from pa_console.session.log.writer import LogError, LogWriter, verify
+from pa_console.session.log.chain import LogError
+from pa_console.session.log.verification import verify
+from pa_console.session.log.writer import LogWriter
 from pa_console.station.station import ControlStation
 from tests.rig import Rig, rig, site
 from tests.scripted import ScriptedEngine, plan

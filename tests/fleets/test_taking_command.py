@@ -22,7 +22,8 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Scenario
 from pa_console.schema.mission import Decision
 from pa_console.schema.world import World
-from pa_console.session.log.writer import LogWriter, read_log
+from pa_console.session.log.chain import read_log
+from pa_console.session.log.writer import LogWriter
 from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.sim.worlds.world_file import open_world
 from pa_console.station.assembly import Site, open_station

@@ -11,8 +11,8 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from pa_console.schema.events import event as ev
 from pa_console.session.log.signed_head import head_path, sign_head, write_head
-from pa_console.session.log.verification import DamageKind
-from pa_console.session.log.writer import LogWriter, VerifyResult, verify
+from pa_console.session.log.verification import DamageKind, VerifyResult, verify
+from pa_console.session.log.writer import LogWriter
 from pa_console.signing import Signer
 from tests.session.story import at, story, telemetry
 

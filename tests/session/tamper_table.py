@@ -5,7 +5,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from pa_console.session.log.writer import verify
+from pa_console.session.log.verification import verify
 from tests.session.tamper import KNOWN, TAMPERS, damaged, write_signed
 
 

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.session.log.signed_head import head_path
-from pa_console.session.log.verification import DamageKind
-from pa_console.session.log.writer import verify
+from pa_console.session.log.verification import DamageKind, verify
 from tests.session.tamper import KNOWN, TAMPERS, Tamper, damaged, write_signed
 
 

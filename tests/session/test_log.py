@@ -10,14 +10,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pa_console.schema.events import event as ev
-from pa_console.session.log.writer import (
-    FLUSH_RECORDS,
-    LogError,
-    LogWriter,
-    new_log_path,
-    read_log,
-    verify,
-)
+from pa_console.session.log.chain import LogError, read_log
+from pa_console.session.log.verification import verify
+from pa_console.session.log.writer import FLUSH_RECORDS, LogWriter, new_log_path
 from tests.schema.strategies import events
 from tests.session.logs import kept, write_log
 from tests.session.story import at, session_started, telemetry

@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from pa_console.session.log.chain import LogError, read_log
 from pa_console.session.log.signed_head import SignedHead, head_path, read_head, write_head
-from pa_console.session.log.writer import SIGN_RECORDS, LogError, LogWriter, read_log, verify
+from pa_console.session.log.verification import verify
+from pa_console.session.log.writer import SIGN_RECORDS, LogWriter
 from pa_console.session.recording import Player
 from tests.session.story import story, telemetry
 from tests.session.tamper import KNOWN, MINE, OTHER, is_signed, long_story, write_signed

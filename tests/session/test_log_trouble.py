@@ -10,7 +10,9 @@ from pathlib import Path
 import pytest
 
 from pa_console.schema.events import event as ev
-from pa_console.session.log.writer import LogError, LogWriter, new_log_path, read_log, verify
+from pa_console.session.log.chain import LogError, read_log
+from pa_console.session.log.verification import verify
+from pa_console.session.log.writer import LogWriter, new_log_path
 from tests.session.logs import kept
 from tests.session.story import at
 from tests.session.tamper import KNOWN, MINE, long_story, write_signed
@@ -18,7 +20,8 @@ from tests.session.tamper import KNOWN, MINE, long_story, write_signed
 PROBE = """
 import os, resource, signal, sys
 from pathlib import Path
-from pa_console.session.log.writer import LogError, LogWriter
+from pa_console.session.log.chain import LogError
+from pa_console.session.log.writer import LogWriter
 from tests.session.story import at, telemetry
 from tests.session.tamper import MINE
 from pa_console.schema.events.event import AllStopped

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.schema.document import DocumentError
-from pa_console.session.log.writer import LogError, VerifyResult, read_log, verify
+from pa_console.session.log.chain import LogError, read_log
+from pa_console.session.log.verification import VerifyResult, verify
 from tests.session.logs import write_log
 from tests.session.story import story
 from tests.session.tamper import rehashed

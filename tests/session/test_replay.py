@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.schema.events import event as ev
-from pa_console.session.log.writer import LogError
+from pa_console.session.log.chain import LogError
 from pa_console.session.recording import Player, Recording
 from pa_console.session.timeline import MARK_KINDS, MarkKind
 from tests.schema.strategies import events

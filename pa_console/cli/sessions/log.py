@@ -8,8 +8,9 @@ import typer
 
 from pa_console.cli.settings_defaults import settings_of
 from pa_console.private_files import nearest_existing
+from pa_console.session.log.chain import LogError
 from pa_console.session.log.signed_head import URLS, Witness
-from pa_console.session.log.writer import LogError, LogWriter, default_folder, open_session_log
+from pa_console.session.log.writer import LogWriter, default_folder, open_session_log
 from pa_console.settings.schema import Settings
 from pa_console.signing import load_signer
 from pa_console.terminal.output import errors

@@ -66,30 +66,45 @@ class InstantActions(Header):
     actions: Items[RobotAction] = Field(max_length=MOST_ITEMS)
 
 
-class Position(Wire):
-    """A place on the map, metres."""
+class ControlPoint(Wire):
+    """A point of a trajectory, or a corner of a zone, metres."""
 
     x: Finite
     y: Finite
+
+
+class Position(ControlPoint):
+    """A place on the map, metres."""
+
     map_id: Id = MAP
 
 
-class Node(Wire):
-    """A place on a robot's way, and the actions to carry out there."""
+class NodeState(Wire):
+    """A node that a robot has still to pass."""
 
     node_id: Id
     sequence_id: Count
     released: bool
     node_position: Position | None = None
+
+
+class Node(NodeState):
+    """A place on a robot's way, and the actions to carry out there."""
+
     actions: Items[RobotAction] = Field(default=(), max_length=MOST_ITEMS)
 
 
-class Edge(Wire):
-    """The way from one node to the next."""
+class EdgeState(Wire):
+    """A way that a robot has still to go."""
 
     edge_id: Id
     sequence_id: Count
     released: bool
+
+
+class Edge(EdgeState):
+    """The way from one node to the next."""
+
     actions: Items[RobotAction] = Field(default=(), max_length=MOST_ITEMS)
 
 
@@ -117,30 +132,6 @@ class ActionState(Wire):
     action_result: Text | None = None
 
 
-class NodeState(Wire):
-    """A node that a robot has still to pass."""
-
-    node_id: Id
-    sequence_id: Count
-    released: bool
-    node_position: Position | None = None
-
-
-class EdgeState(Wire):
-    """A way that a robot has still to go."""
-
-    edge_id: Id
-    sequence_id: Count
-    released: bool
-
-
-class ControlPoint(Wire):
-    """A point of a trajectory, or a corner of a zone, metres."""
-
-    x: Finite
-    y: Finite
-
-
 class Trajectory(Wire):
     """A way: of degree 1, straight from one point to the next."""
 
@@ -154,11 +145,9 @@ class PlannedPath(Wire):
     trajectory: Trajectory
 
 
-class RobotPosition(Wire):
+class RobotPosition(ControlPoint):
     """A robot's estimate of its place; reliable only if `localized`."""
 
-    x: Finite
-    y: Finite
     theta: Angle
     map_id: Id = MAP
     localized: bool

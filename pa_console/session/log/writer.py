@@ -20,7 +20,6 @@ from pa_console.session.log.chain import (
     os_error,
     own_problem,
     parse,
-    read_log,
     seal,
 )
 from pa_console.session.log.session_index import INDEX_NAME, SessionIndex, index_path
@@ -33,19 +32,7 @@ from pa_console.session.log.signed_head import (
     sign_head,
     write_head,
 )
-from pa_console.session.log.verification import VerifyResult, verify
 from pa_console.signing import KNOWN_FILE, Signer, key_path
-
-__all__ = [
-    "LogError",
-    "LogWriter",
-    "VerifyResult",
-    "default_folder",
-    "new_log_path",
-    "open_session_log",
-    "read_log",
-    "verify",
-]
 
 _WRITE, _HEAD = "write the session log", "write the signed head of the session log"
 _INDEX = "write the index of sessions"
