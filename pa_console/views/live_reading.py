@@ -43,7 +43,7 @@ def _parts(trace: MissionTrace, request: ApprovalRequested, base: str) -> Iterat
     yield from attempt.gaps
     yield from (f"not done: {unmet}" for unmet in attempt.unmet)
     yield from (f"blocked: {reason}" for reason in request.blocked_by)
-    if attempt.rehearsal is not None:
+    if attempt.rehearsal is not None and not request.blocked_by:
         yield from _gates(attempt.rehearsal)
 
 

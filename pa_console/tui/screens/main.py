@@ -120,7 +120,7 @@ class MainScreen(Screen[None]):
             asks=self._joined is not None,
         )
         yield KeyFooter()
-        yield ReadingLine(id="reading", markup=False)
+        yield ReadingLine(id="live-reading", markup=False)
         yield Static(id="too-small", markup=False)
 
     def replay_line(self) -> ComposeResult:
