@@ -1,7 +1,11 @@
-"""Options that several verbs share, and their help."""
+"""Options that several verbs share, those of a session as one value, and their help."""
 
+from collections.abc import Callable
+from dataclasses import dataclass, fields, is_dataclass
+from functools import wraps
+from inspect import Parameter, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
@@ -33,14 +37,6 @@ UnsignedOption = Annotated[
         "--unsigned", help="Take rules that were altered since they were signed; the log says so."
     ),
 ]
-AcceptRulesOption = Annotated[
-    bool,
-    typer.Option(
-        "--accept-rules",
-        help="Take rules that are less than those used before (not signed, signed by another, "
-        "of a lower version); log and reports say so.",
-    ),
-]
 ModelOption = Annotated[
     str | None,
     typer.Option(
@@ -59,66 +55,9 @@ ScenarioOption = Annotated[
     ),
 ]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the simulation.")]
-FleetOption = Annotated[
-    str,
-    typer.Option(
-        "--fleet",
-        metavar="URL",
-        help="Drive the robots of a site on a message bus: mqtts://host:8883/site.",
-    ),
-]
 CertificatesOption = Annotated[
     Path | None,
     typer.Option("--certificates", help="The folder of 'pa-console site init', to be let in with."),
-]
-WitnessOption = Annotated[
-    str,
-    typer.Option(
-        "--witness",
-        metavar="FILE|URL",
-        help="Give the log's signed heads to a file on another disk, or to a web address.",
-    ),
-]
-MetricsPortOption = Annotated[
-    int,
-    typer.Option(
-        "--metrics-port",
-        min=0,
-        max=65_535,
-        help="Give metrics as Prometheus text at this port of this machine; 0 for none.",
-    ),
-]
-TracesOption = Annotated[
-    str,
-    typer.Option(
-        "--traces",
-        metavar="URL",
-        help="Give every mission as a trace to this OpenTelemetry collector (OTLP over HTTP).",
-    ),
-]
-TakOption = Annotated[
-    str,
-    typer.Option(
-        "--tak",
-        metavar="URL",
-        help="Show the session on the maps of this TAK server: tls://HOST:8089.",
-    ),
-]
-TakOriginOption = Annotated[
-    str,
-    typer.Option(
-        "--tak-origin",
-        metavar="LAT,LON[,BEARING[,ALTITUDE]]",
-        help="Where on the earth the world's (0, 0) is, in place of what the world file says.",
-    ),
-]
-TakContactsOption = Annotated[
-    bool | None,
-    typer.Option(
-        "--tak-contacts/--no-tak-contacts",
-        help="Show what others on the TAK server report, as unverified contacts, or not; shown by "
-        "default where the server is reached over TLS, or is on this machine.",
-    ),
 ]
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else there.")
@@ -150,3 +89,123 @@ def dask_workers(where: int | str) -> "Workers":
     except ImportError as error:
         raise ValueError("a sweep needs Dask: pip install 'pa-console[sweep]'") from error
     return Workers(count=where) if isinstance(where, int) else Workers(scheduler=where)
+
+
+@dataclass(frozen=True)
+class SessionOptions:
+    """The options of every verb that opens a session; verbs with more of them extend it."""
+
+    world: WorldOption = "checkpoint"
+    rules: RulesOption = "checkpoint"
+    model: ModelOption = None
+    scenario: ScenarioOption = None
+    seed: SeedOption = 0
+    fleet: Annotated[
+        str,
+        typer.Option(
+            metavar="URL",
+            help="Drive the robots of a site on a message bus: mqtts://host:8883/site.",
+        ),
+    ] = ""
+    certificates: CertificatesOption = None
+    alarms: Annotated[
+        bool | None,
+        typer.Option("--alarms/--no-alarms", help="Alarms become missions by themselves."),
+    ] = True
+    """None for only where a scenario is played."""
+    witness: Annotated[
+        str,
+        typer.Option(
+            metavar="FILE|URL",
+            help="Give the log's signed heads to a file on another disk, or to a web address.",
+        ),
+    ] = ""
+    traces: Annotated[
+        str,
+        typer.Option(
+            metavar="URL",
+            help="Give every mission as a trace to this OpenTelemetry collector (OTLP over HTTP).",
+        ),
+    ] = ""
+    metrics_port: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            max=65_535,
+            help="Give metrics as Prometheus text at this port of this machine; 0 for none.",
+        ),
+    ] = 0
+    tak: Annotated[
+        str,
+        typer.Option(
+            metavar="URL", help="Show the session on the maps of this TAK server: tls://HOST:8089."
+        ),
+    ] = ""
+    tak_origin: Annotated[
+        str,
+        typer.Option(
+            metavar="LAT,LON[,BEARING[,ALTITUDE]]",
+            help="Where on the earth the world's (0, 0) is, in place of what the world file says.",
+        ),
+    ] = ""
+    tak_contacts: Annotated[
+        bool | None,
+        typer.Option(
+            "--tak-contacts/--no-tak-contacts",
+            help="Show what others on the TAK server report, as unverified contacts, or not; shown "
+            "by default where the server is reached over TLS, or is on this machine.",
+        ),
+    ] = None
+    unsigned: UnsignedOption = False
+    accept_rules: Annotated[
+        bool,
+        typer.Option(
+            "--accept-rules",
+            help="Take rules that are less than those used before (not signed, signed by another, "
+            "of a lower version); log and reports say so.",
+        ),
+    ] = False
+    readonly: bool = False
+    resume: bool | None = False
+    """True to go on with a session that was not closed; None where the operator is to be asked."""
+    log: Path | None = None
+    """The file of the log; a new one in the folder of logs otherwise."""
+    stepped: bool = False
+    """True for a script: the simulation waits for the mission, and no question is asked before."""
+
+
+def with_field_options(verb: Callable[..., Any]) -> Callable[..., Any]:
+    """Return `verb` with an option for each `Annotated` field of the dataclasses it takes.
+
+    Typer knows options one by one; the verb is called with whole values.
+    """
+    taken = get_type_hints(verb, include_extras=True)
+    groups = {
+        name: get_type_hints(kind, include_extras=True)
+        for name, kind in taken.items()
+        if is_dataclass(kind)
+    }
+    options: dict[str, list[Parameter]] = {
+        name: [
+            Parameter(each.name, Parameter.KEYWORD_ONLY, default=each.default, annotation=hint)
+            for each in fields(taken[name])
+            if hasattr(hint := hints[each.name], "__metadata__")
+        ]
+        for name, hints in groups.items()
+    }
+
+    @wraps(verb)
+    def called(**given: Any) -> Any:
+        for name, of_group in options.items():
+            values = {each.name: given.pop(each.name) for each in of_group}
+            given[name] = taken[name](**values)
+        return verb(**given)
+
+    parameters = [
+        shown.replace(kind=Parameter.KEYWORD_ONLY)
+        for each in signature(verb).parameters.values()
+        for shown in options.get(each.name, [each])
+    ]
+    vars(called)["__signature__"] = signature(verb).replace(parameters=parameters)
+    called.__annotations__ = {each.name: each.annotation for each in parameters}
+    return called

@@ -58,15 +58,19 @@ def given_words(context: typer.Context) -> list[str]:
     return list(context.find_root().params.get("assignments") or ())
 
 
-def settings_of(context: typer.Context, **options: object) -> LoadedSettings:
-    """Return the settings, with those `options` of the verb that were given on its command line."""
+def settings_of(context: typer.Context, *names: str) -> LoadedSettings:
+    """Return the settings, with the options `names` that were given on the verb's command line."""
     typed = {
-        name: value
-        for name, value in options.items()
+        name: context.params[name]
+        for name in names
         if (source := context.get_parameter_source(name)) and source.name == "COMMANDLINE"
     }
     chosen = _chosen(context)
     return (chosen.loaded or load_settings(chosen.given)).with_options(typed)
+
+
+OBSERVED = ("traces", "metrics_port", "tak", "tak_origin", "tak_contacts")
+"""The options of a session that are settings of what observes it."""
 
 
 def _chosen(context: typer.Context) -> _SettingsOption:
@@ -77,27 +81,21 @@ def _chosen(context: typer.Context) -> _SettingsOption:
 def _defaults(loaded: LoadedSettings) -> dict[str, Any]:
     """Return the settings as defaults of the verbs that open a world, by verb and parameter."""
     values = loaded.values
-    site = {"world": values.world, "rules": values.rules}
-    model = {"model": values.model} if values.model else {}
-    log = {"witness": values.witness}
-    names = ("traces", "metrics_port", "tak", "tak_origin", "tak_contacts")
-    observed = {name: getattr(values, name) for name in names}
+    session = {
+        "world": values.world,
+        "rules": values.rules,
+        **({"model": values.model} if values.model else {}),
+        **{name: getattr(values, name) for name in ("witness", *OBSERVED)},
+    }
     tls = {
         "tls_cert": values.tak_certificate,
         "tls_key": values.tak_key,
         "tls_ca": values.tak_authority,
     }
     return {
-        "console": {
-            **site,
-            **model,
-            **log,
-            **observed,
-            "alarms": values.alarms,
-            "mouse": values.mouse,
-        },
-        "mission": {**site, **model, **log, **observed},
-        "serve": {**site, **model, **log, **observed, "alarms": values.alarms},
+        "console": {**session, "alarms": values.alarms, "mouse": values.mouse},
+        "mission": session,
+        "serve": {**session, "alarms": values.alarms},
         "replay": {"mouse": values.mouse},
         "tak": {
             **({"server": values.tak} if values.tak else {}),

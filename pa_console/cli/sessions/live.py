@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import typer
 from rich.text import Text
 
+from pa_console.cli.options import SessionOptions
 from pa_console.cli.sessions.fleet import find_fleet, load_authority
 from pa_console.cli.sessions.log import open_log, warn
-from pa_console.cli.sessions.options import SessionOptions
 from pa_console.end_signals import end_signals
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.remote.servers import NO_SERVERS, Servers

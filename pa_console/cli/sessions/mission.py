@@ -10,13 +10,14 @@ from time import monotonic
 import typer
 from pydantic import TypeAdapter, ValidationError
 
+from pa_console.cli.options import SessionOptions
 from pa_console.cli.sessions.live import open_live
 from pa_console.cli.sessions.log import tell_of_witness, usual_file
 from pa_console.cli.sessions.observing import Beside
-from pa_console.cli.sessions.options import SessionOptions, chosen_models, open_servers
 from pa_console.end_signals import EndableRun, exit_code_of, leave_terminal
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import find_model
+from pa_console.llm.remote.servers import Servers, session_models
 from pa_console.mission.approval import ApprovalMode, standing_approver
 from pa_console.observability import Observer
 from pa_console.schema.document import Document
@@ -44,7 +45,6 @@ from pa_console.views.waiting import Waiting, load_usual, save_usual
 def run_mission(
     options: SessionOptions,
     settings: Settings,
-    model: str | None,
     beside: Beside,
     text: str | None,
     *,
@@ -60,12 +60,14 @@ def run_mission(
     if text is None and options.scenario is None:
         raise ValueError("give a mission in plain language, or --scenario NAME, or both")
     incidents = [read_event(number, told) for number, told in enumerate(setup, start=1)]
-    chosen = chosen_models(model, settings)
+    chosen = session_models(options.model, settings.judge_server, settings.second_reader)
     opened = open_live(
         options,
         settings,
         lambda: Engine(find_model(chosen.own, second_reader=chosen.second_reader)),
-        open_servers(chosen, settings),
+        Servers.open(
+            chosen.named, plain=settings.plain_servers, patience_s=settings.server_patience_s
+        ),
     )
     station, writer = opened.station, opened.open_log()
     endable = EndableRun()

@@ -5,10 +5,10 @@ import signal
 from asyncio import Runner
 from contextlib import aclosing
 
+from pa_console.cli.options import SessionOptions
 from pa_console.cli.sessions.live import LiveSession, open_live
 from pa_console.cli.sessions.log import tell_of_witness
 from pa_console.cli.sessions.observing import observing
-from pa_console.cli.sessions.options import SessionOptions
 from pa_console.cli.sessions.tokens import this_user, token_book
 from pa_console.end_signals import EndableRun, exit_code_of
 from pa_console.http.connections import Listening, listen
@@ -24,9 +24,7 @@ from pa_console.settings.sources import LoadedSettings
 from pa_console.terminal.output import FAILED, errors, out
 
 
-def serve_session(
-    options: SessionOptions, settings: LoadedSettings, model: str | None, port: int
-) -> int:
+def serve_session(options: SessionOptions, settings: LoadedSettings, port: int) -> int:
     """Serve a new session until Ctrl-C, SIGTERM or its own end; return the exit code.
 
     Raises DocumentError or ValueError for what cannot be opened, LogError for a log that cannot be.
@@ -37,7 +35,7 @@ def serve_session(
         observing(values, options.world, live=True) as beside,
         Runner() as loop,
     ):
-        engine = Engine(find_model(model, second_reader=values.second_reader))
+        engine = Engine(find_model(options.model, second_reader=values.second_reader))
         try:
             opened = open_live(options, values, lambda: engine)
             tokens = token_book(opened.authority.trust if opened.authority else None)

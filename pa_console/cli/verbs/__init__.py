@@ -75,12 +75,14 @@ VERBS = {
 @cache
 def load_verb(name: str) -> Any:
     """Return the command of a verb, its help ended with its example; KeyError when unknown."""
+    from pa_console.cli.options import with_field_options  # noqa: PLC0415 - the list of verbs needs none
+
     found = resolve_name(f"pa_console.cli.verbs.{VERBS[name].place}")
     alone = typer.Typer(rich_markup_mode=None)
     if isinstance(found, typer.Typer):
         alone.add_typer(found, name=name)
     else:
-        alone.command(name)(found)
+        alone.command(name)(with_field_options(found))
     add_examples(alone, EXAMPLES)
     return get_group(alone).commands[name]
 

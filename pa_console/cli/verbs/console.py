@@ -6,31 +6,14 @@ from asyncio import Runner
 from collections.abc import Generator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from threading import Event
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pa_console.cli.options import (
-    AcceptRulesOption,
-    CertificatesOption,
-    FleetOption,
-    MetricsPortOption,
-    ModelOption,
-    RulesOption,
-    ScenarioOption,
-    SeedOption,
-    TakContactsOption,
-    TakOption,
-    TakOriginOption,
-    TracesOption,
-    UnsignedOption,
-    WitnessOption,
-    WorldOption,
-)
-from pa_console.cli.sessions.options import SessionOptions, chosen_models, open_servers
-from pa_console.cli.settings_defaults import settings_of
+from pa_console.cli.options import SessionOptions
+from pa_console.cli.settings_defaults import OBSERVED, settings_of
 from pa_console.end_signals import exit_code_of
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.cache import Progress
@@ -42,15 +25,30 @@ if TYPE_CHECKING:
     from pa_console.cli.sessions.joined import JoinedSession
 
 
+@dataclass(frozen=True)
+class ConsoleOptions(SessionOptions):
+    """The options of a session that somebody looks at."""
+
+    readonly: Annotated[
+        bool, typer.Option("--readonly", help="Look only: every command is refused.")
+    ] = False
+    resume: Annotated[
+        bool | None,
+        typer.Option(
+            "--resume/--new",
+            help="Go on with a session whose console ended without closing it, or begin a new one; "
+            "asked where neither is given.",
+        ),
+    ] = None
+    mouse: Annotated[
+        bool,
+        typer.Option("--mouse/--no-mouse", help="Take the mouse, or leave it to the terminal."),
+    ] = True
+
+
 def console(
     context: typer.Context,
-    world: WorldOption = "checkpoint",
-    rules: RulesOption = "checkpoint",
-    model: ModelOption = None,
-    scenario: ScenarioOption = None,
-    seed: SeedOption = 0,
-    fleet: FleetOption = "",
-    certificates: CertificatesOption = None,
+    options: ConsoleOptions,
     join: Annotated[
         str,
         typer.Option(
@@ -61,38 +59,12 @@ def console(
             "may take command.",
         ),
     ] = "",
-    alarms: Annotated[
-        bool, typer.Option("--alarms/--no-alarms", help="Alarms become missions by themselves.")
-    ] = True,
-    readonly: Annotated[
-        bool, typer.Option("--readonly", help="Look only: every command is refused.")
-    ] = False,
-    witness: WitnessOption = "",
-    traces: TracesOption = "",
-    metrics_port: MetricsPortOption = 0,
-    tak: TakOption = "",
-    tak_origin: TakOriginOption = "",
-    tak_contacts: TakContactsOption = None,
-    unsigned: UnsignedOption = False,
-    accept_rules: AcceptRulesOption = False,
-    resume: Annotated[
-        bool | None,
-        typer.Option(
-            "--resume/--new",
-            help="Go on with a session whose console ended without closing it, or begin a new one; "
-            "asked where neither is given.",
-        ),
-    ] = None,
     plain: Annotated[
         bool,
         typer.Option(
             "--plain", help="Lines and questions in place of a screen, as for a screen reader."
         ),
     ] = False,
-    mouse: Annotated[
-        bool,
-        typer.Option("--mouse/--no-mouse", help="Take the mouse, or leave it to the terminal."),
-    ] = True,
 ) -> None:
     """Open the console: live checkpoint, policy browser, missions, trace and approval.
 
@@ -103,76 +75,55 @@ def console(
         raise ValueError(
             "the console needs a terminal; use 'pa-console mission' in scripts, or --plain"
         )
-    settings = settings_of(
-        context,
-        world=world,
-        rules=rules,
-        model=model or "",
-        alarms=alarms,
-        mouse=mouse,
-        traces=traces,
-        metrics_port=metrics_port,
-        tak=tak,
-        tak_origin=tak_origin,
-        tak_contacts=tak_contacts,
-    )
-    options = SessionOptions(
-        world=world,
-        rules=rules,
-        scenario=scenario,
-        seed=seed,
-        alarms=alarms,
-        unsigned=unsigned,
-        accept_rules=accept_rules,
-        fleet=fleet,
-        certificates=certificates,
-        witness=witness,
-        readonly=readonly,
-        resume=resume,
-    )
+    settings = settings_of(context, "world", "rules", "model", "alarms", "mouse", *OBSERVED)
     if join:
-        if fleet or scenario or readonly:
+        if options.fleet or options.scenario or options.readonly:
             raise ValueError(
                 "--join goes with --certificates, --world, --rules, --plain and --mouse alone"
             )
         from pa_console.cli.sessions.joined import Joining, joining  # noqa: PLC0415 - then
 
-        with joining(Joining(join, certificates, world, rules), settings) as joined:
+        asked = Joining(join, options.certificates, options.world, options.rules)
+        with joining(asked, settings) as joined:
             if not joined.show(settings, plain=plain):
                 return
             with joined.told_unless_taken():
-                _open(replace(options, fleet=join), model, settings, plain=plain, joined=joined)
+                _open(replace(options, fleet=join), settings, plain=plain, joined=joined)
         return
-    _open(options, model, settings, plain=plain)
+    _open(options, settings, plain=plain)
 
 
 def _open(
     options: SessionOptions,
-    model: str | None,
     settings: LoadedSettings,
     *,
     plain: bool,
     joined: "JoinedSession | None" = None,
 ) -> None:
     """Open a session of this station's own; where one was `joined`, command is taken from it."""
+    values = settings.values
     with Runner() as loop, ExitStack() as observes:
         with (
             ThreadPoolExecutor(1) as hashing,
             _stopped_when_left() as going_on,
             _told("Opening the console ..." if joined is None else joined.opening),
         ):
-            chosen = chosen_models(model, settings.values)
-            servers = open_servers(chosen, settings.values)
+            from pa_console.llm.remote.servers import Servers, session_models  # noqa: PLC0415 - no help waits for it
+
+            chosen = session_models(options.model, values.judge_server, values.second_reader)
+            servers = Servers.open(
+                chosen.named, plain=values.plain_servers, patience_s=values.server_patience_s
+            )
             found = hashing.submit(find_model, chosen.own, going_on, chosen.second_reader)
             from pa_console.cli.sessions.live import open_live  # noqa: PLC0415 - meanwhile
             from pa_console.cli.sessions.observing import observing  # noqa: PLC0415
 
-            beside = observes.enter_context(observing(settings.values, options.world))
+            beside = observes.enter_context(observing(values, options.world))
             engine = Engine(found.result())
         loop.run(engine.start())
         try:
             authority = joined.succession.authority if joined is not None else None
-            opened = open_live(options, settings.values, lambda: engine, servers, authority)
+            opened = open_live(options, values, lambda: engine, servers, authority)
             opened.station.listen_to(beside.outside)
             if plain:
                 from pa_console.cli.sessions.plain import run_plain as run  # noqa: PLC0415

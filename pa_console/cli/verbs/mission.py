@@ -1,5 +1,6 @@
 """`pa-console mission`: one mission through all eight steps, without the screen."""
 
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -7,26 +8,8 @@ from typing import Annotated
 import typer
 
 from pa_console.cli import completion
-from pa_console.cli.options import (
-    AcceptRulesOption,
-    CertificatesOption,
-    FleetOption,
-    JsonOption,
-    MetricsPortOption,
-    ModelOption,
-    RulesOption,
-    ScenarioOption,
-    SeedOption,
-    TakContactsOption,
-    TakOption,
-    TakOriginOption,
-    TracesOption,
-    UnsignedOption,
-    WitnessOption,
-    WorldOption,
-)
-from pa_console.cli.sessions.options import SessionOptions
-from pa_console.cli.settings_defaults import settings_of
+from pa_console.cli.options import JsonOption, SessionOptions
+from pa_console.cli.settings_defaults import OBSERVED, settings_of
 
 
 class Approve(StrEnum):
@@ -35,6 +18,21 @@ class Approve(StrEnum):
     ask = "ask"
     auto = "auto"
     never = "never"
+
+
+@dataclass(frozen=True)
+class MissionOptions(SessionOptions):
+    """The options of a script's session."""
+
+    alarms: Annotated[
+        bool | None,
+        typer.Option(
+            "--alarms/--no-alarms",
+            help="Alarms become missions by themselves; on by default with --scenario.",
+        ),
+    ] = None
+    log: Annotated[Path | None, typer.Option(help="Where to write the session log.")] = None
+    stepped: bool = True
 
 
 def mission(
@@ -46,9 +44,8 @@ def mission(
             autocompletion=completion.words_of_mission,
         ),
     ] = None,
-    world: WorldOption = "checkpoint",
-    rules: RulesOption = "checkpoint",
-    model: ModelOption = None,
+    *,
+    options: MissionOptions,
     approve: Annotated[
         Approve,
         typer.Option(
@@ -65,59 +62,17 @@ def mission(
             "Example: '{kind: spawn, gate: WestGate, distance_m: 60}'"
         ),
     ] = None,
-    scenario: ScenarioOption = None,
-    alarms: Annotated[
-        bool | None,
-        typer.Option(
-            "--alarms/--no-alarms",
-            help="Alarms become missions by themselves; on by default with --scenario.",
-        ),
-    ] = None,
-    seed: SeedOption = 0,
-    fleet: FleetOption = "",
-    certificates: CertificatesOption = None,
-    log: Annotated[Path | None, typer.Option(help="Where to write the session log.")] = None,
-    witness: WitnessOption = "",
-    traces: TracesOption = "",
-    metrics_port: MetricsPortOption = 0,
-    tak: TakOption = "",
-    tak_origin: TakOriginOption = "",
-    tak_contacts: TakContactsOption = None,
-    unsigned: UnsignedOption = False,
-    accept_rules: AcceptRulesOption = False,
     json: JsonOption = False,
 ) -> None:
     """Plan, check, rehearse, judge, decide, execute and verify one mission, or a situation's."""
     from pa_console.cli.sessions.mission import run_mission  # noqa: PLC0415 - no help waits for it
     from pa_console.cli.sessions.observing import observing  # noqa: PLC0415
 
-    options = SessionOptions(
-        world=world,
-        rules=rules,
-        scenario=scenario,
-        seed=seed,
-        alarms=alarms,
-        unsigned=unsigned,
-        accept_rules=accept_rules,
-        fleet=fleet,
-        certificates=certificates,
-        witness=witness,
-        log=log,
-        stepped=True,
-    )
-    settings = settings_of(
-        context,
-        traces=traces,
-        metrics_port=metrics_port,
-        tak=tak,
-        tak_origin=tak_origin,
-        tak_contacts=tak_contacts,
-    ).values
-    with observing(settings, world, live=True) as beside:
+    settings = settings_of(context, *OBSERVED).values
+    with observing(settings, options.world, live=True) as beside:
         run_mission(
             options,
             settings,
-            model,
             beside,
             text,
             standing=None if approve is Approve.ask else approve.value,

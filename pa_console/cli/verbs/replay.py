@@ -81,7 +81,7 @@ def replay(
     screen: Annotated[
         bool, typer.Option("--screen", help="With --compare: show both at that point, on a screen.")
     ] = False,
-    mouse: Annotated[
+    mouse: Annotated[  # noqa: ARG001 - one of the settings
         bool,
         typer.Option("--mouse/--no-mouse", help="Take the mouse, or leave it to the terminal."),
     ] = True,
@@ -116,7 +116,7 @@ def replay(
 
         compare_logs(log, other, json)
     if not (check or again or printed):
-        _show(log, other, world, settings_of(context, mouse=mouse))
+        _show(log, other, world, settings_of(context, "mouse"))
 
 
 def _chosen(context: typer.Context, log: Path | None, *, last: bool) -> Path:

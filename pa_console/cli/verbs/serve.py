@@ -6,26 +6,8 @@ from typing import Annotated, Any, Literal
 import typer
 
 from pa_console.child_processes import python_command
-from pa_console.cli.options import (
-    AcceptRulesOption,
-    CertificatesOption,
-    FleetOption,
-    JsonOption,
-    MetricsPortOption,
-    ModelOption,
-    RulesOption,
-    ScenarioOption,
-    SeedOption,
-    TakContactsOption,
-    TakOption,
-    TakOriginOption,
-    TracesOption,
-    UnsignedOption,
-    WitnessOption,
-    WorldOption,
-)
-from pa_console.cli.sessions.options import SessionOptions
-from pa_console.cli.settings_defaults import given_words, settings_of
+from pa_console.cli.options import JsonOption, SessionOptions
+from pa_console.cli.settings_defaults import OBSERVED, given_words, settings_of
 
 PORT = 8765
 OWN = frozenset(("port", "web", "make_token", "person", "tokens", "revoke_token", "json"))
@@ -42,16 +24,7 @@ RoleName = Literal["observer", "operator", "commander"]
 
 def serve(
     context: typer.Context,
-    world: WorldOption = "checkpoint",
-    rules: RulesOption = "checkpoint",
-    model: ModelOption = None,
-    scenario: ScenarioOption = None,
-    seed: SeedOption = 0,
-    fleet: FleetOption = "",
-    certificates: CertificatesOption = None,
-    alarms: Annotated[
-        bool, typer.Option("--alarms/--no-alarms", help="Alarms become missions by themselves.")
-    ] = True,
+    options: SessionOptions,
     port: Annotated[
         int, typer.Option(min=0, max=65_535, help="The port of this machine; 0 for a free one.")
     ] = PORT,
@@ -72,14 +45,6 @@ def serve(
     revoke_token: Annotated[
         str | None, typer.Option(metavar="ID", help="Revoke a token, and leave.")
     ] = None,
-    witness: WitnessOption = "",
-    traces: TracesOption = "",
-    metrics_port: MetricsPortOption = 0,
-    tak: TakOption = "",
-    tak_origin: TakOriginOption = "",
-    tak_contacts: TakContactsOption = None,
-    unsigned: UnsignedOption = False,
-    accept_rules: AcceptRulesOption = False,
     json: JsonOption = False,
 ) -> None:
     """Serve a session on loopback: an HTTP interface (see /docs), or the console in a browser."""
@@ -94,30 +59,7 @@ def serve(
     if revoke_token is not None:
         token_verbs.revoke(revoke_token, json=json)
         return
-    settings = settings_of(
-        context,
-        world=world,
-        rules=rules,
-        model=model or "",
-        alarms=alarms,
-        traces=traces,
-        metrics_port=metrics_port,
-        tak=tak,
-        tak_origin=tak_origin,
-        tak_contacts=tak_contacts,
-    )
-    options = SessionOptions(
-        world=world,
-        rules=rules,
-        scenario=scenario,
-        seed=seed,
-        alarms=alarms,
-        unsigned=unsigned,
-        accept_rules=accept_rules,
-        fleet=fleet,
-        certificates=certificates,
-        witness=witness,
-    )
+    settings = settings_of(context, "world", "rules", "model", "alarms", *OBSERVED)
     try:
         if web:
             from pa_console.cli.sessions.web import serve_console  # noqa: PLC0415 - aiohttp
@@ -126,7 +68,7 @@ def serve(
         else:
             from pa_console.cli.sessions.served import serve_session  # noqa: PLC0415 - FastAPI
 
-            code = serve_session(options, settings, model, port)
+            code = serve_session(options, settings, port)
     except ModuleNotFoundError as error:
         needed = f"this needs a library that is not installed ({error.name})"
         raise ValueError(f"{needed}: pip install 'pa-console[serve]'") from error
