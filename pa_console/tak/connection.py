@@ -5,7 +5,6 @@ PyTAK opens the connection, with or without TLS.
 """
 
 import asyncio
-import ipaddress
 import os
 import random
 from asyncio import StreamReader, StreamWriter
@@ -16,10 +15,10 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from threading import Event, Lock, Thread
 from typing import Self, cast
-from urllib.parse import urlsplit
 
 from pytak import client_functions
 
+from pa_console.network_address import host_and_port, is_this_machine, server_address
 from pa_console.schema.text import count, visible_line
 from pa_console.tak.cot_event import CotEvent, ping
 from pa_console.tak.reports import TakReports
@@ -82,32 +81,21 @@ class TakServer:
     @classmethod
     def parse(cls, text: str, certificate: Certificate | None = None) -> Self:
         """Read `tls://host:8089`; raise ValueError that names the problem."""
-        try:
-            parts = urlsplit(text)
-            port = parts.port
-        except ValueError as error:
-            raise ValueError(f"{text}: {error}; the form is {FORM}") from None
-        if parts.scheme not in PORTS or not parts.hostname:
-            raise ValueError(f"{text} is no address of a TAK server; the form is {FORM}")
+        parts, host, port = server_address(text, PORTS, "a TAK server", FORM)
         if parts.path.strip("/") or parts.query or parts.fragment or parts.username:
             raise ValueError(f"{text}: only host and port are understood; {FORM}")
         if parts.scheme == "tls" and certificate is None:
             raise ValueError(f"{text} needs --tls-cert and --tls-ca")
         if parts.scheme == "tcp" and certificate is not None:
             raise ValueError(f"{text} is not encrypted, so --tls-cert is in vain; use tls://")
-        if ":" in parts.hostname and certificate is None:
+        if ":" in host and certificate is None:
             raise ValueError(f"{text}: without TLS give the name of the host, or its IPv4 address")
-        return cls(parts.hostname, port or PORTS[parts.scheme], certificate)
+        return cls(host, port, certificate)
 
     @property
     def open_to_all(self) -> bool:
         """True if events leave this machine without encryption."""
-        if self.certificate is not None or self.host == "localhost":
-            return False
-        try:
-            return not ipaddress.ip_address(self.host).is_loopback
-        except ValueError:
-            return True
+        return self.certificate is None and not is_this_machine(self.host)
 
     @property
     def warning(self) -> str:
@@ -129,8 +117,8 @@ class TakServer:
         return found
 
     def __str__(self) -> str:
-        host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"{'tcp' if self.certificate is None else 'tls'}://{host}:{self.port}"
+        scheme = "tcp" if self.certificate is None else "tls"
+        return f"{scheme}://{host_and_port(self.host, self.port)}"
 
 
 Opened = tuple[StreamReader, StreamWriter]

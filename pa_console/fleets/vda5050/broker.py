@@ -7,7 +7,6 @@ the answers whether a message arrived, and to send again.
 
 import asyncio
 import fcntl
-import ipaddress
 import logging
 import socket
 import ssl
@@ -17,11 +16,11 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Self
-from urllib.parse import urlsplit
 
 from pydantic import TypeAdapter, ValidationError
 
 from pa_console.fleets.vda5050.wire import Token
+from pa_console.network_address import host_and_port, is_this_machine, server_address
 
 if TYPE_CHECKING:
     from aiomqtt import Client
@@ -107,28 +106,22 @@ class BrokerAddress:
 
         Without encryption only this machine is spoken to.
         """
-        try:
-            parts = urlsplit(text)
-            port = parts.port
-        except ValueError as error:
-            raise ValueError(f"{text}: {error}; the form is {FORM}") from None
-        if parts.scheme not in PORTS or not parts.hostname:
-            raise ValueError(f"{text} is no address of a broker; the form is {FORM}")
+        parts, host, port = server_address(text, PORTS, "a broker", FORM)
         if parts.query or parts.fragment or parts.username or parts.password:
             raise ValueError(f"{text}: only host, port and site are understood; {FORM}")
         tls = parts.scheme == "mqtts"
-        if not tls and not _is_this_machine(parts.hostname):
+        if not tls and not is_this_machine(host):
             raise ValueError(f"{text}: mqtt:// is for this machine alone; use mqtts://")
         site = parts.path.strip("/") or INTERFACE
         try:
             TypeAdapter(Token).validate_python(site)
         except ValidationError:
             raise ValueError(f"{text}: {site!r} cannot be the name of a site") from None
-        return cls(parts.hostname, port or PORTS[parts.scheme], site, tls)
+        return cls(host, port, site, tls)
 
     def __str__(self) -> str:
-        host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"{'mqtts' if self.tls else 'mqtt'}://{host}:{self.port}/{self.site}"
+        scheme = "mqtts" if self.tls else "mqtt"
+        return f"{scheme}://{host_and_port(self.host, self.port)}/{self.site}"
 
 
 def _lock(key: Path) -> BinaryIO | None:
@@ -145,15 +138,6 @@ def _lock(key: Path) -> BinaryIO | None:
     except OSError:  # a disk without locks: there the broker alone keeps programs apart
         pass
     return file
-
-
-def _is_this_machine(host: str) -> bool:
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 KEEPALIVE_S = 5

@@ -3,7 +3,6 @@
 A server is named as `openai:BASE_URL#NAME`. No other server gets a request.
 """
 
-import ipaddress
 import os
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -11,6 +10,7 @@ from importlib.util import find_spec
 from urllib.parse import urlsplit
 
 from pa_console.llm.backend import ModelError
+from pa_console.network_address import is_this_machine
 from pa_console.schema.events.event import ServerUse
 
 PREFIX = "openai:"
@@ -61,7 +61,7 @@ class ServerAddress:
     def private(self) -> bool:
         """True if no host between here and the server can read the traffic: loopback, or https."""
         parts = urlsplit(self.base_url)
-        return parts.scheme == "https" or _loopback(parts.hostname or "")
+        return parts.scheme == "https" or is_this_machine(parts.hostname or "")
 
     def allow(self, *, plain: bool) -> None:
         """Raise ModelError where words would be sent in clear text, unless `plain` is allowed."""
@@ -70,15 +70,6 @@ class ServerAddress:
                 f"{self}: the operator's words and the picture would cross the network in clear; "
                 "use an https address, or allow it with the setting plain_servers"
             )
-
-
-def _loopback(host: str) -> bool:
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 @dataclass(frozen=True)
