@@ -1,7 +1,6 @@
 """Step 6 of a mission: what else the order may mean, and the operator's decision on the plan.
 
-Which of several readings is right cannot be told from the models' own chances (README, Measured);
-the operator knows what was meant.
+Which of several readings is right cannot be told for sure; the operator knows what was meant.
 """
 
 from collections.abc import Awaitable, Callable, Mapping
@@ -11,8 +10,7 @@ from itertools import islice
 from pa_console.fleets.fleet import PlanCountersignature
 from pa_console.language.mention_check import check_mentions
 from pa_console.language.order import Task
-from pa_console.language.reading import asked_words, distinct, read_asked
-from pa_console.llm.roles.grammar import PLANNED
+from pa_console.language.reading import distinct, read_asked
 from pa_console.mission.approval import (
     CheckedPlan,
     OrderAsRead,
@@ -21,7 +19,7 @@ from pa_console.mission.approval import (
     unasked_decision,
 )
 from pa_console.mission.context import MissionContext, MissionResult
-from pa_console.mission.plan import LIKELIER_OTHERWISE, Candidate, PlanForDecision
+from pa_console.mission.plan import Candidate, PlanForDecision
 from pa_console.mission.premises import way_to_safety
 from pa_console.mission.propose import other_readings
 from pa_console.mission.understand import NotUnderstood, StandingOffer
@@ -33,6 +31,9 @@ from pa_console.schema.plan import Plan
 Decide = Callable[[], Awaitable[Decision]]
 """Waits for the operator's answer once approval was requested."""
 
+
+MORE_BELOW = 0.5
+"""Below this confidence of planner or judge, the planner's other readings are looked for."""
 
 _STILL: frozenset[Task] = frozenset(("report", "hold", "refused"))
 """Tasks that move no asset."""
@@ -83,8 +84,8 @@ async def decide(
             asked=readings.own,
             readings=readings.offered,
             gaps=shown.gaps_told,
-            confidence=shown.agreed,
-            read_apart=read_apart(shown, world.base),
+            confidence=planned.confidence,
+            read_apart=planned.read_apart,
             narrowed=shown.narrowed,
             question=f"{baseless}. What is to be done, by whom and where?"
             if shown.mentions.baseless
@@ -99,7 +100,7 @@ async def decide(
 async def _reconsider(
     context: MissionContext, planned: PlanForDecision, before: Readings
 ) -> Readings:
-    """Find what else the order may mean: what the judge has read, and other readings.
+    """Find what else the order may mean: what other readers have read, then the planner's others.
 
     Those are looked for where the models are unsure. What an operator has chosen is not read
     anew.
@@ -108,12 +109,11 @@ async def _reconsider(
     if not looked_at:
         return Readings()
     said = planned.answered.said
-    own = said_by_planner(shown) or said
+    own = shown.asked or said
     known = [before.own, *before.offered] if before.offered else []
     if not planned.answered.retrieved.chosen:
-        again = shown.read_again
-        known = [said_by_judge(shown), said, again.asked if again and not again.same else ""]
-        if shown.sure is not None and shown.sure < LIKELIER_OTHERWISE:
+        known = [reading.asked for reading in planned.readings] or [said]
+        if shown.sure is not None and shown.sure < MORE_BELOW:
             known += await other_readings(context, planned.answered, looked_at)
     others = distinct(own, known, context.services.fleet.world.base)
     founded = (said for said in others if not _baseless(context, planned, said))
@@ -266,26 +266,3 @@ def _baseless(context: MissionContext, planned: PlanForDecision, said: str) -> b
     before = rehearsal.before if rehearsal is not None else context.services.fleet.picture()
     text, nothing = planned.answered.retrieved.task.text, Plan(reason="", actions=())
     return check_mentions(world, before, text, said, nothing).unfounded
-
-
-def said_by_planner(shown: Candidate) -> str:
-    """Return the reading in the plan on show, '' without one."""
-    return asked_words(shown.examination.plan.reason).rstrip("; ")
-
-
-def said_by_judge(shown: Candidate) -> str:
-    """Return the reading in the judge's verdict, '' without one."""
-    said, planned, _ = shown.verdict.feedback.partition(PLANNED) if shown.verdict else ("", "", "")
-    return said if planned else ""
-
-
-def read_apart(shown: Candidate, base: str) -> bool:
-    """Return whether another reader differs from the reading of the plan on show.
-
-    That is the second reader if it was asked, else the judge. If only the second reader reported a
-    confidence, the plan serves its reading.
-    """
-    if shown.read_again is not None:
-        return not shown.read_again.same or shown.sure is None
-    judged = said_by_judge(shown)
-    return bool(judged) and bool(distinct(said_by_planner(shown), (judged,), base))

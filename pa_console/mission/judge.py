@@ -1,10 +1,9 @@
-"""The judge's verdict on a plan, and the second reader where an order is in doubt.
+"""The judge's verdict on a plan, and the plan for the likeliest reading of the order.
 
 The JudgeLLM reads the order for itself; the console compares its reading with the plan, and the
 judge may only object.
 """
 
-import asyncio
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,8 +11,7 @@ from time import perf_counter
 from typing import NamedTuple
 
 from pa_console.language.clause_grammar import MOST_PLANNED, WORD, exactly
-from pa_console.language.reading import agree, asked_words, planned, read_asked
-from pa_console.llm.roles.clause_reader import ClauseReader, ask_what_is_asked
+from pa_console.language.reading import planned, read_asked
 from pa_console.llm.roles.grammar import (
     COMPARED_CHARS,
     PLANNED,
@@ -21,11 +19,12 @@ from pa_console.llm.roles.grammar import (
     hinted,
     verdict_schema,
 )
-from pa_console.llm.roles.judge import Judge, Judgement, JudgeQuestion, OrderReading
+from pa_console.llm.roles.judge import Judgement, JudgeQuestion
 from pa_console.llm.roles.role_model import PromptFormat, RoleModel, first_answer
 from pa_console.mission.context import MissionContext
-from pa_console.mission.plan import Candidate, PlanForDecision, ReadAgain, with_commands_given
+from pa_console.mission.plan import Candidate, PlanForDecision, with_commands_given
 from pa_console.mission.propose import PlannerAnswer
+from pa_console.mission.readings import may_decide, read_again, read_at_first, weigh
 from pa_console.mission.tasking.fulfilment import gaps
 from pa_console.mission.tasking.moves import PlanMoves
 from pa_console.policy.findings import ORDER_ID
@@ -38,6 +37,7 @@ from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.rule import RuleHit
 from pa_console.schema.telemetry import Digest
 from pa_console.schema.world import World
+from pa_console.session.confidence import WeighedReading
 
 FITS = "it fits"
 
@@ -146,124 +146,50 @@ def judged_rules(hits: Sequence[RuleHit], findings: Sequence[Finding]) -> list[s
     return ids + [f.rule_id for f in findings if f.broken and f.rule_id not in ids]
 
 
-DOUBT = 0.8
-"""Below this confidence of planner or judge, an order is read again. Of 398 orders in people's
-words that neither model had met, the planner read 62 of the 206 below it as meant and the second
-reader 118; of the 192 above it, 177 and 175."""
-
-
-PATIENCE_S = 15.0
-"""The longest wait for the second reader, its loading included, seconds; then the plan is proposed
-without it."""
-
-
-LEAST = 0.3
-"""Below this confidence of its own, the second reader's reading is only offered."""
-
-
-def in_doubt(shown: Candidate) -> bool:
-    """Return whether an order should be read again before its plan is proposed.
-
-    It should if a model was unsure, the judge objects, or words of the order are left over. A plan
-    that is blocked, and one that the operator wrote, is not put in doubt.
-    """
-    if shown.own or shown.examination.blocked or shown.sure is None:
-        return False
-    return shown.sure < DOUBT or shown.objected or bool(shown.mentions.gaps)
-
-
-async def read_again(context: MissionContext, case: PlanCase, shown: Candidate) -> Candidate:
-    """Return `shown` with the second reader's reading; unchanged without an answer."""
-    services, world = context.services, context.services.fleet.world
-    reader = services.server_reader or services.second_reader
-    if reader is None or not services.variant.read_again or not in_doubt(shown):
-        return shown
-    with context.stopwatch.time("readings_s"):
-        try:
-            async with asyncio.timeout(PATIENCE_S):
-                if isinstance(reader, ClauseReader):
-                    read = await reader.read(ask_what_is_asked(world, case.digest, case.task))
-                else:
-                    question = ask_about_plan(
-                        services.prompt_format, world, services.rulebook, case
-                    )
-                    read = await reader.read(question)
-        except TimeoutError:
-            read = OrderReading("", f"no answer within {PATIENCE_S:.0f} s")
-    context.emit(
-        ev.OrderReadAgain(
-            attempt=shown.attempt,
-            model=reader.model,
-            asked=read.asked,
-            error=read.error,
-            usage=read.usage,
-            confidence=read.confidence,
-        )
-    )
-    measured = isinstance(reader, Judge)
-    if not read.asked or (measured and read.confidence is None):
-        return shown
-    own, sure = asked_words(shown.examination.plan.reason).rstrip("; "), read.confidence or 0.0
-    same = agree(own, read.asked, world.base)
-    again = ReadAgain(read.asked, sure, same=same, measured=measured)
-    return replace(shown, read_again=again)
-
-
-def likelier(shown: Candidate) -> bool:
-    """Return whether the second reader's reading is likelier than that of the plan on show.
-
-    If an order is in doubt, it is right twice as often as the planner.
-    """
-    read = shown.read_again
-    return read is not None and read.measured and not read.same and read.confidence >= LEAST
-
-
 async def judge(context: MissionContext, planned: PlanForDecision) -> PlanForDecision:
-    """Step 6: ask for the JudgeLLM's verdict on the plan to decide on; a blocked plan needs none.
+    """Step 6: ask for the JudgeLLM's verdict on the plan, and plan for the likeliest reading.
 
-    A trained judge reads the order for itself. Where it objects and its reading is the likelier
-    one, a plan that serves that becomes the one to decide on, if nothing blocks it and the judge
-    passes it.
+    A trained judge reads the order for itself, and the second reader reads it if it is in doubt.
+    The plan becomes one for the likeliest reading that a plan can be taken for.
     """
-    answered = planned.answered
-    first = await _judged(context, answered, planned.best)
-    asked = first.second_reading
-    if asked and context.services.variant.second_reading:
-        other = await with_commands_given(
-            context, answered, asked, read_asked(asked), first, instead="judged"
-        )
-        if other is not first:
-            other = await _judged(context, answered, other)
-        first = first if other.objected else other
-    return replace(planned, best=await _as_read_again(context, answered, first))
+    answered, shown = planned.answered, await _judged(context, planned.answered, planned.best)
+    rehearsal = shown.examination.rehearsal
+    if shown.own or answered.retrieved.chosen or shown.examination.blocked or rehearsal is None:
+        return replace(planned, best=shown)
+    case, services = _case(answered, shown, rehearsal), context.services
+    question = ask_about_plan(services.prompt_format, services.fleet.world, services.rulebook, case)
+    answers = [
+        *read_at_first(shown),
+        *await read_again(context, answered, shown, question),
+    ]
+    readings = await weigh(context, answered, shown, answers)
+    own = next(reading for reading in readings if reading.reader == "planner")
+    for reading in readings[: readings.index(own)]:
+        if may_decide(services.variant, reading, own):
+            other = await _taken_instead(context, answered, shown, reading)
+            if other is not None:
+                return PlanForDecision(answered, other, readings, reading)
+    return PlanForDecision(answered, shown, readings, own)
 
 
-async def _as_read_again(
-    context: MissionContext, answered: PlannerAnswer, shown: Candidate
-) -> Candidate:
-    """Let another model read an order that is in doubt; where it is surer, its reading is served.
+async def _taken_instead(
+    context: MissionContext, answered: PlannerAnswer, shown: Candidate, reading: WeighedReading
+) -> Candidate | None:
+    """Return a plan for another `reading` than the planner's, None if it may not be taken.
 
-    The judge is then told what was asked: it judges the plan for that. Where both readings come to
-    the same orders, there is nothing to choose between: the second reader bears the plan out.
+    No rule may block it, the judge has to pass it as a plan for that reading, and it may not leave
+    words of the order over if the plan on show leaves none.
     """
-    if answered.retrieved.chosen or shown.examination.rehearsal is None:
-        return shown
-    shown = await read_again(context, _case(answered, shown, shown.examination.rehearsal), shown)
-    second = shown.read_again
-    if second is None or not likelier(shown):
-        return shown
-    reading = read_asked(second.asked)
+    asked, reader = reading.asked, reading.reader
     other = await with_commands_given(
-        context, answered, second.asked, reading, shown, instead="read_again"
+        context, answered, asked, read_asked(asked), shown, reader=reader
     )
     if other is shown or other.examination.blocked:
-        return shown
+        return None
     if other.mentions.gaps and not shown.mentions.gaps:
-        return shown  # what accounts for every word is not given up for what does not
-    if not shown.objected and other.does_as(shown):
-        return replace(shown, read_again=replace(second, same=True))
-    other = await _judged(context, answered, other, second.asked)
-    return shown if other.objected else replace(other, read_again=replace(second, same=True))
+        return None
+    other = await _judged(context, answered, other, asked)
+    return None if other.objected else other
 
 
 async def _judged(

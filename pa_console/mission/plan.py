@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from pa_console.language.mention_check import NOTHING_SAID, MentionCheck, check_mentions
 from pa_console.language.order import Reading
 from pa_console.language.reading import asked_words, read_asked, read_reason
-from pa_console.llm.roles.grammar import PLANNED
 from pa_console.mission.context import MissionContext
 from pa_console.mission.examine import Examination, examine
 from pa_console.mission.propose import (
-    Instead,
     NumberedPlan,
     PlannerAnswer,
     ask_for_others,
@@ -26,30 +24,13 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Verdict
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan
-from pa_console.session.confidence import Evidence, SecondAnswer, calibrated_confidence
-
-LIKELIER_OTHERWISE = 0.5
-"""Below this confidence the model itself rates its reading as less likely than another one."""
-
+from pa_console.session.confidence import Reader, WeighedReading, read_apart
 
 VOUCHED = 0.8
 """A judge with at least this confidence confirms a reading without a confidence of its own."""
 
 
 UNTOLD = "not known: how sure the server's model is of what was asked"
-
-
-@dataclass(frozen=True)
-class ReadAgain:
-    """The second reader's reading, and its confidence in it."""
-
-    asked: str
-    confidence: float
-    same: bool
-    """True if it is the plan's reading, or leads to the same orders."""
-    measured: bool = True
-    """True if this reader's accuracy was measured: only then can it remove a doubt and decide the
-    plan."""
 
 
 @dataclass(frozen=True)
@@ -76,8 +57,6 @@ class Candidate:
     """True if the operator wrote the plan."""
     by_server: bool = False
     """True if the model of a server wrote the plan."""
-    read_again: ReadAgain | None = None
-    """The second reader's result, if it was asked."""
 
     @property
     def badness(self) -> tuple[int, ...]:
@@ -91,34 +70,15 @@ class Candidate:
         return not any(self.badness[:2])
 
     @property
+    def asked(self) -> str:
+        """The reading in the plan, in canonical words; '' without one."""
+        return asked_words(self.examination.plan.reason).rstrip("; ")
+
+    @property
     def sure(self) -> float | None:
         """The lower confidence of planner and judge; None if neither reported one."""
         told = (self.confidence, self.judge_confidence)
         return min((sure for sure in told if sure is not None), default=None)
-
-    @property
-    def agreed(self) -> float | None:
-        """The confidence shown to the operator: how often such a reading is right.
-
-        None unless the second reader, or both others, have read the order by themselves.
-        """
-        again, gaps = self.read_again, bool(self.mentions.gaps)
-        if again is not None and (again.measured or not again.same):
-            read = Evidence(self.sure, gaps, self._second(again), again.confidence)
-        elif self.confidence is None or self.judge_confidence is None:
-            return None
-        else:
-            read = Evidence(self.sure, gaps)
-        return calibrated_confidence(read)
-
-    def _second(self, again: ReadAgain) -> SecondAnswer:
-        """Return the second reader's evidence on the plan.
-
-        If the planner reported no confidence, the plan serves the second reader's own reading.
-        """
-        if not again.same:
-            return "other"
-        return "alone" if self.sure is None else "same"
 
     @property
     def gaps_told(self) -> tuple[str, ...]:
@@ -133,45 +93,9 @@ class Candidate:
         return (*self.mentions.gaps, *(UNTOLD,) * untold)
 
     @property
-    def second_reading(self) -> str:
-        """Return the judge's reading if it is the likelier one; '' otherwise.
-
-        It is likelier if the judge objects to the plan and the planner was unsure of its own
-        reading and less sure than the judge, or if the plan does nothing: orders are given to be
-        carried out, so of two readings the one that leaves nothing to do is the likelier mistake.
-        """
-        plan, verdict = self.examination.plan, self.verdict
-        own = read_reason(plan.reason)
-        if verdict is None or not self.objected or _refuses(own):
-            return ""
-        asked = verdict.feedback.partition(PLANNED)[0]
-        judged = read_asked(asked)
-        if judged is None:
-            return ""
-        less = own is not None and len(judged.asks) < len(own.asks)
-        sure = self.confidence
-        unsure = sure is not None and sure < min(LIKELIER_OTHERWISE, self.judge_confidence or 0.0)
-        idle = all(action.verb == "hold" for action in plan.actions)
-        return asked if idle or (unsure and not less) else ""
-
-    def does_as(self, other: "Candidate") -> bool:
-        """Return whether the plan gives the orders of the `other`, for all of its reading.
-
-        Plans that leave every asset in place do not confirm each other.
-        """
-        orders = frozenset(self.examination.plan.actions)
-        if self.narrowed or self.gaps or all(action.verb == "hold" for action in orders):
-            return False
-        return orders == frozenset(other.examination.plan.actions)
-
-    @property
     def objected(self) -> bool:
         """True if the judge finds the plan wrong."""
         return self.verdict is not None and self.verdict.verdict == "Failure"
-
-
-def _refuses(reading: Reading | None) -> bool:
-    return reading is not None and any(ask.task == "refused" for ask in reading.asks)
 
 
 def better(first: Candidate | None, other: Candidate) -> Candidate:
@@ -190,6 +114,26 @@ class PlanForDecision:
 
     answered: PlannerAnswer
     best: Candidate
+    readings: tuple[WeighedReading, ...] = ()
+    """The readings of the order, the likeliest first; none before the judge's verdict."""
+    served: WeighedReading | None = None
+    """The one that the plan is for."""
+
+    @property
+    def confidence(self) -> float | None:
+        """The chance that the reading is right, as shown to the operator.
+
+        None unless the second reader, or both others, report how sure they are.
+        """
+        told = [each.evidence for each in self.readings]
+        first = [any(each[n] is not None for each in told) for n in range(3)]
+        known = first[2] or (first[0] and first[1])
+        return self.served.chance if known and self.served is not None else None
+
+    @property
+    def read_apart(self) -> bool:
+        """True if another reading of the order may be right."""
+        return self.served is not None and read_apart(self.served, self.readings)
 
 
 @dataclass(frozen=True)
@@ -298,7 +242,7 @@ async def with_commands_given(
     reading: Reading | None,
     best: Candidate,
     *,
-    instead: Instead = "",
+    reader: Reader = "planner",
 ) -> Candidate:
     """Examine plans for the reading `asked` with the console's own commands.
 
@@ -307,7 +251,7 @@ async def with_commands_given(
     """
     retrieved = answered.retrieved
     for slots in await commands_for(context, retrieved, asked, MOST_SERVED):
-        attempt = await ask_who(context, answered, asked, slots, instead)
+        attempt = await ask_who(context, answered, asked, slots, reader)
         if attempt is None:
             continue
         candidate = await _examined(context, retrieved, attempt, reading)

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from time import perf_counter
-from typing import Literal
 
 from pa_console.language.clause_grammar import asked_now, grounded_reason
 from pa_console.language.exclusions import excluded_names
@@ -35,6 +34,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Usage
 from pa_console.schema.plan import MAX_REASON, Action, Plan
 from pa_console.schema.telemetry import Digest, Picture, Selection
+from pa_console.session.confidence import Reader
 
 MOST_FACTS = 4
 """The number of assets whose state a reason describes."""
@@ -55,10 +55,6 @@ def still(picture: Picture) -> tuple[CommandSlot, ...]:
     """Return a hold: the order if no part of the reading can be carried out."""
     up = (name for name, asset in picture.assets.items() if asset.available)
     return tuple(CommandSlot((name,), "hold") for name in list(up)[:1])
-
-
-Instead = Literal["", "judged", "read_again"]
-"""The reader of a plan's reading: the planner itself, the judge, or the second reader."""
 
 
 @dataclass(frozen=True)
@@ -312,27 +308,26 @@ async def ask_who(
     answered: PlannerAnswer,
     asked: str,
     slots: Sequence[CommandSlot],
-    instead: Instead = "",
+    reader: Reader = "planner",
 ) -> NumberedPlan | None:
     """Step 5 once more, with the commands of `slots` given: who of those open to it has each.
 
-    The plan says that this was `asked`; `instead` says who read that in the mission, if not the
-    planner. None when there is no plan in the answer. Where the console makes the plans, it says
-    who.
+    The plan says that this was `asked`, as the `reader` read it. None when there is no plan in the
+    answer. Where the console makes the plans, it says who.
     """
     first = context.attempts
     by_server = answered.model.server is not None
     with context.stopwatch.time("planning_s"):
         proposal = await _given_commands(context, answered, asked, slots)
         number = context.next_attempt()
-        sure = None if instead else answered.proposal.confidence
+        own = reader == "planner"
+        sure = answered.proposal.confidence if own else None
         given = replace(proposal, confidence=sure)
         told = _proposed(answered, given, number, instead_of=first, given=True)
-        if instead:
-            told = told.model_copy(update={f"as_{instead}": True})
-        context.emit(told)
+        origin = {"as_judged": reader == "judge", "as_read_again": reader == "second"}
+        context.emit(told.model_copy(update=origin))
     return (
-        NumberedPlan(number, given.plan, sure, by_server and not instead)
+        NumberedPlan(number, given.plan, sure, by_server and own)
         if given.plan is not None
         else None
     )

@@ -132,8 +132,7 @@ class Variant(StrictModel):
     )
     second_reading: bool = Field(
         default=True,
-        description="a plan that does nothing, or for a reading of which the planner was unsure, "
-        "gives way to what a judge that objects has read",
+        description="a plan gives way to one for what the judge has read, if that is likelier",
     )
     read_again: bool = Field(
         default=True, description="a second reader is asked where the models are unsure of an order"

@@ -83,8 +83,9 @@ class Attempt:
         """
         if self.shown_confidence is not None:
             return self.shown_confidence
-        known = [c for c in (self.confidence, self.judge_confidence) if c is not None]
-        return calibrated_confidence(Evidence(min(known, default=None), bool(self.gaps)))
+        return calibrated_confidence(
+            Evidence(self.confidence, self.judge_confidence, gaps=len(self.gaps))
+        )
 
     @property
     def doubt(self) -> str:

@@ -132,7 +132,7 @@ def test_what_either_model_doubts_is_held(
     models.read("1 drone to EastGate", order, sure=sure, judge=judge)
     code, done = auto("Send one drone to the east gate.")
     assert (code, done["commands"]) == (3, {})
-    told = calibrated_confidence(Evidence(min(sure, judge)))
+    told = calibrated_confidence(Evidence(sure, judge))
     assert told is not None
     assert f"read with {told:.0%} confidence, 90% are needed" in done["reason"]
 

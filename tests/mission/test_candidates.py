@@ -6,12 +6,14 @@ import math
 import pytest
 
 from pa_console.mission.approval import standing_approver
-from pa_console.mission.examine import Examination
-from pa_console.mission.plan import MOST_SERVED, Candidate
+from pa_console.mission.plan import MOST_SERVED
 from pa_console.schema.evaluation import Variant
-from pa_console.schema.finding import Verdict
-from pa_console.schema.plan import Action, Plan
-from pa_console.session.confidence import Evidence, calibrated_confidence
+from pa_console.session.confidence import (
+    Evidence,
+    WeighedReading,
+    calibrated_confidence,
+    weighed,
+)
 from tests.rig import Rig
 from tests.scripted import FAILURE, SUCCESS, ScriptedEngine, plan
 
@@ -115,6 +117,7 @@ async def test_when_none_is_sound_the_faults_go_back_to_the_planner(rig: Rig) ->
     assert kinds == ["plan_proposed", "plan_proposed", "repair_requested", "plan_proposed"]
 
 
+TO_EAST = "Send a drone to the east gate."
 SAYS_EAST = "asked: 1 drone to EastGate; planned: hold; 0 of 1 drone to EastGate"
 OBJECTS = json.dumps({"rules": [], "feedback": SAYS_EAST, "verdict": "Failure"})
 SERVES_EAST = plan(
@@ -136,7 +139,7 @@ NOTHING = plan(("Drone_T04", "hold"), reason="asked: 1 drone to unknown place; n
 
 
 async def test_where_the_judge_reads_something_to_do_it_is_put_to_the_operator(rig: Rig) -> None:
-    trace = await rig.run(ScriptedEngine([NOTHING, SERVES_EAST], [OBJECTS, SUCCESS]))
+    trace = await rig.run(ScriptedEngine([NOTHING, SERVES_EAST], [OBJECTS, SUCCESS]), text=TO_EAST)
     assert trace.status == "verified"
     assert proposed(rig) == [(1, False, False), (2, True, True)]
     assert trace.attempt(2).aside == (
@@ -148,13 +151,13 @@ async def test_where_the_judge_reads_something_to_do_it_is_put_to_the_operator(r
 
 
 async def test_a_plan_for_the_judges_reading_that_it_does_not_pass_is_not_put(rig: Rig) -> None:
-    await rig.run(ScriptedEngine([NOTHING, SERVES_EAST], [OBJECTS]))
+    await rig.run(ScriptedEngine([NOTHING, SERVES_EAST], [OBJECTS]), text=TO_EAST)
     assert len(proposed(rig)) == 2
     assert asked_about(rig) == [(1, True)]
 
 
 async def test_a_blocked_plan_for_the_judges_reading_is_not_put(rig: Rig) -> None:
-    await rig.run(ScriptedEngine([NOTHING, STRIPS], [OBJECTS, SUCCESS]))
+    await rig.run(ScriptedEngine([NOTHING, STRIPS], [OBJECTS, SUCCESS]), text=TO_EAST)
     assert rig.kinds().count("plan_judged") == 1
     assert asked_about(rig) == [(1, True)]
 
@@ -173,40 +176,31 @@ async def test_a_blocked_plan_for_the_judges_reading_is_not_put(rig: Rig) -> Non
     ],
 )
 async def test_the_first_plan_stands_for(rig: Rig, first: str, verdict: str) -> None:
-    await rig.run(ScriptedEngine([first, SERVES_EAST], [verdict, SUCCESS]))
+    await rig.run(ScriptedEngine([first, SERVES_EAST], [verdict, SUCCESS]), text=TO_EAST)
     assert len(proposed(rig)) == 1
 
 
 async def test_without_a_second_reading_a_plan_that_does_nothing_stands(rig: Rig) -> None:
     rig.variant = Variant(second_reading=False)
-    await rig.run(ScriptedEngine([NOTHING, SERVES_EAST], [OBJECTS, SUCCESS]))
+    await rig.run(ScriptedEngine([NOTHING, SERVES_EAST], [OBJECTS, SUCCESS]), text=TO_EAST)
     assert asked_about(rig) == [(1, True)]
 
 
 @pytest.mark.parametrize(
-    ("sure", "judge", "reason", "asked"),
+    ("sure", "judge", "gaps", "preferred"),
     [
-        (0.3, 0.6, "asked: 1 drone to WestGate; free", "asked: 1 drone to EastGate"),
-        pytest.param(0.6, 0.9, "asked: 1 drone to WestGate; free", "", id="the planner is sure"),
-        pytest.param(0.3, 0.2, "asked: 1 drone to WestGate; free", "", id="the judge is less sure"),
-        pytest.param(None, 0.9, "asked: 1 drone to WestGate; free", "", id="nobody tells"),
-        pytest.param(0.3, None, "asked: 1 drone to WestGate; free", "", id="the judge does not"),
-        pytest.param(0.3, 0.6, "asked: use force at WestGate; no", "", id="a refusal stands"),
-        pytest.param(
-            0.3,
-            0.6,
-            "asked: 1 drone to WestGate; report; free",
-            "",
-            id="the judge leaves a part out",
-        ),
+        (0.3, 0.6, 0, "judge"),
+        pytest.param(0.3, 0.2, 0, "planner", id="the judge is less sure"),
+        pytest.param(0.3, 0.3, 1, "planner", id="the judge leaves a part out"),
     ],
 )
 def test_a_surer_judge_is_believed_where_the_planner_is_unsure(
-    sure: float | None, judge: float | None, reason: str, asked: str
+    sure: float, judge: float, gaps: int, preferred: str
 ) -> None:
-    orders = Plan(reason=reason, actions=(Action(agent="Drone_T04", command="move_to WestGate"),))
-    examination = Examination(orders, (), None, 0.0, 0.0)
-    says = f"{SAYS_EAST.partition('; planned')[0]}; planned: 1 drone to WestGate; not asked for"
-    verdict = Verdict(rules=(), feedback=says, verdict="Failure")
-    candidate = Candidate(1, examination, confidence=sure, verdict=verdict, judge_confidence=judge)
-    assert candidate.second_reading == asked
+    readings = weighed(
+        [
+            WeighedReading("asked: 1 drone to WestGate", "planner", Evidence(sure)),
+            WeighedReading("asked: 1 drone to EastGate", "judge", Evidence(judge=judge, gaps=gaps)),
+        ]
+    )
+    assert readings[0].reader == preferred

@@ -171,7 +171,7 @@ async def test_a_second_reader_on_a_server_offers_its_reading_and_decides_nothin
 
 async def test_a_second_reader_on_a_server_takes_no_doubt_away(rig: Rig) -> None:
     request = await read_again(rig, "1 drone to EastGate", 0.4)
-    assert request.confidence == pytest.approx(calibrated_confidence(Evidence(0.4)), abs=0.001)
+    assert request.confidence == pytest.approx(calibrated_confidence(Evidence(0.4, 0.4)), abs=0.001)
     assert request.state == "may_be_misunderstood"
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from pa_console.llm.backend import EngineDiedError
-from pa_console.mission import judge as second_reader
+from pa_console.mission import readings as second_reader
 from pa_console.schema.events import event as ev
 from pa_console.session.confidence import UNSURE
 from tests.mission.test_rereading import EAST, NORTH, choosing, engine, requests, verdicts
@@ -64,7 +64,7 @@ async def test_what_a_second_reader_says_is_served_and_the_first_reading_offered
 
 
 async def test_what_an_unsure_second_reader_says_is_offered_and_the_doubt_told(rig: Rig) -> None:
-    scripted = engine([EAST], [EAST], sure=0.7)
+    scripted = engine([EAST], [EAST], sure=0.5)
     scripted.second_reader = reader(NORTH, 0.2)
     await rig.run(scripted, text=TO_EAST)
     [request] = requests(rig)

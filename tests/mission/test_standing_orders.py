@@ -46,7 +46,7 @@ def sure_engine() -> ScriptedEngine:
         f'{{"feedback": "{ASKED}; planned: ',
         f'{{"feedback": {fits}, "violated": [], "verdict": "Success"}}',
     ]
-    engine = ScriptedEngine([RELIEF], verdicts, chances=[(RELIEF.index("WestGate"), log(0.9))])
+    engine = ScriptedEngine([RELIEF], verdicts, chances=[(RELIEF.index("WestGate"), log(0.95))])
     engine.model = LocalModel("scripted", Path("/dev/null"), "0" * 64, prompts="compact")
     return engine
 

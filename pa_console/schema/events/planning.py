@@ -187,7 +187,8 @@ class ApprovalRequested(Payload):
         "has not read it for itself",
     )
     read_apart: bool = Field(
-        default=False, description="the second reader, else the judge, reads the order otherwise"
+        default=False,
+        description="another reader reads the order otherwise, and that may be what is meant",
     )
     state: ApprovalState | None = Field(
         default=None,

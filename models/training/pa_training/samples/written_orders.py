@@ -38,7 +38,7 @@ from pa_training.situations.worlds import (
     random_world,
     shipped_missions,
 )
-from pa_training.teacher.teacher import teach
+from pa_training.teacher.teacher import Target, teach
 
 _SOME_FACT = "nothing to do"
 _CONDITIONAL = re.compile(r"if (?P<condition>[^:]+): (?P<then>[^:]+), else: (?P<otherwise>[^:]+)")
@@ -137,25 +137,30 @@ def _condition(words: str, world: World, digest: Digest) -> Condition:
 
 def _fact(meaning: str, situation: Situation) -> str:
     """Return the fact with which the teacher goes on; '' where it has no plan."""
-    world, picture, digest = situation.world, situation.picture, situation.digest
-    words, _ = parted(meaning.split("; "))
-    case = _CONDITIONAL.fullmatch(words)
-    read = read_asked(f"{ASKED}{meaning}") if case is None else None
     try:
-        if case is not None:
-            order = Order(
-                _asks(case["then"]),
-                _condition(case["condition"], world, digest),
-                _asks(case["otherwise"]),
-            )
-        elif read is not None and words != NOTHING:
-            order = Order(read.asks, others_stay=read.others_stay, excluded=read.excluded)
-        else:
-            return ""
-        reason = teach(order, world, picture, digest).plan.reason
+        reason = ordered(meaning, situation).plan.reason
     except (ValueError, LookupError):
         return ""
     return reason.removeprefix(asked_words(reason))
+
+
+def ordered(meaning: str, situation: Situation) -> Target:
+    """Return what is right to do for `meaning`; raises ValueError or LookupError if nothing is."""
+    world, picture, digest = situation.world, situation.picture, situation.digest
+    words, _ = parted(meaning.split("; "))
+    case = _CONDITIONAL.fullmatch(words)
+    if case is not None:
+        order = Order(
+            _asks(case["then"]),
+            _condition(case["condition"], world, digest),
+            _asks(case["otherwise"]),
+        )
+        return teach(order, world, picture, digest)
+    read = read_asked(f"{ASKED}{meaning}")
+    if read is None or words == NOTHING:
+        raise LookupError(meaning)
+    order = Order(read.asks, others_stay=read.others_stay, excluded=read.excluded)
+    return teach(order, world, picture, digest)
 
 
 def _asks(clauses: str) -> tuple[Ask, ...]:
