@@ -31,6 +31,9 @@ from pa_console.views.live_reading import reading_line
 PAUSE_S = 0.3
 """The time without a key after which an order is read, seconds."""
 
+ENDS = (".", "!", "?")
+"""The signs that end an order: it is read without a pause."""
+
 LEAST_WORDS = 3
 """A shorter text is hardly an order yet."""
 
@@ -131,12 +134,14 @@ class LiveReading:
         self._shown = False
 
     def _wait(self) -> None:
-        """Read the text unless another key comes soon."""
+        """Read the text unless another key comes soon; one that has ended is read at once."""
         if self._show is None or len(self._text.split()) < LEAST_WORDS:
             return
         slow = self._services().engine.state == "slow"
         self._idle_s = idle_seconds() if slow else None
-        self._timer = asyncio.get_running_loop().call_later(PAUSE_S, self._begin)
+        # On a busy machine the pause shows whether a core is idle.
+        pause_s = 0.0 if self._text.endswith(ENDS) and not slow else PAUSE_S
+        self._timer = asyncio.get_running_loop().call_later(pause_s, self._begin)
 
     def _begin(self) -> None:
         """Begin a draft, unless something else needs the models or the cores; it is tried again."""
