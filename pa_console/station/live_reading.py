@@ -7,7 +7,8 @@ sent, its mission takes every step anew, and a model whose prompt is the same ha
 """
 
 import asyncio
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from datetime import UTC, datetime
 from functools import partial
@@ -40,6 +41,8 @@ LEAST_WORDS = 3
 DRAFT = "draft"
 """The id of a mission that was not sent."""
 
+_MEASURED = re.compile(r"\b\d+ [ms]\b")
+
 ShowReading = Callable[[str, str], None]
 """Takes a text and the line about its reading; two empty texts withdraw the last line."""
 
@@ -49,9 +52,7 @@ class _Situation(NamedTuple):
 
     rulebook: Rulebook
     digest: Digest
-    """The picture as prompts tell it, but for its tracks."""
-    tracks: tuple[tuple[str, ...], ...]
-    """The tracks without their distances, which change all the time."""
+    """The picture as prompts tell it, without the metres and seconds that change all the time."""
     past: int
     pointer: str
 
@@ -162,13 +163,10 @@ class LiveReading:
 
     def _situation(self) -> _Situation:
         services = self._services()
-        picture, past = services.fleet.picture(), services.past
-        tracks = tuple(
-            (track.id, track.gate, track.status, track.identity, track.intent)
-            for track in picture.tracks.values()
-        )
-        digest = digest_picture(picture, services.fleet.world).model_copy(update={"tracks": ()})
-        return _Situation(services.rulebook, digest, tracks, len(past.missions), past.pointer)
+        digest, past = digest_picture(services.fleet.picture(), services.fleet.world), services.past
+        lines = {"tracks": _unmeasured(digest.tracks), "unknown": _unmeasured(digest.unknown)}
+        digest = digest.model_copy(update=lines)
+        return _Situation(services.rulebook, digest, len(past.missions), past.pointer)
 
     async def _read(self, text: str) -> None:
         """Plan `text` as a mission would be, and show what it reads as."""
@@ -196,6 +194,10 @@ class LiveReading:
         with suppress(_DraftReadError):
             await draft.work()
         return reading_line(trace, services.fleet.world.base)
+
+
+def _unmeasured(lines: Iterable[str]) -> tuple[str, ...]:
+    return tuple(_MEASURED.sub("", line) for line in lines)
 
 
 async def _not_decided() -> Decision:
