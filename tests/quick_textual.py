@@ -1,8 +1,8 @@
 """Spares the tests what Textual does anew for each of some hundred applications.
 
 A test goes on once its application has nothing left to do, without a look at the clock. Each style
-sheet is parsed once a session of tests. No frame reaches a terminal, so of all frames only those
-are drawn that a test waits for with `paint`, and the last one.
+sheet is parsed once a session of tests. Frames that reach no terminal are not drawn, but those
+that a test waits for with `paint`, and the last one.
 """
 
 import asyncio
@@ -48,8 +48,11 @@ def paint(app: App[Any]) -> None:
 
 
 def _leave_undrawn(compositor: Compositor, full: bool = False, **options: Any) -> Any:
-    """Draw a whole picture that is asked for; of a frame, what changed stays marked for `paint`."""
-    return _render_update(compositor, full, **options) if full else None
+    """Draw what is asked for as a whole or written somewhere; leave other frames to `paint`."""
+    app = active_app.get(None)
+    if full or app is None or not app.is_headless:
+        return _render_update(compositor, full, **options)
+    return None
 
 
 def _painting_at_the_end() -> Any:
