@@ -3,6 +3,7 @@
 A decision that the log cannot settle is a gap.
 """
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Literal
@@ -117,6 +118,15 @@ def orders_of(plan: Plan) -> str:
     return ", ".join(f"{a.agent} {a.command}" for a in plan.actions) or "no orders"
 
 
+def intake_flips(mission: str, was: list[Finding], now: list[Finding]) -> list[ChangedDecision]:
+    """Return whether a mission is refused at once, by the findings that block it, if it changes."""
+    if bool(was) == bool(now):
+        return []
+    states = ("refused", "taken") if was else ("taken", "refused")
+    why = tuple(finding.rule_id for finding in was or now)
+    return [ChangedDecision("intake", mission, 0, "", why, *states, in_words(was or now))]
+
+
 def plan_flips(  # noqa: PLR0917 - one plan and what two sets of rules say of it
     mission: str,
     attempt: int,
@@ -138,18 +148,8 @@ def plan_flips(  # noqa: PLR0917 - one plan and what two sets of rules say of it
             continue
         turned.append(rule)
         words = next((f.message for f in (after, before) if f is not None and f.message), "")
-        flips.append(
-            ChangedDecision(
-                "finding",
-                mission,
-                attempt,
-                orders,
-                (rule,),
-                status_in_words(before),
-                status_in_words(after),
-                words,
-            )
-        )
+        states = (status_in_words(before), status_in_words(after))
+        flips.append(ChangedDecision("finding", mission, attempt, orders, (rule,), *states, words))
     blocked, blocks = blocking(was), blocking(now)
     if bool(blocked) != bool(blocks) and not doubtful:
         states = ("blocked", "not blocked") if blocked else ("not blocked", "blocked")
@@ -165,10 +165,7 @@ def plan_flips(  # noqa: PLR0917 - one plan and what two sets of rules say of it
 
 def rules_turned(flips: Iterable[ChangedDecision]) -> Iterator[tuple[str, int]]:
     """Yield each rule that changes decisions with their number, largest number first."""
-    counts: dict[str, int] = {}
-    for flip in flips:
-        for rule in flip.rules:
-            counts[rule] = counts.get(rule, 0) + 1
+    counts = Counter(rule for flip in flips for rule in flip.rules)
     yield from sorted(counts.items(), key=lambda item: (-item[1], item[0]))
 
 
@@ -320,12 +317,8 @@ class _Session:
                 self._gap(
                     mission, 0, "whether it is refused comes out otherwise under the same rules"
                 )
-            elif bool(was) != bool(new):
-                states = ("refused", "taken") if was else ("taken", "refused")
-                why = tuple(finding.rule_id for finding in was or new)
-                words = in_words(was or new)
-                flip = ChangedDecision("intake", mission.id, 0, "", why, *states, words)
-                self.found.flips.append(flip)
+            else:
+                self.found.flips += intake_flips(mission.id, was, new)
         work.taken = True
 
     def _task(self, trace: MissionTrace, work: _Work) -> Mission:

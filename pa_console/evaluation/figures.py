@@ -2,9 +2,10 @@
 
 import io
 import re
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
+from html import escape
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from pa_console.evaluation.statistics import (
@@ -139,11 +140,7 @@ def inline(svg: bytes, drawn: Drawn) -> str:
     text = re.sub(r' id="([\w.-]+)"', lambda m: m[0] if m[1] in used else "", text)
     text = text.replace(INK, "currentColor")
     text = re.sub(r' (width|height)="[\d.]+pt"', "", text, count=2)
-    return text.replace("<svg", f'<svg role="img" aria-label="{_attribute(drawn.alt)}"', 1)
-
-
-def _attribute(text: str) -> str:
-    return text.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
+    return text.replace("<svg", f'<svg role="img" aria-label="{escape(drawn.alt)}"', 1)
 
 
 Interval = tuple[float, float, float]
@@ -363,20 +360,26 @@ def figure_three(records: Records, beside: bool) -> "Figure":
             for name, (colour, hatch, label) in SCORES.items()
         ],
     )
-    quantities: tuple[Literal["hybrid", "strict"], ...] = ("hybrid", "strict")
-    for place, quantity in enumerate(quantities):
-        for number, model in enumerate(theirs):
-            value = published(model, quantity)
-            if value is not None:
-                at = len(models) + number + slot_offset(place, len(SCORES))
-                star = "*" * value.derived
-                draw_paper_mark(ax, at, 100 * value.value, SCORES[quantity][0], star)
+    colours: dict[Quantity, str] = {"hybrid": SCORES["hybrid"][0], "strict": SCORES["strict"][0]}
+    _mark_rates(ax, theirs, len(models), colours, len(SCORES))
     label_groups(ax, [*models, *(MODELS[m] for m in theirs)], len(models))
     percent_axis(ax, "successful runs, %")
     if theirs:
         name_paper(ax, "paper (* follows from its Table I)")
     legend(figure, ax, 4)
     return figure
+
+
+def _mark_rates(
+    ax: "Axes", theirs: list[str], ours: int, colours: Mapping[Quantity, str], slots: int
+) -> None:
+    """Mark the rates of the models `theirs` after `ours` groups, with a star where derived."""
+    for number, model in enumerate(theirs):
+        for place, (quantity, colour) in enumerate(colours.items()):
+            value = published(model, quantity)
+            if value is not None:
+                at = ours + number + slot_offset(place, slots)
+                draw_paper_mark(ax, at, 100 * value.value, colour, "*" * value.derived)
 
 
 def table_one(records: Records, beside: bool) -> "Figure":
@@ -447,7 +450,8 @@ def figure_five(records: Records, beside: bool) -> "Figure":
         ]
         draw_bars(ax, series)
         shown = theirs if judgement == "judge, outcome" else []
-        _mark_judges(ax, shown, len(models))
+        colours: dict[Quantity, str] = {name: pair[0] for name, pair in QUANTITIES.items()}
+        _mark_rates(ax, shown, len(models), colours, len(colours))
         label_groups(ax, [*models, *(MODELS[m] for m in shown)], len(models))
         percent_axis(ax, "%")
         ax.set_title(title, loc="left", fontsize=9)
@@ -456,15 +460,6 @@ def figure_five(records: Records, beside: bool) -> "Figure":
         if judgement == "judge, outcome":
             legend(figure, ax, 4)
     return figure
-
-
-def _mark_judges(ax: "Axes", theirs: list[str], ours: int) -> None:
-    for number, model in enumerate(theirs):
-        for place, (name, (colour, _)) in enumerate(QUANTITIES.items()):
-            value = published(model, name)
-            if value is not None:
-                at = ours + number + slot_offset(place, len(QUANTITIES))
-                draw_paper_mark(ax, at, 100 * value.value, colour, "*" * value.derived)
 
 
 def ablation(records: Records) -> "Figure":

@@ -10,12 +10,11 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 
 from pa_console.evaluation.changed_decisions import (
-    ChangedDecision,
     Findings,
     SessionEffect,
     blocking,
     by_rule,
-    in_words,
+    intake_flips,
     orders_of,
     plan_flips,
 )
@@ -51,14 +50,9 @@ def effect_on_mission(  # noqa: PLR0917 - a mission, both sets of rules, and how
     """
     effect = SessionEffect(missions=1)
     mission = Mission(id=case.id, text=case.command, created=EPOCH)
-    intake = [blocking(check_mission(book, mission, world)) for book in (was, new)]
-    if bool(intake[0]) != bool(intake[1]):
-        states = ("refused", "taken") if intake[0] else ("taken", "refused")
-        found = intake[0] or intake[1]
-        why = tuple(finding.rule_id for finding in found)
-        effect.flips.append(
-            ChangedDecision("intake", case.id, 0, "", why, *states, in_words(found))
-        )
+    effect.flips += intake_flips(
+        case.id, *(blocking(check_mission(book, mission, world)) for book in (was, new))
+    )
     sim = Checkpoint(world, seed)
     sightings = _begin(sim, case)
     for number, plan in enumerate(_plans(world, plans, seed), start=1):

@@ -1,5 +1,6 @@
 """The report of an evaluation: report.md with its figures, and a report.html of one file."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -281,11 +282,7 @@ def _write_figure(folder: Path, drawn: Drawn) -> ReportFigure:
 
 def _kinds(records: Sequence[RunRecord]) -> dict[FailureKind, tuple[int, int]]:
     """Return the ways of failing, most common first, each with its number and its count."""
-    counts: dict[FailureKind, int] = {}
-    for record in records:
-        kind = failure_kind(record)
-        if kind is not None:
-            counts[kind] = counts.get(kind, 0) + 1
+    counts = Counter(kind for record in records if (kind := failure_kind(record)) is not None)
     ranked = sorted(counts.items(), key=lambda item: (-item[1], item[0]))
     return {kind: (number, count) for number, (kind, count) in enumerate(ranked)}
 

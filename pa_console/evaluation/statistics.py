@@ -222,11 +222,7 @@ class Confusion(NamedTuple):
     @classmethod
     def of(cls, pairs: Iterable[tuple[Opinion | None, bool]]) -> "Confusion":
         """Count pairs of a judgement (None: there was none) and the truth."""
-        counts = {
-            (said, true): 0 for said in ("Success", "Failure", None) for true in (True, False)
-        }
-        for said, true in pairs:
-            counts[said, true] += 1
+        counts = Counter(pairs)
         return cls(
             tp=counts["Success", True],
             fp=counts["Success", False],
@@ -239,11 +235,6 @@ class Confusion(NamedTuple):
     def judged(self) -> int:
         """Runs with a judgement."""
         return self.tp + self.fp + self.fn + self.tn
-
-    @property
-    def flipped(self) -> "Confusion":
-        """The same with failure as the positive: how well failures are caught."""
-        return Confusion(tp=self.tn, fp=self.fn, fn=self.fp, tn=self.tp, silent=self.silent)
 
     @property
     def precision(self) -> SuccessRate:

@@ -218,7 +218,7 @@ def _quality(
         silent=found.silent,
         accuracy=_share(SuccessRate(found.tp + found.tn, found.judged)),
         success=_class(found),
-        failure=_class(found.flipped),
+        failure=_class(Confusion(found.tn, found.fn, found.fp, found.tp, found.silent)),
         median_s=seconds.median if seconds is not None else None,
         p95_s=seconds.p95 if seconds is not None else None,
     )
