@@ -380,16 +380,21 @@ class ReadStanding:
     most_an_hour: int = MOST_STARTS
 
 
+def asks_nobody(text: str) -> tuple[str, bool]:
+    """Return an order without *without asking*, and whether it has these words."""
+    return _UNASKED.sub("", text), _UNASKED.search(text) is not None
+
+
 def read_standing(scene: ReferenceScene, text: str) -> ReadStanding | Unclear | None:
     """Return a standing order, the question about one, or None for a text that is none."""
     linked = link_names(scene.world, text)
-    unasked, limit = _UNASKED.search(linked), _LIMIT.search(linked)
+    said, unasked = asks_nobody(linked)
+    limit = _LIMIT.search(said)
     most = MOST_STARTS
     if limit is not None:
         word = limit[1].lower()
         most = int(word) if word.isdigit() else _TIMES.get(word, 0)
-    bare = _LIMIT.sub("", _UNASKED.sub("", linked))
-    parts = _parts(bare)
+    parts = _parts(_LIMIT.sub("", said))
     if parts is None:
         return None
     if not 1 <= most <= _MOST_LIMIT:
@@ -400,7 +405,7 @@ def read_standing(scene: ReferenceScene, text: str) -> ReadStanding | Unclear | 
             written = _with_slots(read.each, order)
             if isinstance(written, Unclear):
                 return written
-            return ReadStanding(read, written, unasked is not None, most)
+            return ReadStanding(read, written, unasked, most)
     return Unclear(
         "",
         "it is to hold from now on, and what it waits for is not understood. Say it as: Whenever "

@@ -196,6 +196,10 @@ def _unasked(context: MissionContext, request: ev.ApprovalRequested) -> Decision
     return unasked_decision(order, request, services.rulebook.unasked)
 
 
+MOMENTS_SHOWN = 5
+"""The number of moments of a timed order that are shown before its approval."""
+
+
 async def offer_standing(
     context: MissionContext, offered: StandingOffer, decide: Decide
 ) -> MissionResult:
@@ -206,7 +210,11 @@ async def offer_standing(
     """
     order, standing = offered.order, context.services.standing
     allowed = context.services.rulebook.unasked if order.unasked else ()
-    context.emit(ev.StandingOrderRead(order=order, now=offered.now, allowed=allowed))
+    schedule = order.schedule
+    moments = tuple(schedule.moments(MOMENTS_SHOWN)) if schedule is not None else ()
+    context.emit(
+        ev.StandingOrderRead(order=order, now=offered.now, moments=moments, allowed=allowed)
+    )
     refusal = standing.refusal(order)
     request = request_approval(
         f"{context.mission.id}.{order.id}",
@@ -222,7 +230,9 @@ async def offer_standing(
         why = "; ".join(decided.request.blocked_by) or decided.decision.reason
         status: MissionStatus = "held" if decided.request.blocked_by else "rejected"
         return MissionResult(status, why or f"rejected by {decided.decision.by}")
-    standing.approve(offered.condition)
+    if refusal := standing.refusal(order):
+        return MissionResult("held", refusal)
+    order = standing.approve(offered.trigger)
     context.emit(ev.StandingOrderApproved(order=order, by=decided.decision.by))
     return MissionResult("verified", f"standing order {order.id} is in force until it is revoked")
 

@@ -178,7 +178,6 @@ class MissionRun:
     def close(self, outcome: MissionResult) -> None:
         """Step 8: tell the report and the end of the mission."""
         facts, picture = self._facts, self._services.fleet.picture()
-        self._services.standing.ended(self.mission.id, picture.time_s)
         status, reason = outcome.status, outcome.reason
         if (read := self._understood) is not None:
             past = self._services.past
@@ -300,7 +299,7 @@ class MissionRun:
         services.gate.grant(decided.request, decided.decision, services.rulebook)
         ordered = self._remember(shown)
         moved = {name for move in ordered for name in (move.agent, move.target, move.before)}
-        services.standing.moves(self.mission.id, moved)
+        services.standing.moves(self.mission.id, moved, ordered)
         plan_ = shown.examination.plan
         facts = PlanFacts(plan_, task.text, decision=decided.decision, unmet=shown.unmet)
         self.moving = True

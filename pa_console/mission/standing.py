@@ -1,17 +1,23 @@
 """The standing orders in force: when each starts a mission, and when it must not.
 
-A start needs an occurrence: the condition begins to hold of a subject, and has held for SETTLE_S.
+An order waits for a state of the picture or for a moment of the clock (`agenda`). Of the former, a
+start needs an occurrence: the condition begins to hold of a subject, and has held for SETTLE_S.
 One occurrence starts one mission. It is over once the condition has not held for REST_S, and only
 after that can there be another of the same subject. Nothing is started by what the orders have
 brought about themselves, while everything is stopped, or beyond an order's number of starts an
-hour. All times are simulated seconds, and only the picture is looked at.
+hour. All times but moments are simulated seconds, and only the picture is looked at.
 """
 
 from collections import deque
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from datetime import datetime
+from typing import Literal
 
+from pa_console.language.references.scene import Move
+from pa_console.mission.agenda import Agenda, StationTime, TimingLimits
 from pa_console.policy.standing_conditions import StandingCondition
+from pa_console.schema.events.intake import StandingOrderScheduled
 from pa_console.schema.mission import PLACE, StandingOrder, StandingStart
 from pa_console.schema.telemetry import Picture
 
@@ -20,6 +26,8 @@ SETTLE_S = 1.0
 REST_S = 30.0
 """An occurrence is over when its condition has not held for so long."""
 HOUR_S = 3600.0
+AGAIN_S = 2.0
+"""The next moment of an order is emitted anew if its countdown is off by so much."""
 MOST_ORDERS = 20
 """The largest number of standing orders in force."""
 
@@ -30,8 +38,9 @@ class Due:
 
     order: StandingOrder
     start: StandingStart
-    subject: str
-    gate: str | None
+    subject: str = ""
+    gate: str | None = None
+    late_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -41,6 +50,17 @@ class Withheld:
     order: StandingOrder
     subject: str
     reason: str
+
+
+@dataclass(frozen=True)
+class Ended:
+    """An order that is in force no more: nothing is left to come of it."""
+
+    order: StandingOrder
+
+
+Found = Due | Withheld | Ended | StandingOrderScheduled
+"""The results of a look, for the station to act on and to emit."""
 
 
 @dataclass
@@ -56,9 +76,12 @@ class _Occurrence:
 
 @dataclass
 class _InForce:
-    """An approved order, its watched condition, and the times when it started missions."""
+    """An approved order, its trigger, and the times when it started missions."""
 
-    condition: StandingCondition
+    trigger: StandingCondition | Agenda
+    paused: bool = False
+    told: StandingOrderScheduled | None = None
+    """Its next moment as it was emitted last."""
     occurrences: dict[str, _Occurrence] = field(default_factory=dict[str, _Occurrence])
     starts_s: deque[float] = field(default_factory=deque[float])
     problem: str = ""
@@ -66,7 +89,7 @@ class _InForce:
 
     @property
     def order(self) -> StandingOrder:
-        return self.condition.order
+        return self.trigger.order
 
 
 @dataclass
@@ -76,13 +99,15 @@ class _Own:
     order: str
     subject: str
     moved: frozenset[str] = frozenset()
+    moves: tuple[Move, ...] = ()
     ended_s: float | None = None
 
 
 class StandingOrders:
     """Everything that is in force in one session; nothing is before an operator has approved it."""
 
-    def __init__(self) -> None:
+    def __init__(self, time: StationTime | None = None) -> None:
+        self.time, self.limits = time or StationTime(), TimingLimits()
         self._in_force: dict[str, _InForce] = {}
         self._own: dict[str, _Own] = {}
         self._count = 0
@@ -110,32 +135,65 @@ class StandingOrders:
 
     def refusal(self, order: StandingOrder) -> str:
         """Return why `order` cannot come into force beside the others, '' when it can."""
+        if Agenda(order).too_late(self.time.now, self.limits.grace_s):
+            return f"its moment, {order.words}, has passed: it is {self.time.now:%H:%M:%S}"
         if len(self._in_force) >= MOST_ORDERS:
             return f"{MOST_ORDERS} standing orders are in force: revoke one first"
         same = (each.id for each in self.orders if _says(each) == _says(order))
         return f"{known} says the same and is in force" if (known := next(same, "")) else ""
 
-    def approve(self, condition: StandingCondition) -> None:
+    def approve(self, trigger: StandingCondition | Agenda) -> StandingOrder:
         """Put an order in force that an operator has approved; ValueError where it cannot be."""
-        order = condition.order
+        order = trigger.order
         if problem := self.refusal(order):
             raise ValueError(problem)
         if order.id in self._in_force:
             raise ValueError(f"{order.id} is in force already")
-        self._in_force[order.id] = _InForce(condition)
+        if isinstance(trigger, Agenda):
+            trigger.begin(self.time.now)
+        self._in_force[order.id] = _InForce(trigger)
+        return trigger.order
 
     def revoke(self, order_id: str) -> StandingOrder:
         """Take an order out of force and return it; raises ValueError when it is not in force."""
+        self._known(order_id)
+        return self._in_force.pop(order_id).order
+
+    def pause(self, order_id: str, *, paused: bool) -> None:
+        """Let an order start nothing for a while, or let it go on; ValueError if that is so."""
+        entry = self._known(order_id)
+        if entry.paused == paused:
+            raise ValueError(f"{order_id} {'is paused already' if paused else 'is not paused'}")
+        entry.paused = paused
+        if isinstance(entry.trigger, Agenda):
+            entry.trigger.paused = paused
+
+    def skip(self, order_id: str) -> datetime:
+        """Leave out the next moment of an order and return it; ValueError where it has none."""
+        entry = self._known(order_id)
+        if not isinstance(entry.trigger, Agenda):
+            raise ValueError(f"{order_id} waits for a state, not for a moment: nothing to skip")
+        return entry.trigger.skip()
+
+    def scheduled(
+        self, order_id: str, change: Literal["paused", "resumed", "skipped"], by: str, time_s: float
+    ) -> StandingOrderScheduled:
+        """Return the next moment of an order that `by` has changed at a time of the fleet."""
+        entry = self._known(order_id)
+        entry.told = self._following(entry, time_s)
+        return entry.told.model_copy(update={"change": change, "by": by})
+
+    def _known(self, order_id: str) -> _InForce:
         if order_id not in self._in_force:
             known = ", ".join(self._in_force) or "none"
             raise ValueError(f"no standing order {order_id!r} is in force; in force: {known}")
-        return self._in_force.pop(order_id).order
+        return self._in_force[order_id]
 
     # What they start
 
     def look(
         self, picture: Picture, busy: Collection[str] = (), *, stopped: bool = False
-    ) -> list[Due | Withheld]:
+    ) -> list[Found]:
         """Take in a new picture; return the missions to start, and what is not started, with why.
 
         Each mission that is returned counts as started. What is `busy`, because a mission about it
@@ -143,37 +201,93 @@ class StandingOrders:
         noted, so that it starts nothing after the stop either.
         """
         self._forget(picture.time_s)
-        found: list[Due | Withheld] = []
-        for entry in self._in_force.values():
+        found: list[Found] = []
+        for entry in list(self._in_force.values()):
+            if isinstance(entry.trigger, Agenda):
+                found += self._keep(entry, entry.trigger, picture.time_s, stopped=stopped)
+                continue
+            condition = entry.trigger
             taken = {*busy, *(each.subject for each in found if isinstance(each, Due))}
             try:
-                holding = entry.condition.holding(picture)
+                holding = condition.holding(picture)
             except Exception as error:  # whatever CEL runs into: nothing is decided
                 found += self._undecided(entry, f"{type(error).__name__}: {error}")
                 continue
             entry.problem = ""
-            found += self._watch(entry, holding, picture, taken, stopped=stopped)
+            held_back = stopped or entry.paused
+            found += self._watch(entry, holding, picture, taken, stopped=held_back)
         return found
+
+    def _keep(
+        self, entry: _InForce, agenda: Agenda, time_s: float, *, stopped: bool
+    ) -> Iterator[Found]:
+        """Take the moments of an order that have come, and yield its next one if it is another."""
+        now = self.time.now
+        for moment in agenda.look(now, self.limits.grace_s, stopped=stopped):
+            if moment.reason:
+                yield Withheld(entry.order, "", moment.reason)
+            else:
+                start = StandingStart(order=moment.order)
+                yield Due(entry.order, start, late_s=moment.late_s)
+        if agenda.over:
+            del self._in_force[entry.order.id]
+            yield Ended(entry.order)
+            return
+        following, told = self._following(entry, time_s), entry.told
+        if told is None or told.moment != following.moment or _apart(told.at_s, following.at_s):
+            entry.told = following
+            yield following
+
+    def _following(self, entry: _InForce, time_s: float) -> StandingOrderScheduled:
+        """Return the next moment of an order, None for one that waits for a state."""
+        at = entry.trigger.next if isinstance(entry.trigger, Agenda) else None
+        ahead_s = (at - self.time.now).total_seconds() if at is not None else 0.0
+        return StandingOrderScheduled(
+            order_id=entry.order.id,
+            moment=at,
+            at_s=max(time_s + ahead_s, 0.0) if at is not None else None,
+            paused=entry.paused,
+        )
 
     def started(self, mission: str, due: Due) -> None:
         """Note `mission` as the one that is due."""
         self._own[mission] = _Own(due.order.id, due.subject)
+        if (agenda := self._agenda(due.order.id)) is not None:
+            agenda.started(mission)
 
     def starter(self, mission: str) -> str:
         """Return the id of the order that started `mission`, '' for none."""
         own = self._own.get(mission)
         return own.order if own is not None else ""
 
-    def moves(self, mission: str, names: Collection[str]) -> None:
-        """Note the assets and places of `mission`: changes there are its own effect."""
+    def moves(self, mission: str, names: Collection[str], moves: Sequence[Move] = ()) -> None:
+        """Note the assets and places of `mission`: changes there are its own effect.
+
+        Its `moves` show where whoever it sends was before.
+        """
         own = self._own.get(mission)
         if own is not None:
-            self._own[mission] = replace(own, moved=own.moved | frozenset(filter(None, names)))
+            moved = own.moved | frozenset(filter(None, names))
+            self._own[mission] = replace(own, moved=moved, moves=(*own.moves, *moves))
 
-    def ended(self, mission: str, time_s: float) -> None:
-        """Note that `mission` is over."""
-        if (own := self._own.get(mission)) is not None:
-            own.ended_s = time_s
+    def ended(
+        self, mission: str, time_s: float, base: str = ""
+    ) -> tuple[StandingOrder, str] | None:
+        """Note that `mission` is over; return the order in force that started it, and a remark.
+
+        None for a mission that no order in force has started.
+        """
+        own = self._own.get(mission)
+        if own is None or own.ended_s is not None:
+            return None
+        own.ended_s = time_s
+        order, agenda = self.find(own.order), self._agenda(own.order)
+        told = agenda.ended(mission, own.moves, base, self.time.now) if agenda is not None else ""
+        return (order, told) if order is not None else None
+
+    def _agenda(self, order_id: str) -> Agenda | None:
+        entry = self._in_force.get(order_id)
+        return entry.trigger if entry is not None and isinstance(entry.trigger, Agenda) else None
 
     # One look at one order
 
@@ -269,6 +383,8 @@ def example_subject(order: StandingOrder, picture: Picture) -> tuple[str, str]:
             return f"the vehicle at {gate}", gate
         case "asset":
             return next(iter(picture.assets), ""), gate
+        case None:
+            return "", ""
 
 
 def starts_now(condition: StandingCondition, picture: Picture) -> tuple[StandingStart, ...]:
@@ -295,5 +411,10 @@ def _gate(order: StandingOrder, subject: str, picture: Picture) -> str:
     return place if place in picture.gates else ""
 
 
-def _says(order: StandingOrder) -> tuple[str, str, str]:
-    return order.each, order.condition, order.order
+def _apart(told_s: float | None, at_s: float | None) -> bool:
+    """Return whether a countdown is off: the clock has jumped."""
+    return told_s is not None and at_s is not None and abs(told_s - at_s) >= AGAIN_S
+
+
+def _says(order: StandingOrder) -> tuple[object, ...]:
+    return order.condition or order.schedule, order.each, order.order

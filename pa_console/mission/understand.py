@@ -5,9 +5,11 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 
 from pa_console.language.demands import contradiction
-from pa_console.language.references.conversation import Unclear
+from pa_console.language.references.conversation import LEANING, Unclear
 from pa_console.language.references.resolution import Answers, resolve
-from pa_console.language.standing_orders import read_standing
+from pa_console.language.standing_orders import asks_nobody, read_standing
+from pa_console.language.timed_orders import read_timed, schedule_words
+from pa_console.mission.agenda import Agenda
 from pa_console.mission.context import MissionContext
 from pa_console.mission.spelling import question_back
 from pa_console.mission.standing import example_subject, starts_now
@@ -52,13 +54,13 @@ class Understood:
 class StandingOffer:
     """A standing order to propose, and the missions that it would start `now`."""
 
-    condition: StandingCondition
+    trigger: StandingCondition | Agenda
     now: tuple[StandingStart, ...] = ()
 
     @property
     def order(self) -> StandingOrder:
         """The order itself."""
-        return self.condition.order
+        return self.trigger.order
 
 
 async def understand(
@@ -66,14 +68,14 @@ async def understand(
 ) -> RefusedMission | NotUnderstood | Understood | StandingOffer:
     """Step 1: decide what the mission's words alone rule out, and find what they point at.
 
-    Ruled out is what the rules on words refuse, and what is no order. No model has been asked so
-    far. `answers` are those to questions on its words.
+    Ruled out is what the rules on words refuse, and what is no order; an order with a time is a
+    standing order. No model has been asked so far. `answers` are those to questions on its words.
     """
     refused = await _refused(context, context.mission)
     if refused is not None or context.mission.source == "alarm":
         return refused or Understood(context.mission)
     if context.mission.source == "operator":
-        standing = await _standing(context)
+        standing = await _standing(context) or await _timed(context, answers)
         if standing is not None:
             return standing
     read = await asyncio.to_thread(_read, context, answers)
@@ -124,6 +126,43 @@ async def _standing(
     if isinstance(read, NotUnderstood) and not read.said:
         return NotUnderstood(f"what it orders is not understood: {read.question}")
     return StandingOffer(condition, now)
+
+
+async def _timed(
+    context: MissionContext, answers: Answers
+) -> RefusedMission | NotUnderstood | StandingOffer | None:
+    """Return a timed order to approve, or the fault of one; None for an order without a time.
+
+    What it orders is read now, so that *it* stands for what it means now. The rest, such as the
+    nearest drone, is found anew at each of its moments.
+    """
+    services, mission = context.services, context.mission
+    standing, now = services.standing, services.standing.time.now
+    text, unasked = asks_nobody(mission.text)
+    found = read_timed(services.fleet.world, text, now, answers, standing.limits.shortest_s)
+    if found is None:
+        return None
+    if isinstance(found, Unclear):
+        return NotUnderstood(found.question, found.said, found.choices)
+    sample = mission.model_copy(update={"text": found.order, "typed": ""})
+    if refused := await _refused(context, sample):
+        return refused
+    read = await asyncio.to_thread(_read, replace(context, mission=sample), answers)
+    if isinstance(read, NotUnderstood):
+        if read.said:
+            return read
+        whole = "Say the whole order anew, with its time."
+        return NotUnderstood(f"what it orders is not understood: {read.question} {whole}")
+    leans = read.undoes or any(one.said.lower() in LEANING for one in read.references)
+    order = StandingOrder(
+        id=standing.new_id(),
+        text=mission.said,
+        schedule=found.schedule,
+        words=schedule_words(found.schedule, now),
+        order=read.mission.text if leans else found.order,
+        unasked=unasked,
+    )
+    return StandingOffer(Agenda(order), (StandingStart(order=read.mission.text),))
 
 
 def _read(context: MissionContext, answers: Answers) -> NotUnderstood | Understood:

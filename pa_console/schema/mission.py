@@ -1,9 +1,10 @@
 """Missions from intake to outcome, and the alarms and standing orders that start them."""
 
-from datetime import datetime
-from typing import Literal
+from collections.abc import Iterator
+from datetime import datetime, timedelta
+from typing import Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from pa_console.schema.base import Name, NonNegative, StrictModel
 from pa_console.schema.plan import Plan
@@ -193,21 +194,85 @@ SUBJECT, PLACE = "{it}", "{place}"
 """The placeholders in an order for its subject, and for that subject's gate."""
 
 
-class StandingOrder(StrictModel):
-    """A condition on the picture, and the order that it starts a mission with.
+DAY_S = 86400.0
+"""Seconds of a day."""
 
-    Each mission is planned, checked and approved like any other; one whose order is `unasked` may
-    be approved by the standing order itself, as far as the rules allow.
+
+class Schedule(StrictModel):
+    """Moments of the station's clock: one, or a first one and those at an interval after it.
+
+    Whole days are days of the station's calendar, so an hour stays the same in summer and winter.
+    """
+
+    start: datetime = Field(description="the first moment")
+    at_once: bool = Field(default=False, description="the first moment is that of the approval")
+    every_s: NonNegative = Field(default=0.0, description="the interval, 0 for one moment")
+    until: datetime | None = Field(default=None, description="no moment is after it")
+    times: int = Field(default=0, ge=0, description="the number of moments, 0 for no limit")
+    stay_s: NonNegative = Field(
+        default=0.0, description="whoever went goes back after so long in place, 0 for not"
+    )
+    leave: datetime | None = Field(default=None, description="when whoever went goes back")
+
+    to_base: bool = Field(
+        default=False, description="whoever went goes to the base then, not to the place before"
+    )
+
+    @property
+    def stays(self) -> bool:
+        """True if it brings those back whom it sends."""
+        return self.stay_s > 0.0 or self.leave is not None
+
+    def moment(self, number: int) -> datetime | None:
+        """Return the moment of that number from 0, None if there is no such moment."""
+        if number and (not self.every_s or (self.times and number >= self.times)):
+            return None
+        if self.every_s % DAY_S:
+            at = self.start + timedelta(seconds=number * self.every_s)
+        else:
+            days = timedelta(seconds=number * self.every_s)
+            at = (self.start.astimezone().replace(tzinfo=None) + days).astimezone()
+        return None if self.until is not None and at > self.until else at
+
+    def moments(self, most: int) -> Iterator[datetime]:
+        """Yield the first moments, at most so many."""
+        for number in range(most):
+            at = self.moment(number)
+            if at is None:
+                return
+            yield at
+
+
+class StandingOrder(StrictModel):
+    """A trigger, and the order that it starts a mission with.
+
+    The trigger is a `condition` on the picture or a `schedule` of the station's clock. Each mission
+    is planned, checked and approved like any other; one whose order is `unasked` may be approved by
+    the standing order itself, as far as the rules allow.
     """
 
     id: str = Field(pattern=r"^S[0-9]+$")
     text: str = Field(min_length=1, max_length=MAX_MISSION_TEXT, description="as it was given")
-    each: SubjectKind
-    condition: str = Field(min_length=1, description="CEL over `it`, `id`, `now` and `world`")
-    words: str = Field(min_length=1, description="the condition in plain words")
+    each: SubjectKind | None = Field(
+        default=None, exclude_if=lambda each: each is None, description="None with a schedule"
+    )
+    condition: str = Field(
+        default="",
+        exclude_if=lambda condition: not condition,
+        description="CEL over `it`, `id`, `now` and `world`; empty with a schedule",
+    )
+    schedule: Schedule | None = Field(default=None, exclude_if=lambda schedule: schedule is None)
+    words: str = Field(min_length=1, description="the trigger in plain words")
     order: str = Field(min_length=1, description="with {it} and {place} for the subject")
     unasked: bool = Field(default=False, description="it says that nobody need be asked")
     most_an_hour: int = Field(default=MOST_STARTS, ge=1, le=60)
+
+    @model_validator(mode="after")
+    def _one_trigger(self) -> Self:
+        of_state = bool(self.condition) and self.each is not None
+        if of_state == (self.schedule is not None) or bool(self.condition) != of_state:
+            raise ValueError("a standing order has either a condition of something or a schedule")
+        return self
 
     def order_for(self, subject: str, place: str) -> str:
         """Return the order for one subject, and the gate at which that is; '' for nowhere."""
@@ -216,12 +281,14 @@ class StandingOrder(StrictModel):
     @property
     def order_in_words(self) -> str:
         """The order as people read it."""
+        if self.each is None:
+            return self.order
         what = {"asset": "that asset", "track": "that track", "gate": "that gate"}[self.each]
         return self.order.replace(SUBJECT, what).replace(PLACE, "its gate")
 
 
 class StandingStart(StrictModel):
-    """The mission that a standing order starts for one subject."""
+    """The mission that a standing order starts for one subject, '' for a moment of the clock."""
 
-    subject: Name
+    subject: Name | Literal[""] = ""
     order: str

@@ -101,12 +101,19 @@ class StandingTrace:
     """The number of missions it has started; `starts` has only the last of them."""
     withheld: ev.StandingOrderWithheld | None = None
     """The last mission that it did not start."""
+    next: ev.StandingOrderScheduled | None = None
+    """Its next moment, and whether it is paused."""
     ended: str = ""
 
     @property
     def in_force(self) -> bool:
-        """True while it may start missions."""
+        """True until it is revoked or over."""
         return not self.ended
+
+    @property
+    def paused(self) -> bool:
+        """True while it starts nothing until it is resumed."""
+        return self.next is not None and self.next.paused
 
     @property
     def last(self) -> StartTrace | None:
@@ -212,6 +219,11 @@ class SessionState:
     standing: dict[str, StandingTrace] = field(default_factory=dict[str, StandingTrace])
     """The approved standing orders by their ids, the oldest first."""
     tak: TakTrace = field(default_factory=TakTrace)
+
+    @property
+    def time_s(self) -> float:
+        """The fleet's time of the picture, 0 before the first one."""
+        return self.picture.time_s if self.picture is not None else 0.0
 
     @property
     def reported_contacts(self) -> Mapping[str, ev.ReportedContact]:
@@ -411,11 +423,15 @@ class SessionState:
             case ev.StandingOrderWithheld(order_id=name, reason=reason, subject=subject):
                 if name in known:
                     known[name].withheld = event.data
-                what = f"nothing is started for {subject}" if subject else "nothing is started"
+                what = f"nothing is started{f' for {subject}' if subject else ''}"
                 self._notice(event, "warning", name, f"{what}: {reason}")
             case ev.StandingOrderRevoked(order_id=name, by=by, reason=reason) if name in known:
                 known[name].ended = f"revoked by {by}{f': {reason}' if reason else ''}"
                 self._notice(event, "warning", name, known[name].ended)
+            case ev.StandingOrderScheduled(order_id=name, by=by, change=change) if name in known:
+                known[name].next = event.data
+                if change:
+                    self._notice(event, "warning", name, f"{change} by {by}")
             case ev.SessionEnded():
                 for trace in known.values():
                     trace.ended = trace.ended or "the session has ended"

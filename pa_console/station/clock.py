@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from time import perf_counter
 from typing import Protocol
 
-from pa_console.mission.standing import Withheld
+from pa_console.mission.standing import Due, Ended, Withheld
 from pa_console.schema.events import event as ev
 from pa_console.schema.telemetry import Picture
 from pa_console.station.notices import Noticer
@@ -14,6 +14,9 @@ from pa_console.station.worker import MissionWorker, StationParts
 
 MAX_STEPS_AT_ONCE = 20
 IDLE_S = 0.005
+LATE_S = 2.0
+"""A mission that starts so long after its moment is told as late."""
+BY_CLOCK, OVER = "the clock", "its last moment has passed"
 FAULT_AGAIN_S = 10.0
 """An internal error that recurs is reported this often."""
 
@@ -192,16 +195,26 @@ class Ticking:
     def _start_standing(self, picture: Picture, *, stopped: bool) -> None:
         """Queue the missions that standing orders start now, and emit the withheld ones."""
         standing = self._services.standing
+        standing.time.take(picture.time_s, stepped=self._clock.waits)
         busy = self._worker.handled | self._intake.subjects
         for found in standing.look(picture, busy, stopped=stopped):
-            if isinstance(found, Withheld):
-                told = ev.StandingOrderWithheld(
-                    order_id=found.order.id, subject=found.subject, reason=found.reason
-                )
-                self._emit(told, None)
-                continue
-            mission, received = self._intake.start(found)
-            standing.started(mission.id, found)
-            self._emit(received, mission.id)
-            began = ev.StandingOrderStarted(order_id=found.order.id, subject=found.subject)
-            self._emit(began, mission.id)
+            match found:
+                case Due():
+                    mission, received = self._intake.start(found)
+                    standing.started(mission.id, found)
+                    self._emit(received, mission.id)
+                    late_s = found.late_s if found.late_s >= LATE_S else 0.0
+                    began = ev.StandingOrderStarted(
+                        order_id=found.order.id, subject=found.subject, late_s=late_s
+                    )
+                    self._emit(began, mission.id)
+                case Withheld(order, subject, reason):
+                    told = ev.StandingOrderWithheld(
+                        order_id=order.id, subject=subject, reason=reason
+                    )
+                    self._emit(told, None)
+                case Ended(order):
+                    over = ev.StandingOrderRevoked(order_id=order.id, by=BY_CLOCK, reason=OVER)
+                    self._emit(over, None)
+                case ev.StandingOrderScheduled():
+                    self._emit(found, None)

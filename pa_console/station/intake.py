@@ -112,8 +112,13 @@ class Intake:
         )
         return self._answers([known[name] for name in again if name in known], ())
 
-    def submit(self, order: ReadText, active: bool) -> tuple[Mission, ev.MissionReceived]:
-        """Queue an operator's mission; raises ValueError when it cannot be taken."""
+    def submit(
+        self, order: ReadText, active: bool, *, waits: bool = True
+    ) -> tuple[Mission, ev.MissionReceived]:
+        """Queue an operator's mission, if it `waits`; one that does not is carried out already.
+
+        Raises ValueError when it cannot be taken.
+        """
         words = order.typed
         if not order.text:
             raise ValueError("the mission is empty: say what is to be done")
@@ -124,6 +129,8 @@ class Intake:
         right = order.text[:MAX_MISSION_TEXT]
         typed = words if right != words else ""
         mission = Mission(id=self._new_id(), text=right, typed=typed, created=datetime.now(UTC))
+        if not waits:
+            return mission, ev.MissionReceived(mission=mission, position=0)
         self.queue.add(mission, None)
         return mission, ev.MissionReceived(
             mission=mission, position=self._position(mission) + active
@@ -144,7 +151,7 @@ class Intake:
             source="standing",
             created=datetime.now(UTC),
             standing=due.order.id,
-            subject=due.subject,
+            subject=due.subject or None,
             gate=due.gate,
         )
         self.queue.add(mission, None)

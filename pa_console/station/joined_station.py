@@ -370,7 +370,8 @@ class JoinedStation:
         self._refuse()
 
     # Only the station whose session it is can do these: each raises ValueError.
-    submit = cancel = release = acknowledge = move = defer = withdraw = revoke = inject = _refuse
+    submit = cancel = release = acknowledge = move = defer = withdraw = inject = _refuse
+    revoke = pause = skip = _refuse
     reload_rules = accept_rules = _refuse_rules
     rules_offered = ""
 

@@ -8,7 +8,9 @@ from functools import partial
 
 from pa_console import __version__
 from pa_console.fleets.fleet import PlanCountersignature, Simulated
+from pa_console.language.order_changes import OrderChange, read_change
 from pa_console.language.questions import Question
+from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.scene import ReferenceScene
 from pa_console.mission.context import Services
 from pa_console.mission.dispatch import StepFeed
@@ -324,14 +326,39 @@ class ControlStation:
         A question about what is on record is no mission.
         """
         self._writable()
+        order = self._read(text)
+        change = read_change(order.text, self._services.standing.orders)
+        if isinstance(change, Unclear):
+            raise ValueError(change.question)
+        if change is not None:
+            return self._change(order, change)
         if self.stopped:
             raise ValueError(IS_STOPPED)
-        order = self._read(text)
         if order.question is not None:
             raise ValueError(IS_QUESTION)
         mission, received = self._intake.submit(order, self._worker.busy)
         self._emit(received, mission.id)
         self._worker.queue_changed()
+        return mission
+
+    def _change(self, order: ReadText, change: OrderChange) -> Mission:
+        """Change standing orders at once as an operator's words say, and record them as a mission.
+
+        Raises ValueError for what cannot be changed so.
+        """
+        for name in change.orders:
+            match change.change:
+                case "revoke":
+                    self.revoke(name)
+                case "skip":
+                    self.skip(name)
+                case "pause" | "resume":
+                    self.pause(name, paused=change.change == "pause")
+        mission, received = self._intake.submit(order, active=False, waits=False)
+        self._emit(received, mission.id)
+        reason = f"{change.done}: {', '.join(change.orders)}"
+        ended = ev.MissionFinished(status="verified", reason=reason, metrics=Metrics())
+        self._emit(ended, mission.id)
         return mission
 
     def decide(self, decision: Decision) -> None:
@@ -443,6 +470,23 @@ class ControlStation:
             self._worker.drop(mission, f"standing order {order_id} was revoked")
         self._worker.queue_changed()
 
+    def pause(self, order_id: str, by: str = "operator", *, paused: bool = True) -> None:
+        """Let a standing order start nothing until it is resumed, which is `paused` False.
+
+        Raises ValueError when it is not in force, or is so already.
+        """
+        self._writable()
+        standing, change = self._services.standing, "paused" if paused else "resumed"
+        standing.pause(order_id, paused=paused)
+        self._emit(standing.scheduled(order_id, change, by, self._fleet.time_s))
+
+    def skip(self, order_id: str, by: str = "operator") -> None:
+        """Leave out the next moment of a timed order; raises ValueError when it has none."""
+        self._writable()
+        standing = self._services.standing
+        standing.skip(order_id)
+        self._emit(standing.scheduled(order_id, "skipped", by, self._fleet.time_s))
+
     def inject(self, incident: Incident) -> None:
         """Let something happen in a simulated fleet; raises ValueError for an unknown name.
 
@@ -520,6 +564,23 @@ class ControlStation:
         self._record.take(event)
         self._live.see(payload)
         self._events.put_nowait(event)
+        if isinstance(payload, ev.MissionFinished) and mission:
+            self._ended(mission, payload)
+
+    def _ended(self, mission: str, payload: ev.MissionFinished) -> None:
+        """Let the standing order know that started a mission which is over now.
+
+        Nobody waits for a moment of the clock: if its mission is held, an alarm says so.
+        """
+        ended = self._services.standing.ended(mission, self._fleet.time_s, self.world.base)
+        if ended is None:
+            return
+        order, remark = ended
+        if remark:
+            self._emit(ev.StandingOrderWithheld(order_id=order.id, reason=remark))
+        if order.schedule is not None and payload.status in ("held", "refused", "failed"):
+            text = f"{order.id}, {order.words}: {mission} was {payload.status}: {payload.reason}"
+            self._emit(ev.Noticed(level="alarm", subject=order.id, text=text[:500]))
 
     def _broken(self, error: BaseException) -> None:
         """End the session in order when one of its own tasks broke."""

@@ -16,7 +16,7 @@ from pa_console.station.joined_station import JoinedStation
 from pa_console.station.station import ControlStation
 from pa_console.terminal.mission import step_line
 from pa_console.terminal.typed_lines import is_stop
-from pa_console.views.event_words import standing_in_words
+from pa_console.views.event_words import next_in_words, standing_in_words
 from pa_console.views.status_words import status_of
 from pa_console.views.trace_layout import progress
 
@@ -92,9 +92,13 @@ def standing_lines(state: SessionState) -> list[str]:
     for trace in state.standing.values():
         if not trace.in_force:
             continue
-        last = f", last {trace.last.mission} for {trace.last.subject}" if trace.last else ""
+        last = f", last {trace.last.mission}" if trace.last else ""
+        last += f" for {trace.last.subject}" if trace.last and trace.last.subject else ""
+        following = next_in_words(trace.next, state.time_s)
+        waits = trace.order.condition or f"next {following}"
+        waits += ", paused" if trace.paused and trace.order.condition else ""
         lines.append(standing_in_words(trace.order))
-        lines.append(f"  {trace.order.condition}; {count(trace.started, 'start')}{last}")
+        lines.append(f"  {waits}; {count(trace.started, 'start')}{last}")
     return lines or ["no standing order is in force"]
 
 

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from typing import cast
 
 from pa_console.language.plain_words import plain_reading
@@ -10,6 +11,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident, Reaction, RevealTrack, SpawnTrack
 from pa_console.schema.mission import StandingOrder
 from pa_console.schema.plan import Action, Plan
+from pa_console.schema.text import clock_text
 from pa_console.session.recording import Recording
 from pa_console.session.wording import (
     answer_in_words,
@@ -63,7 +65,32 @@ def references_in_words(references: Sequence[ev.Reference]) -> str:
 
 def standing_in_words(order: StandingOrder) -> str:
     """Return a standing order in plain words, in one line."""
-    return f"{order.id}: whenever {order.words}: {order.order_in_words}"
+    return f"{order.id}: {trigger_in_words(order)}: {order.order_in_words}"
+
+
+def trigger_in_words(order: StandingOrder) -> str:
+    """Return what a standing order waits for: a state, or moments of the clock."""
+    return order.words if order.schedule is not None else f"whenever {order.words}"
+
+
+def moments_in_words(moments: Sequence[datetime]) -> str:
+    """Return moments of the station's clock, with its zone and with the day where it changes."""
+    parts = list[str]()
+    for before, at in zip((None, *moments), moments, strict=False):
+        same = before is None or before.date() == at.date()
+        parts.append(f"{at:%H:%M:%S}" if same else f"{at:%a %H:%M:%S}")
+    return f"{', '.join(parts)} {moments[0]:%Z}".strip() if moments else "none"
+
+
+def next_in_words(scheduled: ev.StandingOrderScheduled | None, now_s: float) -> str:
+    """Return the next moment of an order and the time until then; '' for one without moments."""
+    if scheduled is None:
+        return ""
+    paused = "paused, " * scheduled.paused
+    if scheduled.moment is None or scheduled.at_s is None:
+        return paused.rstrip(", ")
+    left = clock_text(max(scheduled.at_s - now_s, 0.0))
+    return f"{paused}{scheduled.moment:%H:%M:%S} in {left}"
 
 
 def asked_in_words(order: StandingOrder, allowed: Collection[str] | None = None) -> str:
@@ -97,7 +124,6 @@ _EVENT_TEMPLATES: dict[str, str] = {
     "mission_received": "{mission.said}",
     "mission_preempted": "{by} goes first: {reason}",
     "prompt_built": "{role}, attempt {attempt}",
-    "standing_order_started": "by {order_id} for {subject}",
     "plan_voided": "{reason}",
     "command_replied": "{reply.agent}: {reply.status} {reply.detail}",
     "command_resent": "{command_id}, {times} times",
@@ -135,6 +161,12 @@ def _session_event(data: ev.EventPayload) -> str:
             words = contact_in_words(contact)
         case ev.StandingOrderRead(order=order) | ev.StandingOrderApproved(order=order):
             words = standing_in_words(order)
+        case ev.StandingOrderStarted(order_id=name, subject=subject, late_s=late_s):
+            words = f"by {name}{f' for {subject}' if subject else ''}"
+            words += f", {late_s:.0f} s late" if late_s else ""
+        case ev.StandingOrderScheduled(order_id=name, change=change, by=by, moment=moment):
+            words = f"{name}{f' {change} by {by}' if change else ''}, next "
+            words += f"{moment:%H:%M:%S}" if moment is not None else "none"
         case ev.StandingOrderWithheld(order_id=name, subject=subject, reason=reason):
             words = f"{name}{f' for {subject}' if subject else ''}: {reason}"
         case ev.StandingOrderRevoked(order_id=name, by=by, reason=reason):

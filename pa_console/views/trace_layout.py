@@ -10,7 +10,7 @@ from pa_console.schema.text import count
 from pa_console.session.mission_trace import Attempt, MissionTrace, Round, chosen_attempt, rounds
 from pa_console.views import trace_execution as execution
 from pa_console.views import trace_planning as planning
-from pa_console.views.event_words import asked_in_words, references_in_words
+from pa_console.views.event_words import asked_in_words, moments_in_words, references_in_words
 from pa_console.views.rule_trail import evidence_of
 from pa_console.views.status_words import Status, status_of
 from pa_console.views.trace_parts import (
@@ -336,14 +336,19 @@ def workflow(trace: MissionTrace, options: TraceOptions) -> TraceSection:
 def standing_order(read: StandingOrderRead) -> TraceSection:
     """Return a standing order as it was read: its condition, its order, its immediate starts."""
     order = read.order
+    timed = order.schedule is not None
+    trigger = [labelled("moments", order.words), labelled("next", moments_in_words(read.moments))]
+    state = [labelled("whenever", order.words), labelled("in CEL", order.condition, "calm")]
     blocks: list[Block] = [
-        labelled("whenever", order.words),
-        labelled("in CEL", order.condition, "calm"),
+        *(trigger if timed else state),
         labelled("it starts", order.order_in_words),
         labelled("approval", asked_in_words(order, read.allowed)),
-        labelled("limit", f"{count(order.most_an_hour, 'start')} an hour"),
     ]
-    blocks += [labelled("now", f"{start.subject}: {start.order}", "warn") for start in read.now]
+    if not timed:
+        blocks.append(labelled("limit", f"{count(order.most_an_hour, 'start')} an hour"))
+    for start in read.now:
+        about = f"{start.subject}: " * bool(start.subject)
+        blocks.append(labelled("now", f"{about}{start.order}", "warn"))
     if not read.now:
         blocks.append(labelled("now", "it would start nothing", "quiet"))
     return TraceSection("standing", f"Standing order {order.id}", tuple(blocks), step=1)

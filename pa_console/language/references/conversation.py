@@ -62,6 +62,8 @@ _THERE = _WORDS["there"]
 _IT = _WORDS["it"]
 _THEM = _WORDS["them"]
 _THEY = _WORDS["they"]
+LEANING = frozenset((*_IT, *_THEM, *_THEY, *_THERE, *_SAME))
+"""The words that stand for what was ordered before."""
 _WELL = frozenset(_WORDS["well"])
 """The words that ask about an asset's condition."""
 _HOME = frozenset(_WORDS["home"])

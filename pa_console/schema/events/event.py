@@ -37,6 +37,7 @@ from pa_console.schema.events.intake import (
     StandingOrderApproved,
     StandingOrderRead,
     StandingOrderRevoked,
+    StandingOrderScheduled,
     StandingOrderStarted,
     StandingOrderWithheld,
     WorkflowMoved,
@@ -106,7 +107,8 @@ EventPayload = Annotated[
     | StopReleased | StopUnconfirmed | CommandRefused | RulesReplaced | SessionEnded
     | SessionResumed | CommandTaken | AuthorityChanged | LogSigned | LogTroubled
     | StandingOrderRead | StandingOrderApproved
-    | StandingOrderStarted | StandingOrderWithheld | StandingOrderRevoked | QuestionAnswered
+    | StandingOrderStarted | StandingOrderWithheld | StandingOrderRevoked
+    | StandingOrderScheduled | QuestionAnswered
     | TakChanged | ContactReported | ContactLost | ContactsLeftOut,
     Field(discriminator="kind"),
 ]  # fmt: skip

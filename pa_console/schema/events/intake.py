@@ -1,10 +1,11 @@
 """Events of step 1, of standing orders, and of questions about the record."""
 
+from datetime import datetime
 from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from pa_console.schema.base import Name, Payload, StrictModel
+from pa_console.schema.base import Name, NonNegative, Payload, StrictModel
 from pa_console.schema.mission import Alarm, Mission, QueueEntry, StandingOrder, StandingStart
 
 
@@ -143,6 +144,9 @@ class StandingOrderRead(Payload):
     kind: Literal["standing_order_read"] = "standing_order_read"
     order: StandingOrder
     now: tuple[StandingStart, ...] = Field(default=(), description="what it would start at once")
+    moments: tuple[datetime, ...] = Field(
+        default=(), exclude_if=lambda moments: not moments, description="the next of its moments"
+    )
     allowed: tuple[str, ...] = Field(
         default=(), description="the commands that may be given unasked by it, as the rules say"
     )
@@ -158,20 +162,35 @@ class StandingOrderApproved(Payload):
 
 
 class StandingOrderStarted(Payload):
-    """The condition became true of `subject`, and a mission was queued for it."""
+    """Its condition became true of `subject`, or its moment came, and a mission was queued."""
 
     kind: Literal["standing_order_started"] = "standing_order_started"
     order_id: str
-    subject: Name
+    subject: Name | Literal[""] = ""
+    late_s: NonNegative = Field(
+        default=0.0, exclude_if=lambda late_s: not late_s, description="seconds after its moment"
+    )
 
 
 class StandingOrderWithheld(Payload):
-    """The condition became true of `subject`, and nothing was started; `reason` says why."""
+    """Its condition became true of `subject`, or its moment came, and nothing was started."""
 
     kind: Literal["standing_order_withheld"] = "standing_order_withheld"
     order_id: str
     subject: str = ""
     reason: str
+
+
+class StandingOrderScheduled(Payload):
+    """The next moment of a timed order; `by` is whoever paused or resumed an order, or skipped."""
+
+    kind: Literal["standing_order_scheduled"] = "standing_order_scheduled"
+    order_id: str
+    moment: datetime | None = None
+    at_s: NonNegative | None = Field(default=None, description="the fleet's time at that moment")
+    paused: bool = False
+    by: str = ""
+    change: Literal["", "paused", "resumed", "skipped"] = ""
 
 
 class StandingOrderRevoked(Payload):

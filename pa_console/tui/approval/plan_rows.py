@@ -26,7 +26,7 @@ from pa_console.session.mission_trace import Attempt, MissionTrace
 from pa_console.tui.plan_preview import PlanPreview
 from pa_console.tui.rows import Part, WrappedRow, phrased, row
 from pa_console.tui.status_words import BAD, CALM, GOOD, KIND_WORDS, NOTE, QUIET, WARN, term
-from pa_console.views.event_words import asked_in_words, safety_in_words
+from pa_console.views.event_words import asked_in_words, moments_in_words, safety_in_words
 
 
 @dataclass(frozen=True)
@@ -332,8 +332,11 @@ def offered_rows(read: StandingOrderRead) -> Iterator[WrappedRow]:
     yield row(("▶ ", NOTE), (f"Standing order {read.order.id}: ", f"bold {NOTE}"),
               "it holds from your approval until you revoke it or the session ends")  # fmt: skip
     yield from order_rows(read.order, read.allowed)
+    if read.order.schedule is not None:
+        yield row(_lead("next"), (moments_in_words(read.moments), "bold"))
     for start in read.now:
-        yield row(_lead("now"), (f"{start.subject}: ", "bold"), (start.order, WARN))
+        about = f"{start.subject}: " * bool(start.subject)
+        yield row(_lead("now"), (about, "bold"), (start.order, WARN))
     if not read.now:
         yield row(_lead("now"), "it would start nothing: the condition holds of nobody")
 
@@ -342,12 +345,16 @@ def order_rows(
     order: StandingOrder, allowed: Collection[str] | None = None
 ) -> Iterator[WrappedRow]:
     """Yield an order's condition, in words and as CEL, its missions and its approvals."""
-    yield row(_lead("whenever"), (order.words, "bold"))
-    yield row(_lead("in CEL"), (order.condition, CALM))
+    if order.schedule is None:
+        yield row(_lead("whenever"), (order.words, "bold"))
+        yield row(_lead("in CEL"), (order.condition, CALM))
+    else:
+        yield row(_lead("moments"), (order.words, "bold"))
     yield row(_lead("it starts"), order.order_in_words)
     style = WARN if order.unasked else ""
     yield row(_lead("approval"), (asked_in_words(order, allowed), style))
-    yield row(_lead("limit"), f"{count(order.most_an_hour, 'start')} an hour")
+    if order.schedule is None:
+        yield row(_lead("limit"), f"{count(order.most_an_hour, 'start')} an hour")
 
 
 def _lead(name: str) -> tuple[str, str]:

@@ -1,9 +1,11 @@
 """Gives the station commands: missions, alarms, the queue, the stop, what-ifs of the simulation."""
 
 from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
 
 from pa_console.schema import incident as inc
 from pa_console.schema.incident import Incident
+from pa_console.schema.mission import StandingOrder
 from pa_console.schema.telemetry import Weather
 from pa_console.schema.world import World
 from pa_console.tui.actions import first_key
@@ -14,6 +16,9 @@ from pa_console.tui.surroundings import LiveStation
 from pa_console.tui.widgets.alarms import AlarmPane
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
+
+if TYPE_CHECKING:
+    from pa_console.tui.screens.standing_orders import StandingChange
 
 LOW_BATTERY_PCT = 15.0
 JAM_S = 60.0
@@ -26,6 +31,15 @@ _WEATHERS: tuple[Weather, ...] = ("fog", "rain", "clear")
 
 WhatIf = tuple[str, inc.Incident]
 """Title and what then happens."""
+
+
+_STANDING = {
+    "revoke": ("Revoke", "{} starts nothing any more; what it had started and waits is cancelled"),
+    "pause": ("Pause", "{} starts nothing until you resume it"),
+    "resume": ("Resume", "{} goes on"),
+    "skip": ("Skip", "{} leaves one moment out"),
+    "again": ("Give again", "it holds once you approve it again"),
+}
 
 
 def next_rate(rate: float, factor: float) -> float:
@@ -203,17 +217,32 @@ class CommandController:
         session = self._session
         if not session.is_open(StandingOrdersScreen):
             screen = StandingOrdersScreen(
-                lambda: session.shown_state, session.world.dt_s, self.revoke
+                lambda: session.shown_state, session.world.dt_s, self.change_standing
             )
             session.app.push_screen(screen)
 
-    def revoke(self, order_id: str) -> None:
-        """Take a standing order out of force."""
+    def change_standing(self, order: StandingOrder, change: "StandingChange") -> None:
+        """Take a standing order out of force, let it pause, go on or skip, or give it again."""
+        name = order.id
+        title, told = _STANDING[change]
         if self._session.recording is not None:
-            self._session.tell("nothing is revoked in a recording", "Revoke refused", bad=True)
-        elif self.attempt("Revoke", lambda station: station.revoke(order_id)):
-            told = f"{order_id} starts nothing any more; what it had started and waits is cancelled"
-            self._session.tell(told, "Revoked")
+            told = "nothing is changed in a recording"
+            self._session.tell(told, f"{title} refused", bad=True)
+            return
+
+        def carry_out(station: LiveStation) -> object:
+            match change:
+                case "revoke":
+                    return station.revoke(name)
+                case "pause" | "resume":
+                    return station.pause(name, paused=change == "pause")
+                case "skip":
+                    return station.skip(name)
+                case "again":
+                    return station.submit(order.text)
+
+        if self.attempt(title, carry_out):
+            self._session.tell(told.format(name), title)
 
     # The stop
 

@@ -1,7 +1,10 @@
-"""The standing orders: what each waits for and starts, what it has started, and its end."""
+"""The standing orders: what each waits for and starts, what it has started, and its end.
+
+An order that waits for a moment of the clock shows the next one, with a countdown.
+"""
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 from textual import events, on
 from textual.app import ComposeResult
@@ -11,6 +14,7 @@ from textual.content import Content
 from textual.screen import Screen
 from textual.widgets import Static
 
+from pa_console.schema.mission import StandingOrder
 from pa_console.schema.text import clock_text, count
 from pa_console.session.state import SessionState, StandingTrace
 from pa_console.tui.approval.plan_rows import order_rows
@@ -19,6 +23,7 @@ from pa_console.tui.rows import WrappedRow, row
 from pa_console.tui.status_words import BAD, GOOD, QUIET, WARN
 from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.row_views import Cells, Layout, PointedRows, TextRows
+from pa_console.views.event_words import next_in_words
 
 
 class StandingRows(PointedRows[StandingTrace]):
@@ -26,16 +31,19 @@ class StandingRows(PointedRows[StandingTrace]):
 
     COLUMNS: ClassVar[Layout] = Layout(
         "id",
-        (("id", 4), ("order", 24), ("condition", 20), ("starts", 6), ("last", 18), ("state", 10)),
-        ("condition", "last", "starts"),
-    )
+        (("id", 4), ("order", 24), ("waits for", 18), ("next", 17), ("starts", 6), ("last", 15),
+         ("state", 10)),
+        ("waits for", "last", "starts", "next"),
+    )  # fmt: skip
 
     dt_s = 1.0
     """The simulated seconds of a tick."""
+    now_s = 0.0
+    """The fleet's time, from which the countdowns are."""
 
     def grown(self, room: int) -> Mapping[str, int]:
         """Give the order and its condition what is left."""
-        return {"order": room - room // 3, "condition": room // 3}
+        return {"order": room - room // 3, "waits for": room // 3}
 
     def cells(self, key: str) -> Cells:
         """Return the cells of a standing order."""
@@ -43,10 +51,13 @@ class StandingRows(PointedRows[StandingTrace]):
         last = trace.last
         told = f"{last.mission} {clock_text(last.tick * self.dt_s)}" if last else "never"
         state = ("✔ in force", GOOD) if trace.in_force else ("■ over", QUIET)
+        state = ("△ paused", WARN) if trace.in_force and trace.paused else state
+        following = self.following(trace) if trace.in_force else ""
         return {
             "id": (key, "bold"),
             "order": (trace.order.text, "" if trace.in_force else QUIET),
-            "condition": (trace.order.words, QUIET),
+            "waits for": (trace.order.words, QUIET),
+            "next": (following.removeprefix("paused, "), ""),
             "starts": (f"{trace.started}", ""),
             "last": (told, QUIET),
             "state": state,
@@ -64,18 +75,28 @@ class StandingRows(PointedRows[StandingTrace]):
         yield row(("typed     ", QUIET), trace.order.text)
         yield from order_rows(trace.order)
         yield row(("approved  ", QUIET), f"by {trace.by}, {self._when(trace.since_tick)}")
+        if trace.in_force and trace.next is not None:
+            yield row(("next      ", QUIET), self.following(trace) or "none")
         if trace.ended:
             yield row(("over      ", QUIET), (trace.ended, BAD))
         for start in reversed(trace.starts):
-            told = f"{start.mission} for {start.subject}, {self._when(start.tick)}"
+            about = f" for {start.subject}" * bool(start.subject)
+            told = f"{start.mission}{about}, {self._when(start.tick)}"
             yield row(("started   ", QUIET), told)
         if trace.withheld is not None:
             about = f"{trace.withheld.subject}: " * bool(trace.withheld.subject)
             yield row(("not       ", QUIET), (f"{about}{trace.withheld.reason}", WARN))
 
+    def following(self, trace: StandingTrace) -> str:
+        """Return the next moment of an order and its countdown, '' for none."""
+        return next_in_words(trace.next, self.now_s)
+
     def _when(self, tick: int) -> str:
         return f"at {clock_text(tick * self.dt_s)}"
 
+
+StandingChange = Literal["revoke", "pause", "resume", "skip", "again"]
+"""The changes that an operator can make to a standing order from the list."""
 
 LOOK_S = 0.5
 """The interval between two looks for changes, seconds."""
@@ -86,15 +107,21 @@ class StandingOrdersScreen(Screen[None]):
 
     BINDINGS = [
         Binding("escape", "dismiss", "Back"),
+        Binding("p", "pause", "Pause/resume"),
+        Binding("s", "skip", "Skip next"),
         Binding("x,delete", "revoke", "Revoke"),
+        Binding("a", "again", "Give again"),
     ]
 
     def __init__(
-        self, state: Callable[[], SessionState], dt_s: float, revoke: Callable[[str], object]
+        self,
+        state: Callable[[], SessionState],
+        dt_s: float,
+        change: Callable[[StandingOrder, StandingChange], object],
     ) -> None:
-        """Show those of `state`, a tick of `dt_s` seconds; `revoke` takes one out of force."""
+        """Show those of `state`, a tick of `dt_s` seconds; `change` changes one."""
         super().__init__()
-        self._state, self._dt_s, self._revoke = state, dt_s, revoke
+        self._state, self._dt_s, self._change = state, dt_s, change
         self._shown: object = None
 
     def compose(self) -> ComposeResult:
@@ -125,21 +152,43 @@ class StandingOrdersScreen(Screen[None]):
 
     def action_revoke(self) -> None:
         """Take the order at the pointer out of force."""
+        self._ask("revoke", "Revoke")
+
+    def action_pause(self) -> None:
+        """Let the order at the pointer start nothing for a while, or go on."""
+        trace = self.listing.item
+        paused = trace is not None and trace.paused
+        self._ask("resume" if paused else "pause", "Pause")
+
+    def action_skip(self) -> None:
+        """Leave out the next moment of the order at the pointer."""
+        self._ask("skip", "Skip")
+
+    def action_again(self) -> None:
+        """Give an order that is over anew; it needs approval again."""
+        self._ask("again", "Give again", in_force=False)
+
+    def _ask(self, change: StandingChange, title: str, *, in_force: bool = True) -> None:
         trace = self.listing.item
         if trace is None:
             return
-        if not trace.in_force:
-            self.notify(f"{trace.order.id} is not in force", title="Revoke", markup=False)
+        if trace.in_force != in_force:
+            told = "is in force" if trace.in_force else "is not in force"
+            self.notify(f"{trace.order.id} {told}", title=title, markup=False)
             return
-        self._revoke(trace.order.id)
+        self._change(trace.order, change)
         self.look()
 
     def look(self) -> None:
         """Show the changes since the last look."""
         if not is_open(self):
             return
-        orders = self._state().standing
-        now = [(each.order.id, each.started, each.ended, each.withheld) for each in orders.values()]
+        state = self._state()
+        orders, self.listing.now_s = state.standing, state.time_s
+        now = [
+            (each.order.id, each.started, each.ended, each.withheld, self.listing.following(each))
+            for each in orders.values()
+        ]
         if now == self._shown:
             return
         self._shown = now

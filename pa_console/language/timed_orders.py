@@ -1,0 +1,733 @@
+"""Reads the times of an order: a moment, an interval, an end, a stay; the rest is the order.
+
+*At 16:45*, *in five minutes*, *every full hour until 18:00*, *for ten minutes and then back*. Times
+are those of the station's clock and zone. Each phrase is cut out of the text; what is left is read
+like any order. A time that can mean two moments is asked back about, and so is one in the past.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, date, datetime, time, timedelta
+from types import MappingProxyType
+
+from pa_console.language.lexicon import find_verbs, word_lists
+from pa_console.language.mentions import ASSETS
+from pa_console.language.name_linking import KIND_WORDS, link_names
+from pa_console.language.references.conversation import Unclear
+from pa_console.language.references.reader import (
+    EVERYBODY,
+    Reader,
+    WordToken,
+    number_of,
+    read_tokens,
+)
+from pa_console.schema.mission import DAY_S, Schedule
+from pa_console.schema.world import World
+
+SHORTEST_S = 60.0
+"""The shortest interval of a recurring order, unless a setting says otherwise."""
+MOST_AHEAD = timedelta(days=31)
+"""The farthest moment for which an order is taken."""
+JUST_S = 1.0
+"""A clock time that passed so little ago is the present moment."""
+
+_WORDS = word_lists("times")
+_UNIT_S = {
+    word: seconds
+    for name, seconds in (("seconds", 1.0), ("minutes", 60.0), ("hours", 3600.0), ("days", DAY_S))
+    for word in _WORDS[name]
+}
+_WEEKDAYS = _WORDS["weekdays"]
+_TENS = {word: 20 + 10 * number for number, word in enumerate(_WORDS["tens"])}
+_STOPS = frozenset((",", ".", ";", ":", "!", "-", "–", "—", ""))
+_BORDERS = frozenset((*_STOPS, "?", "(", ")", *_WORDS["borders"]))
+_FILLERS = frozenset((*_WORDS["joints"], *_WORDS["fillers"]))
+_TOLD = frozenset(_WORDS["told"])
+_FOLLOWS = frozenset(_WORDS["follows"]) | _STOPS
+_COMPACT = re.compile(r"(\d+)([a-z]+)(?:(\d+)([a-z]*))?")
+_FREQUENT = {"hourly": 3600.0, "half-hourly": 1800.0, "quarter-hourly": 900.0, "daily": DAY_S}
+_TO_BASE = frozenset(("base", "home", "rtb", "return", "returns"))
+_REPEATS = {"twice": 2, "thrice": 3, "once": 1}
+_ON_THE = (("on the full hour", 0), ("on the hour", 0), ("on the half hour", 30),
+           ("on the half-hour", 30), ("at half past each hour", 30), ("at the full hour", 0),
+           ("at half past every hour", 30), ("at each full hour", 0))  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ReadTimed:
+    """An order with its moments, and the order that each of them starts."""
+
+    schedule: Schedule
+    order: str
+
+
+@dataclass(frozen=True)
+class _Clock:
+    """A time of day as it was said; `settled` where no other half of the day can be meant."""
+
+    at: time
+    settled: bool
+    day: date | None = None
+    utc: bool = False
+    bare: bool = False
+    """True for a mere number: *at nine*."""
+
+
+@dataclass
+class _Said:
+    """The phrases read so far of a `text`."""
+
+    text: str
+    starts: list[tuple[str, _Clock | datetime]] = field(
+        default_factory=list[tuple[str, "_Clock | datetime"]]
+    )
+    every_s: float = 0.0
+    minute: int | None = None
+    """The minute of the hour with which the moments are aligned."""
+    until: tuple[str, _Clock] | None = None
+    during_s: float = 0.0
+    times: int = 0
+    to_base: bool = False
+    """True if whoever stays goes to the base then, and not to the place where it was."""
+    day: date | None = None
+    half: str = ""
+    """The half of the day in which the moments are: 'am', 'pm', or '' where that is not said."""
+    vague: str = ""
+    """Words of time that name no moment: *in a few minutes*."""
+    cut: list[tuple[int, int]] = field(default_factory=list[tuple[int, int]])
+
+    @property
+    def timed(self) -> bool:
+        """True if the text has a time."""
+        return bool(
+            self.starts or self.every_s or self.until or self.during_s or self.day or self.vague
+        )
+
+
+def read_timed(
+    world: World,
+    text: str,
+    now: datetime,
+    answers: Mapping[str, str] = MappingProxyType({}),
+    shortest_s: float = SHORTEST_S,
+) -> ReadTimed | Unclear | None:
+    """Return an order with its moments, a question about them, or None for a text without times.
+
+    `now` is the station's time, in its zone; `answers` are those to questions on times of the text.
+    """
+    for words, meant in answers.items():
+        text = text.replace(words, meant, 1)
+    tokens = read_tokens(text)
+    said = _phrases(world, text, tokens, now)
+    if said is None:
+        return None
+    order = _rest(text, said.cut)
+    if not order:
+        return Unclear("", "What is to be done then? Only the time was given.")
+    schedule = _schedule(said, now, shortest_s)
+    return schedule if isinstance(schedule, Unclear) else ReadTimed(schedule, order)
+
+
+def _phrases(world: World, text: str, tokens: tuple[WordToken, ...], now: datetime) -> _Said | None:
+    """Return everything that the words say about when to do it, None if they say nothing.
+
+    The time of something else, *the storm will hit in an hour*, is none of an order's.
+    """
+    spans, at = list[tuple[int, int]](), 0
+    while at < len(tokens):
+        reader = Reader(tokens, at)
+        found = _phrase(reader, _Said(text), now)
+        if found:
+            spans.append((at, reader.at))
+        at = reader.at if found else at + 1
+    said = _Said(text)
+    for first, end in spans:
+        if _of_order(world, tokens, spans, first):
+            _phrase(Reader(tokens, first), said, now)
+            said.cut.append((_before(tokens, first), tokens[end - 1].end))
+    if not said.timed:
+        return None
+    for name in ("times", "back"):
+        _cut_later(tokens, said, name)
+    return said
+
+
+def _of_order(
+    world: World, tokens: Sequence[WordToken], spans: Sequence[tuple[int, int]], first: int
+) -> bool:
+    """Return whether the words around the phrase of time at `first` ask for something.
+
+    They name an asset, or begin with a verb of orders; words that tell what has been do not.
+    """
+    timed = {at for start, end in spans for at in range(start, end)}
+    start = last = first
+    while start > 0 and (start - 1 in timed or tokens[start - 1].word not in _BORDERS):
+        start -= 1
+    while last < len(tokens) and (last in timed or tokens[last].word not in _BORDERS):
+        last += 1
+    around = [at for at in range(start, last) if at not in timed]
+    around = [at for at in around if tokens[at].word not in _FILLERS]
+    if not around:
+        return True
+    for at in around:
+        if at < first and tokens[at].word in _TOLD and tokens[at + 1].word != "to":
+            return False
+    clause = " ".join(tokens[at].said for at in around)
+    said = {token.word.removesuffix("s") for token in read_tokens(link_names(world, clause))}
+    if said & {*ASSETS, *KIND_WORDS, *(name.lower() for name in world.assets), *EVERYBODY}:
+        return True
+    return any(verb.plain or verb.start == 0 for verb in find_verbs(clause))
+
+
+def _before(tokens: tuple[WordToken, ...], at: int) -> int:
+    """Return where a phrase begins, with the joints before it: *and then every ten minutes*."""
+    while at > 0 and tokens[at - 1].word in ("and", "then", ",", "but"):
+        at -= 1
+    return tokens[at].start
+
+
+def _phrase(reader: Reader, said: _Said, now: datetime) -> bool:
+    """Read one phrase of time from here; False if there is none."""
+    start = reader.at
+    for read in (_read_every, _read_window, _read_until, _read_start, _read_during, _read_vague):
+        if read(reader, said, now):
+            while reader.take(*_WORDS["onwards"]):
+                pass
+            return True
+        reader.at = start
+    return False
+
+
+def _cut_later(tokens: tuple[WordToken, ...], said: _Said, name: str) -> None:
+    """Read what only counts beside a time: *four times*, and *then back* at the end."""
+    for at in range(len(tokens)):
+        reader = Reader(tokens, at)
+        if any(first <= tokens[at].start < last for first, last in said.cut):
+            continue
+        if name == "times" and said.every_s and (count := _repeats(reader)):
+            said.times = count
+            reader.take(*_WORDS["onwards"])
+        elif (
+            name == "back"
+            and not said.every_s
+            and (said.during_s or said.until)
+            and (reader.take("and", ",") or True)
+            and (way := reader.take(*_WORDS["back"]))
+        ):
+            reader.take("again", "please")
+            reader.skip(_STOPS)
+            if not reader.over:
+                continue
+            said.to_base = bool(_TO_BASE & set(way.split()))
+        else:
+            continue
+        said.cut.append((_before(tokens, at), tokens[reader.at - 1].end))
+        return
+
+
+def _repeats(reader: Reader) -> int:
+    count = _REPEATS.get(reader.word(), 0)
+    if count:
+        reader.at += 1
+        return count if count > 1 else 0
+    number = _number(reader)
+    return int(number) if number > 0 and reader.take("times") else 0
+
+
+# ------------------------------------------------------------------ the phrases
+
+
+def _read_every(reader: Reader, said: _Said, now: datetime) -> bool:  # noqa: PLR0911
+    """Read *every ten minutes*, *hourly*, *on the half hour*, *twice an hour*."""
+    for words, minute in _ON_THE:
+        if reader.take(words):
+            said.every_s, said.minute = said.every_s or 3600.0, minute
+            return True
+    if seconds := _FREQUENT.get(reader.word(), 0.0):
+        reader.at += 1
+        if reader.at > 1 and reader.word() not in _STOPS:
+            return False  # an adjective in an order: *for the daily brief*
+        said.every_s = seconds
+        return True
+    start = reader.at
+    if (count := _repeats_an_hour(reader)) > 0:
+        said.every_s = 3600.0 / count
+        return True
+    reader.at = start
+    if not reader.take(*_WORDS["every"]):
+        return False
+    whole = reader.tokens[reader.at - 1].word != "all"
+    if whole and reader.take("full hour", "whole hour"):
+        said.every_s, said.minute = 3600.0, 0
+        return True
+    if whole and (day := reader.take_in(_WEEKDAYS)):
+        said.every_s, said.day = 7 * DAY_S, _weekday(day, now)
+        return True
+    if whole and (part := reader.take("morning", "afternoon", "evening", "night")):
+        said.every_s, said.half = DAY_S, "am" if part == "morning" else "pm"
+        return True
+    seconds = _duration(reader)
+    if whole and not seconds:
+        seconds = 2.0 * _unit(reader) if reader.take("other") else _unit(reader)
+        seconds *= 1.5 if reader.take("and a half") else 1.0
+    if seconds and reader.take("on the hour", "on the full hour"):
+        said.minute = 0
+    said.every_s = seconds or said.every_s
+    return seconds > 0.0
+
+
+def _repeats_an_hour(reader: Reader) -> int:
+    count = _REPEATS.get(reader.word(), 0)
+    if count:
+        reader.at += 1
+    else:
+        number = _number(reader)
+        count = int(number) if number > 0 and reader.take("times") else 0
+    return count if count and reader.take(*_WORDS["times_an_hour"]) else 0
+
+
+def _read_until(reader: Reader, said: _Said, now: datetime) -> bool:
+    if reader.take(*_WORDS["endless"]):
+        return True
+    first = reader.at
+    if not reader.take(*_WORDS["until"]):
+        return False
+    clock = _clock(reader, now, led=True)
+    if clock is None:
+        return False
+    said.until = _words_from(said, reader, first), clock
+    return True
+
+
+def _read_window(reader: Reader, said: _Said, now: datetime) -> bool:
+    """Read *between 15:00 and 16:00*, *from 3 pm to 5 pm*."""
+    first = reader.at
+    if not reader.take("between", "from"):
+        return False
+    start = _clock(reader, now, led=True)
+    middle = reader.at
+    if start is None or not reader.take("and", "to"):
+        return False
+    end = _clock(reader, now, led=True)
+    if end is None:
+        return False
+    words = said.text[reader.tokens[first].start : reader.tokens[middle - 1].end]
+    said.starts.append((words, start))
+    said.until = _words_from(said, reader, middle), end
+    return True
+
+
+def _read_vague(reader: Reader, said: _Said, now: datetime) -> bool:  # noqa: ARG001
+    """Read *in a few minutes*: no moment, and not to be lost."""
+    first = reader.at
+    led = bool(reader.take("in", "for", "every"))
+    found = led and bool(reader.take(*_WORDS["vague"])) and _unit(reader) > 0.0
+    if found:
+        said.vague = _words_from(said, reader, first)
+    return found
+
+
+def _read_start(reader: Reader, said: _Said, now: datetime) -> bool:
+    """Read *at 16:45*, *tonight at 11*, *in five minutes*, *five minutes from now*."""
+    first = reader.at
+    if reader.take("starting now", "beginning now"):
+        said.starts.append(("now", now))
+        return True
+    if reader.take(*_WORDS["after"]):
+        seconds = _duration(reader)
+        if seconds:
+            reader.take("time", *_WORDS["hence"])
+            said.starts.append((_words_from(said, reader, first), now + timedelta(seconds=seconds)))
+        return seconds > 0.0
+    if (seconds := _duration(reader)) and reader.take(*_WORDS["hence"]):
+        said.starts.append((_words_from(said, reader, first), now + timedelta(seconds=seconds)))
+        return True
+    reader.at = first
+    led = reader.take(*_WORDS["at"])
+    day, half = _day(reader, now)
+    half = half or said.half
+    if day is not None and not led:
+        after = reader.at
+        reader.take(",")
+        led = reader.take(*_WORDS["at"])
+        reader.at = reader.at if led else after
+    clock = _clock(reader, now, led=bool(led) or day is not None, day=day, half=half)
+    if clock is None or (led == "from" and clock.bare):
+        tomorrow = day is not None and day > now.date() and not led
+        if (
+            tomorrow
+            and (first == 0 or reader.word() in _STOPS)
+            and reader.word(-1) not in _WEEKDAYS
+        ):
+            said.day = day
+            return True
+        return False
+    if not led and first > 0 and day is None and reader.word() not in _STOPS:
+        return False
+    said.starts.append((_words_from(said, reader, first), clock))
+    return True
+
+
+def _read_during(reader: Reader, said: _Said, now: datetime) -> bool:  # noqa: ARG001
+    """Read *for ten minutes*, *for the next two hours*."""
+    if not reader.take(*_WORDS["during"]):
+        return False
+    said.during_s = _duration(reader)
+    return said.during_s > 0.0
+
+
+# ------------------------------------------------------------------ clock, day and duration
+
+
+def _clock(
+    reader: Reader, now: datetime, *, led: bool, day: date | None = None, half: str = ""
+) -> _Clock | None:
+    """Read a time of day; one that no word has `led` to must be told by its own form."""
+    found = _time_of_day(reader, led=led)
+    if found is None:
+        return None
+    hour, minute, second, settled, plain = found
+    part = reader.take(*_WORDS["morning"], *_WORDS["evening"])
+    half = half or ("am" if part in _WORDS["morning"] else "pm" if part else "")
+    reader.take(*_WORDS["exact"])
+    utc = bool(reader.take(*_WORDS["utc"]))
+    day = day or _day_of(part, now)
+    if day is None:
+        day, other = _day(reader, now)
+        half = half or other
+    if plain and not half and day is None and not (led and reader.word() in _FOLLOWS):
+        return None
+    if half and 1 <= hour <= 12:
+        hour = hour % 12 + (12 if half == "pm" else 0)
+        settled = True
+    if hour > 23 or minute > 59 or second > 59:
+        return None
+    return _Clock(time(hour, minute, second), settled, day, utc, bare=plain and not half)
+
+
+def _time_of_day(  # noqa: PLR0911 - one for each way to say it
+    reader: Reader, *, led: bool
+) -> tuple[int, int, int, bool, bool] | None:
+    """Return hour, minute, second, whether the half of the day is settled, and if only a number."""
+    if led and reader.take("noon", "midday", "12 noon"):
+        return 12, 0, 0, True, False
+    if led and reader.take("midnight"):
+        return 0, 0, 0, True, False
+    if spoken := _spoken_clock(reader):
+        return spoken
+    word = reader.word()
+    if whole := re.fullmatch(r"(\d\d?)h(\d\d)?", word):
+        reader.at += 1
+        return int(whole[1]), int(whole[2] or 0), 0, True, False
+    if whole := re.fullmatch(r"(\d\d?)(am|pm)", word):
+        reader.at += 1
+        return int(whole[1]) % 12 + 12 * (whole[2] == "pm"), 0, 0, True, False
+    if whole := re.fullmatch(r"([01]\d|2[0-3])([0-5]\d)(h|hrs|z)?", word):
+        reader.at += 1
+        told = bool(whole[3] or reader.take("hrs", "hours", "hr"))
+        return (int(whole[1]), int(whole[2]), 0, True, False) if led or told else None
+    if re.fullmatch(r"\d\d?", word):
+        return _digital(reader, word, led=led)
+    number = _number(reader)
+    if not led or not 1 <= number <= 12:
+        return None
+    oclock = bool(reader.take(*_WORDS["oclock"]))
+    minute = 0 if oclock else _minutes_after_hour(reader)
+    return int(number), minute, 0, False, not oclock and not minute
+
+
+def _digital(reader: Reader, word: str, *, led: bool) -> tuple[int, int, int, bool, bool] | None:
+    """Read *16:45*, *16:45:30*, *4.30*, *4 o'clock*, *4*."""
+    reader.at += 1
+    parts: list[int] = []
+    for marks in ((":", "."), (":",)):
+        if reader.word() in marks and re.fullmatch(r"\d\d", reader.word(1)) and _close(reader):
+            if reader.word() == "." and not led:
+                break
+            parts.append(int(reader.word(1)))
+            reader.at += 2
+        else:
+            break
+    minute, second = (*parts, 0, 0)[:2]
+    oclock = not parts and led and bool(reader.take(*_WORDS["oclock"]))
+    settled = len(word) == 2 if parts else int(word) > 12
+    halved = reader.word() in ("am", "pm", "a", "p")
+    if not (led or parts or oclock or halved):
+        return None
+    return int(word), minute, second, settled, not parts and not oclock
+
+
+def _close(reader: Reader) -> bool:
+    """Return whether the sign here touches the numbers on both sides of it."""
+    before, sign, after = reader.tokens[reader.at - 1 : reader.at + 2]
+    return before.end == sign.start and sign.end == after.start
+
+
+def _spoken_clock(reader: Reader) -> tuple[int, int, int, bool, bool] | None:
+    """Read *half past nine*, *quarter to four*, *twenty past eight*."""
+    start = reader.at
+    reader.take("a")
+    minute = 30.0 if reader.take("half") else 15.0 if reader.take("quarter") else _number(reader)
+    reader.take("minutes", "min")
+    way = reader.take("past", "after", "to", "before")
+    hour = _number(reader) if way and 0 < minute < 60 else -1.0
+    if not 1 <= hour <= 23:
+        reader.at = start
+        return None
+    reader.take(*_WORDS["oclock"])
+    total = int(hour) * 60 + int(minute if way in ("past", "after") else -minute)
+    return total // 60 % 24, total % 60, 0, hour > 12, False
+
+
+def _minutes_after_hour(reader: Reader) -> int:
+    """Read the minutes in *nine thirty*; 0 for none."""
+    start = reader.at
+    reader.take("oh", "o")
+    number = _number(reader)
+    if 1 <= number <= 59 and reader.word() not in _UNIT_S:
+        return int(number)
+    reader.at = start
+    return 0
+
+
+def _day(reader: Reader, now: datetime) -> tuple[date | None, str]:
+    """Read *tomorrow*, *tonight*, *on monday*; the half of the day is '', 'am' or 'pm'."""
+    start = reader.at
+    if said := reader.take(*_WORDS["today"], *_WORDS["tomorrow"]):
+        half = "am" if said in _WORDS["morning"] else "pm" if said in _WORDS["evening"] else ""
+        return _day_of(said, now), half
+    reader.take("on", "next", "this")
+    if day := reader.take_in(_WEEKDAYS):
+        return _weekday(day, now), ""
+    reader.at = start
+    return None, ""
+
+
+def _day_of(said: str, now: datetime) -> date | None:
+    if said in _WORDS["tomorrow"]:
+        return now.date() + timedelta(days=1)
+    return now.date() if said in _WORDS["today"] else None
+
+
+def _weekday(word: str, now: datetime) -> date:
+    """Return the next day of that name after today."""
+    ahead = (_WEEKDAYS.index(word) - now.weekday() - 1) % 7 + 1
+    return now.date() + timedelta(days=ahead)
+
+
+def _duration(reader: Reader) -> float:
+    """Read *five minutes*, *1 h 15 min*, *half an hour*, *an hour and a half*; 0 for none."""
+    total, start, last = 0.0, reader.at, DAY_S * 400
+    while (seconds := _one_duration(reader)) and seconds < last:
+        # A second part is of a smaller unit: *every 2 minutes, one minute at each gate* has two.
+        total, start = total + seconds, reader.at
+        last = 0.0 if reader.word() == "," else _UNIT_S.get(reader.word(-1), 0.0)
+        reader.take("and")
+    reader.at = start
+    if total and reader.take("and a half"):
+        total += 0.5 * _UNIT_S[reader.tokens[reader.at - 4].word]
+    return total
+
+
+def _one_duration(reader: Reader) -> float:
+    start = reader.at
+    compact = _COMPACT.fullmatch(reader.word())
+    if compact and compact[2] in _UNIT_S and (not compact[4] or compact[4] in _UNIT_S):
+        reader.at += 1
+        rest = float(compact[3] or 0) * _UNIT_S.get(compact[4] or "min", 0.0)
+        return float(compact[1]) * _UNIT_S[compact[2]] + rest
+    if reader.take("half an", "half a", "half"):
+        share = 0.5
+    elif reader.take("a quarter of an", "quarter of an", "a quarter", "quarter"):
+        share = 0.25
+    elif reader.take("a couple of"):
+        share = 2.0
+    else:
+        share = _number(reader)
+        share = 1.0 if share < 0 and reader.take("a", "an") else share
+        share += 0.5 if share > 0 and reader.take("and a half") else 0.0
+    seconds = _unit(reader) if share > 0 else 0.0
+    if not seconds:
+        reader.at = start
+    return share * seconds
+
+
+def _unit(reader: Reader) -> float:
+    word = reader.take_in(_UNIT_S.keys())
+    return _UNIT_S[word] if word else 0.0
+
+
+def _number(reader: Reader) -> float:
+    """Read a number in digits or words up to 99; -1 for none."""
+    word = reader.word()
+    tens, _, ones = word.partition("-")
+    if tens in _TENS and (not ones or number_of(ones) in range(1, 10)):
+        reader.at += 1
+        one = number_of(ones) if ones else number_of(reader.word())
+        if not ones and one in range(1, 10) and not reader.word().isdigit():
+            reader.at += 1
+            return float(_TENS[tens] + one)
+        return float(_TENS[tens] + (one if ones else 0))
+    number = number_of(word)
+    if number >= 0 and len(word) <= 9:
+        reader.at += 1
+    return float(number)
+
+
+def _words_from(said: _Said, reader: Reader, first: int) -> str:
+    return said.text[reader.tokens[first].start : reader.tokens[reader.at - 1].end]
+
+
+# ------------------------------------------------------------------ what it comes to
+
+
+def _schedule(  # noqa: PLR0911 - one line for each thing that can be wrong
+    said: _Said, now: datetime, shortest_s: float
+) -> Schedule | Unclear:
+    """Return the moments that were said, or what is wrong with them."""
+    if said.vague:
+        return Unclear("", f"“{said.vague}” names no moment: at what time, or in how many minutes?")
+    if len(said.starts) > 1:
+        both = " and ".join(f"“{words}”" for words, _ in said.starts)
+        return Unclear("", f"{both} are two moments: give one order for each of them.")
+    start = _first(said, now)
+    if isinstance(start, Unclear):
+        return start
+    if 0.0 < said.every_s < shortest_s:
+        told = f"every {duration_words(said.every_s)}"
+        least = duration_words(shortest_s)
+        return Unclear("", f"{told} is too often: at most every {least} (shortest_interval_s).")
+    if start > now + MOST_AHEAD:
+        return Unclear("", f"{start:%d %B} is too far ahead: at most {MOST_AHEAD.days} days.")
+    until = _end(said, start, now)
+    if isinstance(until, Unclear):
+        return until
+    if until is not None and until <= start:
+        return Unclear("", f"it would end at {until:%H:%M} before it begins at {start:%H:%M}.")
+    if said.every_s:
+        if until is None and said.during_s:
+            until = start + timedelta(seconds=said.during_s)
+        return Schedule(
+            start=start,
+            at_once=start == now,
+            every_s=said.every_s,
+            until=until,
+            times=said.times,
+        )
+    return Schedule(
+        start=start, at_once=start == now, stay_s=said.during_s, leave=until, to_base=said.to_base
+    )
+
+
+def _first(said: _Said, now: datetime) -> datetime | Unclear:
+    if said.starts:
+        words, first = said.starts[0]
+        if isinstance(first, datetime):
+            return first
+        at = _moment(words, first, said, now)
+        if isinstance(at, Unclear) or said.minute is None:
+            return at
+        return _aligned(at, said.minute)
+    if said.minute is not None:
+        return _aligned(now, said.minute)
+    if said.day is not None and said.day != now.date():
+        return Unclear("", "At what time of that day? Say for example: tomorrow at 16:45.")
+    return now
+
+
+def _aligned(now: datetime, minute: int) -> datetime:
+    """Return the next moment at that minute of an hour."""
+    at = now.replace(minute=minute, second=0, microsecond=0)
+    return at if at >= now else at + timedelta(hours=1)
+
+
+def _moment(words: str, clock: _Clock, said: _Said, now: datetime) -> datetime | Unclear:
+    """Return the moment of a clock time, or a question if it has passed or can mean two."""
+    day = clock.day or said.day
+    at = _on(day or now.date(), clock.at, now, utc=clock.utc)
+    if not clock.settled:
+        ways = [at, at + timedelta(hours=12) if at.hour < 12 else at - timedelta(hours=12)]
+        ways = [one if day or one > now else one + timedelta(days=1) for one in ways]
+        choices = tuple(_as_said(one, now) for one in sorted(ways) if one > now)
+        if choices:
+            asked = f"“{words}”: in the morning or in the evening?"
+            return Unclear(words, asked, choices)
+    if at < now - timedelta(seconds=JUST_S):
+        if said.every_s and not day:
+            return at + timedelta(days=1)
+        question = f"{at:%H:%M} has passed: it is {now:%H:%M}. At what time?"
+        return Unclear(words, question, (_as_said(at + timedelta(days=1), now),) * (not clock.day))
+    return max(at, now)
+
+
+def _end(said: _Said, start: datetime, now: datetime) -> datetime | Unclear | None:
+    if said.until is None:
+        return None
+    words, clock = said.until
+    day = clock.day or start.date()
+    at = _on(day, clock.at, now, utc=clock.utc)
+    if not clock.settled:
+        ways = [at, at + timedelta(hours=12) if at.hour < 12 else at - timedelta(hours=12)]
+        choices = tuple(f"until {one:%H:%M}" for one in sorted(ways) if one > start)
+        return Unclear(words, f"“{words}”: in the morning or in the evening?", choices)
+    if at <= start and clock.day is None:
+        if not said.starts:
+            return Unclear("", f"{at:%H:%M} has passed: it is {now:%H:%M}. Until when?")
+        at += timedelta(days=1)
+    return at
+
+
+def _on(day: date, at: time, now: datetime, *, utc: bool) -> datetime:
+    """Return a time of day on `day`, in the zone of `now`, as the zone is at that moment."""
+    if utc:
+        return datetime.combine(day, at, UTC).astimezone(now.tzinfo)
+    if now.tzinfo is UTC:
+        return datetime.combine(day, at, UTC)
+    return datetime.combine(day, at).astimezone()
+
+
+def _as_said(at: datetime, now: datetime) -> str:
+    day = "" if at.date() == now.date() else "tomorrow "
+    if day and at.date() != now.date() + timedelta(days=1):
+        day = f"{at:%A} "
+    return f"{day}at {at:%H:%M}" + (f":{at:%S}" if at.second else "")
+
+
+def schedule_words(schedule: Schedule, now: datetime) -> str:
+    """Return the moments of a schedule in words: *every 10 minutes from 15:00 until 18:00*."""
+    begins = "now" if schedule.at_once else _as_said(schedule.start, now)
+    if schedule.every_s:
+        words = f"every {duration_words(schedule.every_s)} from {begins.removeprefix('at ')}"
+        if schedule.until is not None:
+            words += f" until {_as_said(schedule.until, now).replace('at ', '')}"
+        return words + (f", {schedule.times} times" if schedule.times else "")
+    then = "then to base" if schedule.to_base else "then back"
+    if schedule.leave is not None:
+        return f"{begins}, until {_as_said(schedule.leave, now).replace('at ', '')}, {then}"
+    stay = f", for {duration_words(schedule.stay_s)} in place, {then}"
+    return begins + stay * bool(schedule.stay_s)
+
+
+def duration_words(seconds: float) -> str:
+    """Return a duration in words: *10 minutes*, *1 hour 15 minutes*."""
+    parts: list[str] = []
+    for name, size in (("day", DAY_S), ("hour", 3600.0), ("minute", 60.0), ("second", 1.0)):
+        number, seconds = int(seconds // size), seconds % size
+        if number:
+            parts.append(f"{number} {name}{'s' * (number > 1)}")
+    return " ".join(parts) or "0 seconds"
+
+
+def _rest(text: str, cut: list[tuple[int, int]]) -> str:
+    """Return the text without the phrases of time, and without the stops that belonged to them."""
+    parts, done = list[str](), 0
+    for first, last in sorted(cut):
+        if first >= done:
+            parts.append(text[done:first])
+        done = max(done, last)
+    left = " ".join((*parts, text[done:]))
+    left = re.sub(r"\s+([,.;!?])", r"\1", left)
+    left = re.sub(r"[,;:]\s*(?=[,.;:])|(?<=[.;,])\s*[,.;]+", "", left)
+    left = re.sub(r"^[\s,.;:–—-]+|[\s,;:–—-]+$", "", left)
+    return left[:1].upper() + left[1:] if re.search(r"\w", left) else ""

@@ -1,0 +1,194 @@
+"""The moments of timed orders: which is next, due, late, missed, skipped, and who goes back when.
+
+Every moment of an order is taken once, in turn, and each one ends in a mission or in a reason why
+there is none. A clock that goes back repeats nothing; one that jumps ahead, or a machine that
+slept, starts a mission late only within the grace period, and an event says how late.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+
+from pa_console.language.references.scene import STILL, Move
+from pa_console.language.timed_orders import SHORTEST_S, duration_words
+from pa_console.schema.mission import StandingOrder
+
+PAUSED = "it is paused"
+STOPPED = "everything is stopped"
+
+
+@dataclass(frozen=True)
+class TimingLimits:
+    """The limits of timed orders, in seconds: how late a mission may start, the least interval."""
+
+    grace_s: float = 60.0
+    shortest_s: float = SHORTEST_S
+
+
+def _wall() -> datetime:
+    return datetime.now().astimezone()
+
+
+class StationTime:
+    """The clock of the station, by which timed orders go.
+
+    It is the wall clock in the machine's zone. A simulation that runs faster moves it ahead by what
+    it has gained; one that only goes on when asked moves it by its own seconds alone.
+    """
+
+    def __init__(self, wall: Callable[[], datetime] = _wall) -> None:
+        self._wall = wall
+        self._first: tuple[datetime, float] | None = None
+        self._last = wall(), 0.0
+        self._ahead = timedelta()
+        self.now = self._last[0]
+        """The present time."""
+
+    def take(self, time_s: float, *, stepped: bool = False) -> None:
+        """Note the fleet's time; a `stepped` fleet only goes on when somebody waits for it."""
+        wall = self._wall()
+        if self._first is None:
+            self._first, self._last = (wall, time_s), (wall, time_s)
+        if stepped:
+            began, began_s = self._first
+            self.now = began + timedelta(seconds=time_s - began_s)
+            return
+        before, before_s = self._last
+        gained = timedelta(seconds=time_s - before_s) - (wall - before)
+        # A hold-up lets the simulation fall behind; only what is gained beyond that counts.
+        self._ahead = max(self._ahead + gained, timedelta())
+        self._last = wall, time_s
+        self.now = wall + self._ahead
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A moment that has come: the order to start, and how late; or the reason why not."""
+
+    order: str = ""
+    late_s: float = 0.0
+    reason: str = ""
+
+
+@dataclass
+class Agenda:
+    """The moments of one order in force; its `order` has the schedule."""
+
+    order: StandingOrder
+    paused: bool = False
+    _number: int = 0
+    """The number of moments that were taken."""
+    _back_at: datetime | None = None
+    _back: str = ""
+    _open: set[str] = field(default_factory=set[str])
+    """The missions of it that are not over."""
+    _returned: bool = False
+    """True once the way back of those it has sent was settled."""
+    _starting: bool = False
+    """True from a moment that is due until its mission is known."""
+
+    @property
+    def next(self) -> datetime | None:
+        """The next moment at which it starts something, None if there is none."""
+        schedule = self.order.schedule
+        moment = schedule.moment(self._number) if schedule is not None else None
+        both = [at for at in (moment, self._back_at) if at is not None]
+        return min(both, default=None)
+
+    @property
+    def over(self) -> bool:
+        """True if nothing is to come of it any more."""
+        return self.next is None and not self._open and not self._starting
+
+    def begin(self, now: datetime) -> None:
+        """Let an order that was to begin at once begin now: it has just been approved."""
+        schedule = self.order.schedule
+        if schedule is not None and schedule.at_once:
+            begins = schedule.model_copy(update={"start": now})
+            self.order = self.order.model_copy(update={"schedule": begins})
+
+    def too_late(self, now: datetime, grace_s: float) -> bool:
+        """Return whether no moment is left that could start anything."""
+        schedule, number = self.order.schedule, self._number
+        if schedule is None or schedule.at_once:
+            return False
+        if schedule.every_s:
+            number = max(int((now - schedule.start).total_seconds() // schedule.every_s), 0)
+        at = schedule.moment(number) or schedule.moment(max(number - 1, 0))
+        return at is None or at < now - timedelta(seconds=grace_s)
+
+    def skip(self) -> datetime:
+        """Leave out the next moment and return it; raises ValueError without one."""
+        at = self.next
+        if at is None:
+            raise ValueError(f"{self.order.id} has no moment left to skip")
+        if at == self._back_at:
+            raise ValueError(f"{self.order.id} only waits to bring back whom it has sent")
+        self._number += 1
+        return at
+
+    def look(self, now: datetime, grace_s: float, *, stopped: bool) -> Iterable[Moment]:
+        """Take every moment that has come, and yield what becomes of it."""
+        if self._back_at is not None and now >= self._back_at:
+            at, order = self._back_at, self._back
+            self._back_at, self._back = None, ""
+            yield self._taken([at], now, grace_s, order, stopped=stopped)
+        schedule, come = self.order.schedule, list[datetime]()
+        if schedule is None:
+            return
+        while (at := schedule.moment(self._number)) is not None and at <= now:
+            come.append(at)
+            self._number += 1
+        if len(come) > 1:
+            passed = f"{len(come) - 1} moments from {come[0]:%H:%M:%S} to {come[-2]:%H:%M:%S}"
+            yield Moment(reason=f"{passed} passed unseen: the clock jumped, or the machine slept")
+        if come:
+            yield self._taken(come, now, grace_s, self.order.order, stopped=stopped)
+
+    def _taken(
+        self, come: Sequence[datetime], now: datetime, grace_s: float, order: str, *, stopped: bool
+    ) -> Moment:
+        at = come[-1]
+        late_s = (now - at).total_seconds()
+        if stopped:
+            return Moment(reason=f"{at:%H:%M:%S}: {STOPPED}")
+        if self.paused:
+            return Moment(reason=f"{at:%H:%M:%S}: {PAUSED}")
+        if late_s > grace_s:
+            late, most = duration_words(late_s), duration_words(grace_s)
+            return Moment(reason=f"{at:%H:%M:%S} passed {late} ago, {most} late is allowed")
+        if self._open or self._starting:
+            return Moment(reason=f"{at:%H:%M:%S}: {', '.join(sorted(self._open))} is not over")
+        self._starting = True
+        return Moment(order, late_s)
+
+    def started(self, mission: str) -> None:
+        """Note the mission that a moment has started."""
+        self._open.add(mission)
+        self._starting = False
+
+    def ended(self, mission: str, moves: Sequence[Move], base: str, now: datetime) -> str:
+        """Note that a mission is over that made `moves`; return what is to be told of that."""
+        self._open.discard(mission)
+        schedule = self.order.schedule
+        if schedule is None or not schedule.stays or self._back_at is not None or self._returned:
+            return ""
+        self._returned = True
+        self._back = way_back(moves, base, to_base=schedule.to_base)
+        if not self._back:
+            return "nobody was sent anywhere, so nobody goes back"
+        self._back_at = schedule.leave or now + timedelta(seconds=schedule.stay_s)
+        return ""
+
+
+def way_back(moves: Sequence[Move], base: str, *, to_base: bool = False) -> str:
+    """Return the order that brings everybody back to where they were before; '' for nobody."""
+    homes: dict[str, list[str]] = {}
+    for agent, before in {move.agent: move.before for move in reversed(moves)}.items():
+        went = {move.target for move in moves if move.agent == agent and move.verb not in STILL}
+        if went - {before, ""}:
+            homes.setdefault(base if to_base else before or base, []).append(agent)
+    return " ".join(
+        f"Send {' and '.join(sorted(names))} back to {'base' if place == base else place}."
+        for place, names in sorted(homes.items())
+    )
