@@ -24,7 +24,7 @@ from pa_console.llm.roles.role_model import PromptFormat, RoleModel, first_answe
 from pa_console.mission.context import MissionContext
 from pa_console.mission.plan import Candidate, PlanForDecision, with_commands_given
 from pa_console.mission.propose import PlannerAnswer
-from pa_console.mission.readings import may_decide, read_again, read_at_first, weigh
+from pa_console.mission.readings import may_decide, read_order
 from pa_console.mission.tasking.fulfilment import gaps
 from pa_console.mission.tasking.moves import PlanMoves
 from pa_console.policy.findings import ORDER_ID
@@ -158,11 +158,7 @@ async def judge(context: MissionContext, planned: PlanForDecision) -> PlanForDec
         return replace(planned, best=shown)
     case, services = _case(answered, shown, rehearsal), context.services
     question = ask_about_plan(services.prompt_format, services.fleet.world, services.rulebook, case)
-    answers = [
-        *read_at_first(shown),
-        *await read_again(context, answered, shown, question),
-    ]
-    readings = await weigh(context, answered, shown, answers)
+    readings = await read_order(context, answered, shown, question)
     own = next(reading for reading in readings if reading.reader == "planner")
     for reading in readings[: readings.index(own)]:
         if may_decide(services.variant, reading, own):

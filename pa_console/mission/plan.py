@@ -125,9 +125,8 @@ class PlanForDecision:
 
         None unless the second reader, or both others, report how sure they are.
         """
-        told = [each.evidence for each in self.readings]
-        first = [any(each[n] is not None for each in told) for n in range(3)]
-        known = first[2] or (first[0] and first[1])
+        told = {reader for each in self.readings for reader in each.evidence.told}
+        known = "second" in told or told >= {"planner", "judge"}
         return self.served.chance if known and self.served is not None else None
 
     @property

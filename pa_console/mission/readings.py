@@ -23,7 +23,6 @@ from pa_console.mission.tasking.obstacles import unmet_asks
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events import event as ev
 from pa_console.schema.plan import Plan
-from pa_console.schema.telemetry import Picture
 from pa_console.session.confidence import Evidence, Reader, WeighedReading, weighed
 
 DOUBT = 0.8
@@ -56,7 +55,7 @@ def in_doubt(shown: Candidate) -> bool:
     return shown.sure < DOUBT or shown.objected or bool(shown.mentions.gaps)
 
 
-async def read_again(
+async def _read_again(
     context: MissionContext, answered: PlannerAnswer, shown: Candidate, question: JudgeQuestion
 ) -> list[ReaderAnswer]:
     """Return what the second reader reads in an order that is in doubt; nothing without an answer.
@@ -94,42 +93,39 @@ async def read_again(
     return [ReaderAnswer("second", read.asked, read.confidence if measured else None)]
 
 
-def read_at_first(shown: Candidate) -> list[ReaderAnswer]:
-    """Return the readings of planner and judge, as far as they have told any."""
-    said = shown.verdict.feedback.partition(PLANNED) if shown.verdict is not None else ("", "", "")
-    answers = [ReaderAnswer("planner", shown.asked, shown.confidence)]
-    if said[1]:
-        answers.append(ReaderAnswer("judge", said[0], shown.judge_confidence))
-    return answers
-
-
-async def weigh(
-    context: MissionContext,
-    answered: PlannerAnswer,
-    shown: Candidate,
-    answers: Sequence[ReaderAnswer],
+async def read_order(
+    context: MissionContext, answered: PlannerAnswer, shown: Candidate, question: JudgeQuestion
 ) -> tuple[WeighedReading, ...]:
     """Return the readings of an order, the likeliest first.
 
-    The planner's is that of the plan on show. A reader whose reading that plan serves as well
-    shares it.
+    The planner's is that of the judged plan on show; `question` is what the judge was asked about
+    it. A reader whose reading the plan serves as well shares the planner's.
     """
-    own, *others = answers
-    groups = [[own]]
-    for answer in others:
-        same = (group for group in groups if _alike(context, group, answer))
-        group = next(same, groups[0] if _serves(context, shown, answer.asked) else None)
-        if group is None:
-            groups.append([answer])
-        else:
-            group.append(answer)
     world, text = context.services.fleet.world, answered.retrieved.task.text
-    found = [_weighed(own, groups[0], shown.mentions)]
+    rehearsal = shown.examination.rehearsal
+    before = rehearsal.before if rehearsal is not None else context.services.fleet.picture()
+    answers = [ReaderAnswer("planner", shown.asked, shown.confidence)]
+    said = shown.verdict.feedback.partition(PLANNED) if shown.verdict is not None else ("", "", "")
+    if said[1]:
+        answers.append(ReaderAnswer("judge", said[0], shown.judge_confidence))
+    answers += await _read_again(context, answered, shown, question)
+    groups = [answers[:1]]
+    for answer in answers[1:]:
+        for group in groups:
+            if _same(group[0].asked, answer.asked, world.base):
+                group.append(answer)
+                break
+        else:
+            if _serves(PlanMoves(world, before, shown.examination.plan), shown, answer.asked, text):
+                groups[0].append(answer)
+            else:
+                groups.append([answer])
+    found = [_with_evidence(answers[0], groups[0], shown.mentions)]
     for group in groups[1:]:
         first = max(group, key=lambda answer: answer.chance or 0.0)
         plan = await foreseen(context, answered, first.asked)
-        check = check_mentions(world, _before(context, shown), text, first.asked, plan)
-        found.append(_weighed(first, group, check))
+        check = check_mentions(world, before, text, first.asked, plan)
+        found.append(_with_evidence(first, group, check))
     return weighed(found)
 
 
@@ -145,35 +141,30 @@ def may_decide(variant: Variant, reading: WeighedReading, own: WeighedReading) -
     return variant.second_reading and (known or reading.evidence.gaps < own.evidence.gaps)
 
 
-def _alike(context: MissionContext, group: Sequence[ReaderAnswer], answer: ReaderAnswer) -> bool:
-    base = context.services.fleet.world.base
-    return any(one.asked == answer.asked or agree(one.asked, answer.asked, base) for one in group)
+def _same(one: str, other: str, base: str) -> bool:
+    """Return whether two readings are the same one; those that cannot be read may be, too."""
+    return one == other or agree(one, other, base)
 
 
-def _weighed(
+def _with_evidence(
     first: ReaderAnswer, group: Sequence[ReaderAnswer], check: MentionCheck
 ) -> WeighedReading:
-    """Return the reading of `group` in the words of `first`, with its evidence."""
+    """Return the reading that `group` shares, in the words of `first`."""
     chance = {answer.reader: answer.chance for answer in group}
-    evidence = Evidence(
-        chance.get("planner"), chance.get("judge"), chance.get("second"), len(check.gaps)
-    )
-    return WeighedReading(first.asked, first.reader, evidence)
+    told = chance.get("planner"), chance.get("judge"), chance.get("second")
+    return WeighedReading(first.asked, first.reader, Evidence(*told, gaps=len(check.gaps)))
 
 
-def _serves(context: MissionContext, shown: Candidate, asked: str) -> bool:
-    """Return whether the plan on show does all that is `asked`, and nothing else.
+def _serves(moves: PlanMoves, shown: Candidate, asked: str, text: str) -> bool:
+    """Return whether the plan on show, with its `moves`, does all that is `asked`, no more.
 
     One that leaves every asset in place, or words of the order over, serves its own reading only.
     """
-    reading, plan = read_asked(asked), shown.examination.plan
-    if reading is None or shown.gaps or shown.narrowed or shown.mentions.gaps:
+    reading = read_asked(asked)
+    still = all(action.verb == "hold" for action in moves.plan.actions)
+    if reading is None or still or shown.gaps or shown.narrowed or shown.mentions.gaps:
         return False
-    if all(action.verb == "hold" for action in plan.actions):
-        return False
-    moves = PlanMoves(context.services.fleet.world, _before(context, shown), plan)
-    left = unmet_asks(moves, reading, context.mission.text)
-    return not gaps(moves, reading) and all(one.so for one in left)
+    return not gaps(moves, reading) and all(one.so for one in unmet_asks(moves, reading, text))
 
 
 async def foreseen(context: MissionContext, answered: PlannerAnswer, asked: str) -> Plan:
@@ -182,8 +173,3 @@ async def foreseen(context: MissionContext, answered: PlannerAnswer, asked: str)
     if not ways:
         return Plan(reason=asked, actions=())
     return served_plan(asked, ways[0], answered.question.digest)
-
-
-def _before(context: MissionContext, shown: Candidate) -> Picture:
-    rehearsal = shown.examination.rehearsal
-    return rehearsal.before if rehearsal is not None else context.services.fleet.picture()

@@ -42,9 +42,14 @@ class Evidence(NamedTuple):
     """The number of words that it leaves over, and of names and tasks that no word supports."""
 
     @property
-    def told(self) -> tuple[float, ...]:
+    def told(self) -> dict[Reader, float]:
         """The chances of those who read it so, as far as they report any."""
-        return tuple(c for c in (self.planner, self.judge, self.second) if c is not None)
+        told: dict[Reader, float | None] = {
+            "planner": self.planner,
+            "judge": self.judge,
+            "second": self.second,
+        }
+        return {reader: chance for reader, chance in told.items() if chance is not None}
 
 
 class WeighedReading(NamedTuple):
@@ -86,18 +91,14 @@ MOST_GAPS = 3
 def features(readings: Sequence[Evidence]) -> list[tuple[float, ...]]:
     """Return the factors of the coefficients, in their order, for each reading of one order."""
     gaps = [min(read.gaps, MOST_GAPS) for read in readings]
-    return [(*_support(read), float(n - min(gaps))) for read, n in zip(readings, gaps, strict=True)]
-
-
-def _support(read: Evidence) -> tuple[float, ...]:
-    own = [chance for chance in (read.planner, read.judge) if chance is not None]
-    return (
-        1.0,
-        float(len(own) > 1),
-        log_odds(min(own)) if own else 0.0,
-        float(read.second is not None),
-        log_odds(read.second) if read.second is not None else 0.0,
-    )
+    found = list[tuple[float, ...]]()
+    for read, count in zip(readings, gaps, strict=True):
+        own = [chance for chance in (read.planner, read.judge) if chance is not None]
+        second = [read.second] if read.second is not None else []
+        odds = [log_odds(min(told)) if told else 0.0 for told in (own, second)]
+        more = float(count - min(gaps))
+        found.append((1.0, float(len(own) > 1), odds[0], float(len(second)), odds[1], more))
+    return found
 
 
 def chances(readings: Sequence[Evidence], by: Coefficients = FITTED) -> list[float]:
@@ -115,9 +116,7 @@ def chances(readings: Sequence[Evidence], by: Coefficients = FITTED) -> list[flo
 
 def _doubted(read: Evidence) -> bool:
     """Return whether nobody confirms a reading of the second reader, or one with a gap."""
-    if read.second is None:
-        return read.gaps > 0
-    return read.planner is None and read.judge is None
+    return read.gaps > 0 if read.second is None else len(read.told) == 1
 
 
 def calibrated_confidence(read: Evidence) -> float | None:
