@@ -23,6 +23,7 @@ from pa_console.observability.mission_spans import NUMBERS, MissionSpans
 from pa_console.observability.session_metrics import MetricsServer, SessionMetrics
 from pa_console.observability.span_export import SpanExport
 from pa_console.schema.events import event as ev
+from pa_console.schema.finding import Usage
 from pa_console.station.assembly import load_site
 from tests.rig import Rig
 from tests.scripted import ScriptedEngine, plan
@@ -112,6 +113,23 @@ def test_the_times_of_spans_are_those_of_the_events(events: Sequence[ev.Event]) 
     assert (root.end_time or 0) // 1000 == round(finished.t.timestamp() * 1e6)
     for span in spans.values():
         assert (span.start_time or 0) <= (span.end_time or 0)
+
+
+def test_what_was_read_before_the_order_was_sent_is_no_part_of_a_span(
+    events: Sequence[ev.Event],
+) -> None:
+    usage = {"usage": Usage(seconds=5.0, ahead_s=4.5)}
+    early = [
+        event.model_copy(update={"data": event.data.model_copy(update=usage)})
+        if isinstance(event.data, ev.PlanProposed)
+        else event
+        for event in events
+    ]
+    span = {span.name: span for span in spans_of(early)}["plan"]
+    assert span.start_time is not None
+    assert span.end_time is not None
+    assert span.end_time - span.start_time == 500_000_000
+    assert _told(span)["pa.usage.ahead_s"] == 4.5
 
 
 def test_no_word_of_an_operator_is_in_a_span_unless_asked_for(
