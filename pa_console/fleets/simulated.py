@@ -107,7 +107,7 @@ class ShownPicture:
     """A picture reported by another station, and the forecast from it; it commands no asset."""
 
     def __init__(self, world: World) -> None:
-        self._terrain = Terrain(world)
+        self._terrain = Terrain.of(world)
         self._picture: Picture | None = None
 
     @property

@@ -51,7 +51,7 @@ class Checkpoint:
         Raises ValueError if an asset has no place.
         """
         self.world, self.scenario = world, scenario
-        self._terrain = Terrain(world)
+        self._terrain = Terrain.of(world)
         self._period = station_side.period_ticks(world)
         self.reset(seed)
 

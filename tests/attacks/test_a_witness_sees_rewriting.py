@@ -60,7 +60,7 @@ def witnessed(folder: Path, events: list[ev.Event]) -> tuple[Path, Path]:
             arrived.clear()
             writer.append(event)
             if event.data.binding:
-                assert arrived.wait(30)
+                assert arrived.wait(300)
     return log, file
 
 
@@ -200,7 +200,7 @@ def test_an_address_is_given_the_heads_and_its_file_is_the_witness(
             receiver.came.clear()
             writer.append(event)
             if event.data.binding:
-                assert receiver.came.wait(30)
+                assert receiver.came.wait(300)
     assert witness.problem == ""
     file = tmp_path / "received"
     file.write_bytes(b"".join(receiver.bodies))
@@ -221,7 +221,7 @@ def test_an_address_that_keeps_nothing_is_told(
     witness = Witness(receiver.url)
     with LogWriter(tmp_path / "s.jsonl", "S1", signer=MINE, witness=witness) as writer:
         writer.append(story()[0])
-        assert receiver.came.wait(30)
+        assert receiver.came.wait(300)
     assert words in witness.problem
     assert verify(tmp_path / "s.jsonl", KNOWN).intact
 
@@ -243,7 +243,7 @@ async def test_a_witness_that_is_not_there_is_told_and_keeps_no_mission_waiting(
         monkeypatch.setattr(rig, "station", only(station))
 
         def wait(*_: object) -> None:
-            assert failed.wait(30)
+            assert failed.wait(300)
 
         trace = await rig.run(engine, on_event=wait)
     assert trace.status == "verified"
@@ -270,7 +270,7 @@ def test_heads_that_no_decision_calls_for_are_sent_every_ten_seconds(tmp_path: P
         before = len(sent)
         witness.see(seen, urgent=number == 5)
         if number in (1, 5, 25):
-            assert some.acquire(timeout=30)
+            assert some.acquire(timeout=300)
         else:
             assert len(sent) == before
     witness.close()

@@ -39,7 +39,7 @@ for verb in verbs:
     verb.Engine = lambda _: engine
 main()
 """
-WITHIN_S = 60.0
+WITHIN_S = 300.0
 """What has not happened by then never will, also on a busy machine."""
 
 

@@ -215,7 +215,7 @@ async def test_an_idle_connection_is_closed_and_an_open_window_is_not(
         for _ in range(2):
             reader, writer = await asyncio.open_connection("127.0.0.1", browser.port)
             writer.write(sent.replace("HERE", f"127.0.0.1:{browser.port}").encode())
-            async with asyncio.timeout(30):
+            async with asyncio.timeout(300):
                 await reader.read()
             writer.close()
         await console.send_json(["stdin", "still here"])

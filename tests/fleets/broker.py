@@ -11,7 +11,7 @@ from typing import Protocol
 
 from pa_console.fleets.vda5050.broker import LOOPBACK, BrokerAddress, run_broker
 
-UP_S = 10.0
+UP_S = 120.0
 
 
 def mosquitto() -> str | None:

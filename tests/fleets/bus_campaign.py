@@ -52,7 +52,7 @@ class PromptRobots:
         self._waiting = len(world.assets)
         self._thread = Thread(target=self._run, daemon=True)
         self._thread.start()
-        self._up.wait(20)
+        self._up.wait(300)
 
     def _run(self) -> None:
         self._loop.run_until_complete(self._serve())

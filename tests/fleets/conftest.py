@@ -57,7 +57,7 @@ class RunningSite:
         self.site: SimulatedSite
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
-        self._made.wait(10)
+        self._made.wait(300)
 
     def _run(self) -> None:
         self._loop.run_until_complete(self._go())
@@ -72,7 +72,7 @@ class RunningSite:
         """Take everybody off the bus in good order."""
         if self._task is not None:
             self._loop.call_soon_threadsafe(self._task.cancel)
-        self._thread.join(10)
+        self._thread.join(300)
 
 
 @contextmanager

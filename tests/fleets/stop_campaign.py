@@ -376,7 +376,7 @@ def play(histories: int, seed: int) -> Outcome:
     broker.start()
     try:
         with running(world, address_of(broker, f"stop{seed}"), rate=RATE) as site:
-            until = time.monotonic() + 20.0
+            until = time.monotonic() + 300.0
             while not site.site._site.client.connected:  # pyright: ignore[reportPrivateUsage]
                 if time.monotonic() > until:
                     raise TimeoutError("the site did not come up")

@@ -32,7 +32,7 @@ from tests.fleets.schemas import TOPICS, problems
 
 PAGE = Path(__file__).parents[2] / "pa_console" / "manual" / "connect-a-robot.md"
 ROBOT = "Robot_T03"
-LIMIT_S = 60.0
+LIMIT_S = 300.0
 
 
 def program(number: int = 0) -> str:

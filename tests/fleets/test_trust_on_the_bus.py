@@ -30,7 +30,7 @@ from tests.fleets.keyring import (
     Clock,
 )
 
-LIMIT_S = 20.0
+LIMIT_S = 300.0
 NEWER = auth.sign_roster(
     KEYS["owner"], auth.Roster(2, ROSTER.people, ROSTER.stations, ROSTER.rules)
 )

@@ -80,7 +80,7 @@ async def said_by_vehicle(world: World, order: dict[str, Any]) -> list[messages.
     )
     await vehicle.start()
     await master.publish(f"{TOPIC}/order", json.dumps(order).encode())
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(300):
         while not any(commands.answer_of("c1", "block", state) for state in states):
             await vehicle.client.publish_state()
     await vehicle.client.publish_state()

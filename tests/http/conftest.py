@@ -35,7 +35,7 @@ class Site:
         self.engine = ScriptedEngine([FILL])
         self.address = ""
         self.tokens: dict[str, str] = {}
-        self._client = httpx.Client(timeout=30)
+        self._client = httpx.Client(timeout=300)
         self._begun: Future[None] = Future()
         self._end: Callable[[], object] = lambda: None
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -44,7 +44,7 @@ class Site:
     def start(self) -> None:
         """Return as soon as it is served."""
         self._thread.start()
-        self._begun.result(timeout=60)
+        self._begun.result(timeout=300)
 
     def close(self) -> None:
         """End the session."""
@@ -83,7 +83,7 @@ class Site:
             await self.station.advance(seconds)
 
         assert self._loop is not None
-        asyncio.run_coroutine_threadsafe(happens(), self._loop).result(timeout=60)
+        asyncio.run_coroutine_threadsafe(happens(), self._loop).result(timeout=300)
 
     def ask(self, method: str, path: str, role: str = "operator", **how: Any) -> httpx.Response:
         """Return the answer to one request with the token of a role or person, '' for none."""

@@ -14,7 +14,7 @@ from pa_console.http import connections
 from tests.http.conftest import Site
 
 MANY = 6
-LIMIT_S = 60
+LIMIT_S = 300
 
 
 @pytest.fixture

@@ -219,7 +219,7 @@ def test_a_stream_ends_when_its_token_is_revoked(site: Site) -> None:
         "GET",
         f"{site.address}/v1/events",
         headers={"Authorization": f"Bearer {token}"},
-        timeout=30,
+        timeout=300,
     ) as answer:
         lines = answer.iter_lines()
         assert next(lines).startswith(": ")
@@ -237,7 +237,7 @@ def events(site: Site, last: str, count: int, kind: str = "") -> list[dict[str, 
     asked = {"kind": kind} if kind else {}
     found: list[dict[str, str]] = [{}]
     with httpx.stream(
-        "GET", f"{site.address}/v1/events", params=asked, headers=headers, timeout=30
+        "GET", f"{site.address}/v1/events", params=asked, headers=headers, timeout=300
     ) as answer:
         assert answer.headers["content-type"].startswith("text/event-stream")
         for line in answer.iter_lines():

@@ -109,13 +109,13 @@ def test_a_fixed_number_stays() -> None:
 
 
 def test_what_is_answered_does_not_depend_on_the_number_of_threads(
-    smallest_model: LocalModel,
+    shallow_model: LocalModel,
 ) -> None:
     text = "The drone flies to the gate in the east, and the guard waits there. " * 60
 
     def logits(threads: int) -> list[bytes]:
         cores = FreeCores(threads, fixed=True)
-        model = Runtime(str(smallest_model.path), n_ctx=1024, cores=cores, stopped=lambda: False)
+        model = Runtime(str(shallow_model.path), n_ctx=1024, cores=cores, stopped=lambda: False)
         tokens = model.tokenise(text, special=False)[:600]
         first, _ = model.begin(0, tokens)
         found = [first.tobytes()]
@@ -127,13 +127,13 @@ def test_what_is_answered_does_not_depend_on_the_number_of_threads(
     assert logits(1) == logits(2) == logits(3)
 
 
-def test_a_context_that_grows_answers_as_one_that_was_large(smallest_model: LocalModel) -> None:
+def test_a_context_that_grows_answers_as_one_that_was_large(shallow_model: LocalModel) -> None:
     text = "The drone flies to the gate in the east, and the guard waits there. " * 120
 
     def logits(before: int) -> list[bytes]:
         """Read a prompt of `before` tokens before the one that is asked about."""
         model = Runtime(
-            str(smallest_model.path),
+            str(shallow_model.path),
             n_ctx=2048,
             cores=FreeCores(1, fixed=True),
             stopped=lambda: False,

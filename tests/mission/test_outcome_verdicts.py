@@ -163,7 +163,7 @@ async def test_a_verdict_comes_while_the_operator_reads_the_next_plan(rig: Rig) 
         await station.advance(2.0)
         station.submit("Inspect the vehicle.")
 
-    async with asyncio.timeout(60), aclosing(station.run()) as events:
+    async with asyncio.timeout(300), aclosing(station.run()) as events:
         async for event in events:
             rig.events.append(event)
             match event.data:

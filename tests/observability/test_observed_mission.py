@@ -87,7 +87,7 @@ def scraped(port: int, path: str = "/metrics", host: str = "") -> str:
     request = urllib.request.Request(f"http://127.0.0.1:{port}{path}")
     if host:
         request.add_header("Host", host)
-    with urllib.request.urlopen(request, timeout=10) as answer:
+    with urllib.request.urlopen(request, timeout=300) as answer:
         return answer.read().decode()
 
 

@@ -21,7 +21,7 @@ async def test_leaving_while_the_model_starts_leaves_no_process_behind(
     engine = Engine(catalog.locate("smollm2-135m"))
     station = open_station(site, engine, SteppedClock())
     seen = 0
-    async with asyncio.timeout(60), aclosing(station.run()) as stream:
+    async with asyncio.timeout(300), aclosing(station.run()) as stream:
         async for _ in stream:
             seen += 1
             if seen == events:

@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element, XMLPullParser
 
 from tests.fleets.broker import free_port
 
-LIMIT_S = 30.0
+LIMIT_S = 300.0
 LOOPBACK = "127.0.0.1"
 
 

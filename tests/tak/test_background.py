@@ -10,7 +10,7 @@ from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.tak.session_on_map import InBackground
 
-LIMIT_S = 30.0
+LIMIT_S = 300.0
 
 
 def pictures(world: World) -> Callable[[int], Event]:

@@ -159,7 +159,7 @@ class ReportedPicture:
     """
 
     def __init__(self, world: World) -> None:
-        self.terrain = Terrain(world)
+        self.terrain = Terrain.of(world)
         self.begin(0)
 
     @property

@@ -17,6 +17,8 @@ from pa_console.schema.world import AssetKind, Wall, World
 CLEARANCE_M = 0.8
 """Space kept between the hull of a vehicle and a wall or zone while it follows a route."""
 OUTSIDE_MARGIN_M = 60.0
+MOST_AREAS = 256
+"""So many pieces of free ground are kept of a world."""
 _TOLERANCE_M = 0.01
 
 Route = tuple[Point, ...]
@@ -139,9 +141,13 @@ class RoutePlanner:
         )
         inside = all(shapely.intersects_xy(self._perimeter, *end) for end in ends)
         key = (kind, entered, inside, avoid)
-        if key not in self._areas:
-            self._areas[key] = Area(self._free(kind, entered, inside, avoid))
-        return self._areas[key]
+        area = self._areas.get(key)
+        if area is None:
+            # Obstructions come and go, and each set of them has areas of its own.
+            if len(self._areas) >= MOST_AREAS:
+                self._areas.pop(next(iter(self._areas)), None)
+            area = self._areas[key] = Area(self._free(kind, entered, inside, avoid))
+        return area
 
     def _free(
         self, kind: AssetKind, entered: frozenset[str], inside: bool, avoid: tuple[Wall, ...]

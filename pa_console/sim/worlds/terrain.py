@@ -2,6 +2,7 @@
 
 import math
 from bisect import bisect_right
+from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
@@ -113,7 +114,17 @@ _Cells = dict[tuple[int, int], tuple[tuple[str, Frame], ...]]
 
 
 class Terrain:
-    """Geometry derived from a world; shared by a simulation and all its forks."""
+    """Geometry derived from a world; shared by all simulations of it and their forks."""
+
+    @classmethod
+    def of(cls, world: World) -> "Terrain":
+        """Return the geometry of `world`, which is kept while other worlds are few."""
+        for terrain in tuple(_recent):
+            if terrain.world is world:
+                return terrain
+        terrain = cls(world)
+        _recent.append(terrain)
+        return terrain
 
     def __init__(self, world: World) -> None:
         self.world = world
@@ -240,6 +251,9 @@ class Terrain:
                 int(np.argmin(shapely.distance(self._lane_lines, shapely.Point(point))))
             ]
         return self.gates[int(np.argmin(np.linalg.norm(self._gate_at - point, axis=1)))]
+
+
+_recent: deque[Terrain] = deque(maxlen=16)
 
 
 def _by_cell(frames: Mapping[str, Frame]) -> _Cells:

@@ -170,7 +170,7 @@ def _lanes(world: World, walls: Lines, thick: Floats) -> Iterator[FieldProblem]:
 
 def _posts(world: World) -> Iterator[FieldProblem]:
     """There must be a standing place for every asset at the frame where it starts."""
-    terrain = Terrain(world)
+    terrain = Terrain.of(world)
     posted = Counter((spec.post, spec.kind == "uav") for spec in world.assets.values())
     for name, spec in world.assets.items():
         count = posted[spec.post, spec.kind == "uav"]
