@@ -48,6 +48,13 @@ def pytest_configure() -> None:
         os.sched_setaffinity(0, own or os.sched_getaffinity(0))
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int:
+    """Start one worker more than there are cores, as many tests wait for timers and processes."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return (cores or 1) + 1
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _quick_textual() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
