@@ -30,7 +30,7 @@ from tests.fleets.keyring import KEYS, PUBLIC, ROSTER, TO_NORTH
 from tests.scripted import ScriptedEngine, plan
 
 RATE = 8.0
-LIMIT_S = 300.0
+LIMIT_S = 120.0
 
 
 def messages(site: Site) -> tuple[str, ...]:

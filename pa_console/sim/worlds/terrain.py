@@ -1,6 +1,7 @@
 """The constant geometry of a world: routes, lanes, lines of sight, standing places, near walls."""
 
 import math
+import threading
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterable, Mapping
@@ -119,11 +120,11 @@ class Terrain:
     @classmethod
     def of(cls, world: World) -> "Terrain":
         """Return the geometry of `world`, which is kept while other worlds are few."""
-        for terrain in tuple(_recent):
+        for terrain in _recent.terrains:
             if terrain.world is world:
                 return terrain
         terrain = cls(world)
-        _recent.append(terrain)
+        _recent.terrains.append(terrain)
         return terrain
 
     def __init__(self, world: World) -> None:
@@ -253,7 +254,14 @@ class Terrain:
         return self.gates[int(np.argmin(np.linalg.norm(self._gate_at - point, axis=1)))]
 
 
-_recent: deque[Terrain] = deque(maxlen=16)
+class _Recent(threading.local):
+    """The geometry that a thread has asked for; each has its own, as it is completed on use."""
+
+    def __init__(self) -> None:
+        self.terrains: deque[Terrain] = deque(maxlen=16)
+
+
+_recent = _Recent()
 
 
 def _by_cell(frames: Mapping[str, Frame]) -> _Cells:
