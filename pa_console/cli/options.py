@@ -1,7 +1,7 @@
 """Options that several verbs share, those of a session as one value, and their help."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, signature
 from pathlib import Path
@@ -174,6 +174,63 @@ class SessionOptions:
     """True for a script: the simulation waits for the mission, and no question is asked before."""
 
 
+@dataclass(frozen=True)
+class FollowOptions:
+    """The options of a map that follows a session: the server, and one of `join` and `replay`."""
+
+    server: Annotated[
+        str,
+        typer.Option(metavar="URL", help="The TAK server: tls://HOST:8089, or tcp://HOST:8087."),
+    ]
+    join: Annotated[
+        str,
+        typer.Option(
+            metavar="URL",
+            help="Follow the session that a station shares on a message bus: "
+            "mqtts://host:8883/site.",
+        ),
+    ] = ""
+    certificates: CertificatesOption = None
+    replay: Annotated[
+        str,
+        typer.Option(
+            metavar="SESSION",
+            help="Play a recorded session: its log, its id, or 'last'; marked as a replay.",
+        ),
+    ] = ""
+    speed: Annotated[
+        float, typer.Option(min=0.1, max=32.0, help="With --replay: how many times as fast.")
+    ] = 1.0
+    world: Annotated[str | None, typer.Option(help="The session's world, when it is a file.")] = (
+        None
+    )
+    origin: Annotated[
+        str,
+        typer.Option(
+            metavar="LAT,LON[,BEARING[,ALTITUDE]]",
+            help="Where on the earth the world's (0, 0) is, in place of what the world file says.",
+        ),
+    ] = ""
+    name: Annotated[
+        str | None,
+        typer.Option(
+            help="What this site is called in the ids on the map; default: the world's name."
+        ),
+    ] = None
+    every: Annotated[
+        float, typer.Option(min=0.1, max=60.0, help="Seconds between two pictures, at least.")
+    ] = 1.0
+    tls_cert: Annotated[
+        Path | None, typer.Option(help="The client's certificate: PEM, or PKCS #12 (.p12).")
+    ] = None
+    tls_key: Annotated[
+        Path | None, typer.Option(help="Its key (PEM), when it is not in that file.")
+    ] = None
+    tls_ca: Annotated[
+        Path | None, typer.Option(help="The authority (PEM) that vouches for the server.")
+    ] = None
+
+
 def with_field_options(verb: Callable[..., Any]) -> Callable[..., Any]:
     """Return `verb` with an option for each `Annotated` field of the dataclasses it takes.
 
@@ -187,7 +244,12 @@ def with_field_options(verb: Callable[..., Any]) -> Callable[..., Any]:
     }
     options: dict[str, list[Parameter]] = {
         name: [
-            Parameter(each.name, Parameter.KEYWORD_ONLY, default=each.default, annotation=hint)
+            Parameter(
+                each.name,
+                Parameter.KEYWORD_ONLY,
+                default=Parameter.empty if each.default is MISSING else each.default,
+                annotation=hint,
+            )
             for each in fields(taken[name])
             if hasattr(hint := hints[each.name], "__metadata__")
         ]

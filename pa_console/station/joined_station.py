@@ -41,7 +41,7 @@ from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
 from pa_console.session.state import SessionState
 from pa_console.station.alternatives import Alternative, rehearse_other_ways, rehearse_reading
-from pa_console.station.answering import QueryAnswer, answer
+from pa_console.station.answering import answer
 from pa_console.station.assembly import has_rules_of
 from pa_console.station.earlier_session import LeftMissions
 from pa_console.station.intake import read_text
@@ -50,77 +50,10 @@ from pa_console.station.shared_log import LOOK_S, SharedLog
 REHEARSED: frozenset[QuestionTopic] = frozenset({"other_asset", "alternatives"})
 """The notice that an answer here comes from new checks and rehearsals, not from the record."""
 
-
 OTHER_RULES = "the rules in force there are not those that this console has"
 
 
 NO_PICTURE = "no picture has come from there yet"
-
-
-class SiteCopy:
-    """A world and rules, and a question answered with them; no model is asked, nobody moves."""
-
-    def __init__(self, world: World, rules: Rulebook) -> None:
-        self.fleet, self.variant = ShownPicture(world), Variant()
-        self.rulebook = with_core(rules)
-        self.retriever = Retriever(rules.rules)
-        self._rules = rules
-
-    def question_in(self, text: str, state: SessionState, pointer: str) -> Question | None:
-        """Return what `text` asks of the session in `state`; None for anything else.
-
-        `pointer` is what is marked on the screen, '' for nothing. Without a picture nothing that
-        words could point at is known, so nothing is a question.
-        """
-        if state.picture is None:
-            return None
-        scene = ReferenceScene(self.fleet.world, state.picture, pointer=pointer)
-        return read_text(text, scene, self._rules).question
-
-    async def answer(
-        self,
-        question: Question,
-        state: SessionState,
-        station: str,
-        found: Callable[[Alternative], object],
-    ) -> QueryAnswer:
-        """Return the answer as far as it can be given here, else who can give it: `station`."""
-        self.fleet.show(state.picture)
-        if question.topic in REHEARSED and (why := self._unfit(state)):
-            said = f"{why}, so it cannot be rehearsed here; ask it at {station}"
-            told = QuestionAnswered(
-                question=question.text,
-                topic=question.topic,
-                subjects=question.subjects,
-                lines=(AnswerLine(about="not here", said=said),),
-            )
-            current = state.current
-            return QueryAnswer(told, current.mission.id if current is not None else "")
-        return await answer(self, question, state, found)
-
-    async def look_at(
-        self, state: SessionState, mission: Mission, asked: str
-    ) -> RehearsedReading | None:
-        """Return what another reading of a mission would lead to; None where that is not known."""
-        self.fleet.show(state.picture)
-        return None if self._unfit(state) else await rehearse_reading(self, mission, asked)
-
-    async def other_ways(
-        self, state: SessionState, mission: Mission, asked: str, but: Plan
-    ) -> AsyncGenerator[RehearsedReading]:
-        """Yield what else would serve a reading than the plan `but`, as far as that is known."""
-        self.fleet.show(state.picture)
-        if not self._unfit(state):
-            async for found in rehearse_other_ways(self, mission, asked, but):
-                yield found
-
-    def _unfit(self, state: SessionState) -> str:
-        """Return why nothing can be rehearsed here as it would be there, '' where it can."""
-        if state.picture is None:
-            return NO_PICTURE
-        if state.started is None or not has_rules_of(state.started, self._rules):
-            return OTHER_RULES
-        return ""
 
 
 SILENT_S = 5.0
@@ -139,7 +72,10 @@ class Signatory:
 
 
 class JoinedStation:
-    """A joined session as its console shows it; a second person may sign there."""
+    """A joined session as its console shows it; a second person may sign there.
+
+    It has a copy of the session's world and rules, with which questions are answered here.
+    """
 
     rate = 1.0
 
@@ -148,10 +84,13 @@ class JoinedStation:
         log: SharedLog,
         before: Sequence[ev.Event],
         signatory: Signatory,
-        site: SiteCopy,
+        world: World,
+        rules: Rulebook,
     ) -> None:
-        """`before` is what has happened so far; `site` has the session's world and rules."""
-        self._log, self._before, self._site = log, before, site
+        """`before` is what has happened so far; `world` and `rules` are the session's."""
+        self._log, self._before, self._rules = log, before, rules
+        self.fleet, self.variant = ShownPicture(world), Variant()
+        self.rulebook, self.retriever = with_core(rules), Retriever(rules.rules)
         self._signatory, self._state = signatory, SessionState()
         self._news, self._pointer = _ConnectionNews(log), ""
         self._answered = deque[ev.Event]()
@@ -165,11 +104,6 @@ class JoinedStation:
     def station(self) -> str:
         """The name of the station whose session it is."""
         return self._log.stream.station
-
-    @property
-    def retriever(self) -> Retriever:
-        """The retriever over the session's rules."""
-        return self._site.retriever
 
     @property
     def signer(self) -> str:
@@ -297,17 +231,36 @@ class JoinedStation:
 
     async def look_at(self, mission: Mission, asked: str) -> RehearsedReading | None:
         """Rehearse here what another reading of a mission would lead to; None: not known here."""
-        return await self._site.look_at(self._state, mission, asked)
+        self.fleet.show(self._state.picture)
+        return None if self._unfit() else await rehearse_reading(self, mission, asked)
 
-    def other_ways(
+    async def other_ways(
         self, mission: Mission, asked: str, but: Plan
     ) -> AsyncGenerator[RehearsedReading]:
         """Rehearse here what else would serve a reading of a mission than the plan `but`."""
-        return self._site.other_ways(self._state, mission, asked, but)
+        self.fleet.show(self._state.picture)
+        if not self._unfit():
+            async for found in rehearse_other_ways(self, mission, asked, but):
+                yield found
+
+    def _unfit(self) -> str:
+        """Return why nothing can be rehearsed here as it would be there, '' where it can."""
+        if self._state.picture is None:
+            return NO_PICTURE
+        if self.started is None or not has_rules_of(self.started, self._rules):
+            return OTHER_RULES
+        return ""
 
     def question_in(self, text: str) -> Question | None:
-        """Return what `text` asks about the session, for `answer`; None for anything else."""
-        return self._site.question_in(text, self._state, self._pointer)
+        """Return what `text` asks about the session, for `answer`; None for anything else.
+
+        Without a picture nothing that words could point at is known, so nothing is a question.
+        """
+        picture = self._state.picture
+        if picture is None:
+            return None
+        scene = ReferenceScene(self.fleet.world, picture, pointer=self._pointer)
+        return read_text(text, scene, self._rules).question
 
     async def answer(
         self,
@@ -319,12 +272,24 @@ class JoinedStation:
         The station whose session it is hears nothing of it. Where it alone can answer, that is the
         answer.
         """
-        given = await self._site.answer(question, self._state, self.station, found)
-        now, tick = datetime.now(UTC), self._state.tick
-        self._answered.append(
-            ev.Event(t=now, tick=tick, mission=given.mission or None, data=given.told)
-        )
-        return given.told
+        state = self._state
+        self.fleet.show(state.picture)
+        if question.topic in REHEARSED and (why := self._unfit()):
+            said = f"{why}, so it cannot be rehearsed here; ask it at {self.station}"
+            current = state.current
+            mission = current.mission.id if current is not None else ""
+            told = QuestionAnswered(
+                question=question.text,
+                topic=question.topic,
+                subjects=question.subjects,
+                lines=(AnswerLine(about="not here", said=said),),
+            )
+        else:
+            given = await answer(self, question, state, found)
+            told, mission = given.told, given.mission
+        now, tick = datetime.now(UTC), state.tick
+        self._answered.append(ev.Event(t=now, tick=tick, mission=mission or None, data=told))
+        return told
 
     def read_live(self, show: Callable[[str, str], None] | None) -> None:
         """Read nothing: orders are given at the station itself."""

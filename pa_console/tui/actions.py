@@ -6,7 +6,7 @@ Bindings, footer, command palette and help are made from it.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Literal, Protocol, get_args
+from typing import Literal, get_args
 
 from textual.binding import Binding, BindingType, InvalidBinding
 from textual.keys import REPLACED_KEYS, Keys, key_to_character
@@ -360,20 +360,6 @@ ALT_DIGITS = (
 
 _PANEL = {"a": "Approve", "r": "Reject", "m": "Modify"}
 """The keys of the approval panel, which a recording does not have."""
-
-
-class ConsoleHost(Protocol):
-    """The app as its screens need it."""
-
-    @property
-    def keys(self) -> Mapping[str, str]:
-        """The user's own keys, by the names of the actions."""
-        ...
-
-    @property
-    def situation(self) -> ActionContext:
-        """The state that decides which actions are legal now."""
-        ...
 
 
 def refused_command(key: str, keymap: Mapping[str, str]) -> str:

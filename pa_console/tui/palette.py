@@ -2,15 +2,16 @@
 
 from collections.abc import Iterator
 from functools import partial
-from typing import Protocol, cast
+from typing import TYPE_CHECKING, cast
 
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 from textual.types import IgnoreReturnCallbackType
 
 from pa_console.tui.actions import ACTIONS, shown_keys
 from pa_console.tui.controllers.commands import RATES, WhatIf, what_ifs
-from pa_console.tui.controllers.console_session import ConsoleSession
-from pa_console.tui.controllers.controllers import Controllers
+
+if TYPE_CHECKING:
+    from pa_console.tui.app import ConsoleApp
 
 TYPICAL = ("unknown vehicle", "weather")
 """Words of the what-ifs that are offered before anything is typed."""
@@ -19,21 +20,14 @@ PaletteCommand = tuple[str, IgnoreReturnCallbackType, str, str]
 """Title, effect, help, and further search words."""
 
 
-class PaletteHost(Protocol):
-    """The app as the palette needs it."""
-
-    session: ConsoleSession
-    controllers: Controllers
-
-
 class ConsoleCommands(Provider):
     """Offers the commands that are legal at this moment."""
 
     _what_ifs: tuple[WhatIf, ...] | None = None
 
     @property
-    def _host(self) -> PaletteHost:
-        return cast(PaletteHost, self.app)
+    def _host(self) -> "ConsoleApp":
+        return cast("ConsoleApp", self.app)
 
     def _actions(self) -> Iterator[PaletteCommand]:
         now, keys = self._host.session.situation, self._host.controllers.settings.keys

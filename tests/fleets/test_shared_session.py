@@ -22,7 +22,7 @@ from pa_console.session.log.writer import LogWriter
 from pa_console.session.state import SessionState
 from pa_console.station.assembly import Site, load_site, open_station
 from pa_console.station.clock import DevicesClock
-from pa_console.station.joined_station import JoinedStation, Signatory, SiteCopy
+from pa_console.station.joined_station import JoinedStation, Signatory
 from pa_console.station.shared_log import HEARD, SharedLog, read_so_far
 from pa_console.station.station import ControlStation
 from tests.fleets.conftest import joined, running
@@ -53,8 +53,8 @@ def join(address: BrokerAddress, person: str, site: Site) -> JoinedStation:
     """A console that has joined, at which `person` sits; it has learnt the roster from the bus."""
     log = SharedLog(StationLink(address, person, HEARD), auth.Trust(PUBLIC["owner"]), len)
     before = read_so_far(log, lambda _done, _total: None)
-    copy = SiteCopy(site.world, site.rulebook)
-    return JoinedStation(log, before, Signatory(person, KEYS[person]), copy)
+    signatory = Signatory(person, KEYS[person])
+    return JoinedStation(log, before, signatory, site.world, site.rulebook)
 
 
 async def until(done: Callable[[], object]) -> None:

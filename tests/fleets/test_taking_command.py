@@ -28,7 +28,7 @@ from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.sim.worlds.world_file import open_world
 from pa_console.station.assembly import Site, open_station
 from pa_console.station.clock import DevicesClock
-from pa_console.station.joined_station import JoinedStation, Signatory, SiteCopy, Succession
+from pa_console.station.joined_station import JoinedStation, Signatory, Succession
 from pa_console.station.shared_log import HEARD, SharedLog, read_so_far
 from pa_console.station.station import ControlStation
 from tests.fleets.conftest import joined, running
@@ -79,7 +79,7 @@ def succession_of(
     log = SharedLog(link, auth.Trust(PUBLIC["owner"]), len)
     before = read_so_far(log, lambda _done, _total: None)
     signatory = Signatory(person, KEYS[person])
-    station = JoinedStation(log, before, signatory, SiteCopy(site.world, site.rulebook))
+    station = JoinedStation(log, before, signatory, site.world, site.rulebook)
 
     def its() -> StationAuthority:
         return own or StationAuthority(keys("south", person, site))

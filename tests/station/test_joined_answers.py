@@ -11,7 +11,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from pa_console.schema.events import event as ev
 from pa_console.schema.plan import Plan
 from pa_console.station.assembly import Site
-from pa_console.station.joined_station import JoinedStation, Signatory, SiteCopy
+from pa_console.station.joined_station import JoinedStation, Signatory
 from pa_console.station.shared_log import SharedLog
 from tests.scripted import ScriptedEngine, plan
 from tests.station.test_answers import Talk, talks
@@ -44,7 +44,7 @@ def join(site: Site, events: Sequence[ev.Event]) -> JoinedStation:
     """Return a console that has joined a session in which so much has happened."""
     log = cast(SharedLog, NorthLog())
     signatory = Signatory("bob", Ed25519PrivateKey.generate())
-    return JoinedStation(log, events, signatory, SiteCopy(site.world, site.rulebook))
+    return JoinedStation(log, events, signatory, site.world, site.rulebook)
 
 
 async def answered(joined: JoinedStation, text: str) -> ev.QuestionAnswered:

@@ -3,12 +3,12 @@
 import threading
 import time
 from collections.abc import Callable, Generator, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Protocol
 
+from pa_console.cli.options import FollowOptions
 from pa_console.cli.progress_bars import read_recording
 from pa_console.cli.sessions.joined import shared_session, world_of
 from pa_console.cli.sessions.on_map import placed
@@ -26,45 +26,6 @@ from pa_console.tak.connection import Certificate, TakConnection, TakServer
 from pa_console.tak.session_on_map import SessionOnMap
 from pa_console.tak.site_on_map import site_name
 from pa_console.terminal.output import errors
-
-
-class FollowedSession(Protocol):
-    """A session as a source of events."""
-
-    world: World
-
-    @property
-    def title(self) -> str:
-        """The name of the session, in words."""
-        ...
-
-    def events(self, ended: Callable[[], bool]) -> Iterator[Event | None]:
-        """Yield events as they happen, None now and then, until the session or `ended` says so."""
-        ...
-
-
-@contextmanager
-def joined(
-    url: str,
-    certificates: Path | None,
-    world: str,
-    settings: LoadedSettings,
-    tell: Callable[[str], None],
-) -> Generator[FollowedSession]:
-    """Follow the session that is shared at `url`; raises ValueError when there is none."""
-    with shared_session(url, certificates) as found:
-        of = world_of(found.before, world, settings)
-        yield JoinedEvents(found.log, found.before, of, tell)
-
-
-def recorded(
-    session: str, world: str | None, speed: float, settings: LoadedSettings
-) -> FollowedSession:
-    """Play a recorded session; raises ValueError for none, LogError for one that is damaged."""
-    log = find_session(settings.values.logs or default_folder(), session)
-    recording = read_recording(log)
-    found, _ = open_world(recorded_world(recording.started, world, log))
-    return _RecordedEvents(recording, log, found, speed)
 
 
 class JoinedEvents:
@@ -100,8 +61,8 @@ class JoinedEvents:
             yield None
 
 
-@dataclass
-class _RecordedEvents:
+@dataclass(frozen=True)
+class RecordedEvents:
     """The recorded events, at their pace or another; each has the time when it is shown."""
 
     recording: Recording
@@ -111,9 +72,11 @@ class _RecordedEvents:
 
     @property
     def title(self) -> str:
+        """Which session it is, and its pace."""
         return f"the recorded session {self.log.stem}, {self.speed:g} times as fast"
 
     def events(self, ended: Callable[[], bool]) -> Iterator[Event | None]:
+        """Yield events when they are due, None now and then, until the last or `ended`."""
         begun, first = time.monotonic(), datetime.now(UTC)
         for number in range(len(self.recording)):
             due_s = self.recording.timeline.seconds[number] / self.speed
@@ -126,49 +89,15 @@ class _RecordedEvents:
             yield event.model_copy(update={"t": first + timedelta(seconds=due_s)})
 
 
-@dataclass(frozen=True)
-class FollowOptions:
-    """The options of the verb: session and server; one of `join` and `replay`."""
-
-    server: str
-    tls: tuple[Path | None, Path | None, Path | None]
-    join: str
-    certificates: Path | None
-    replay: str
-    speed: float
-    world: str | None
-    origin: str
-    name: str | None
-    every: float
-
-
 def show(asked: FollowOptions, settings: LoadedSettings) -> int:
     """Send the session until it ends; return the exit code.
 
     Raises ValueError for what cannot be followed, placed or sent to, LogError for a bad log.
     """
-    server = TakServer.parse(asked.server, Certificate.of(*asked.tls))
+    server = TakServer.parse(
+        asked.server, Certificate.of(asked.tls_cert, asked.tls_key, asked.tls_ca)
+    )
     name = site_name(asked.name) if asked.name is not None else ""
-    with _opened(asked, settings) as found:
-        site = placed(found.world, asked.origin, name, replay=bool(asked.replay))
-        connection = TakConnection(server, site.uid("station"), tell)
-        pace = asked.speed if asked.replay else 1.0
-        shown = SessionOnMap(site, connection, asked.every, pace)
-        if server.open_to_all:
-            tell(f"warning: {server.warning}")
-        return _run(found, shown, connection)
-
-
-def _opened(
-    asked: FollowOptions, settings: LoadedSettings
-) -> AbstractContextManager[FollowedSession]:
-    if asked.replay:
-        return nullcontext(recorded(asked.replay, asked.world, asked.speed, settings))
-    world = asked.world or settings.values.world
-    return joined(asked.join, asked.certificates, world, settings, tell)
-
-
-def _run(found: FollowedSession, shown: SessionOnMap, connection: TakConnection) -> int:
     over, ended_by = threading.Event(), 0
 
     def end(number: int) -> None:
@@ -176,18 +105,41 @@ def _run(found: FollowedSession, shown: SessionOnMap, connection: TakConnection)
         ended_by = number
         over.set()
 
-    try:
-        with end_signals(end), connection:
-            tell(f"{found.title}; Ctrl-C ends it")
-            try:
-                for event in found.events(over.is_set):
-                    if event is not None:
-                        shown.take(event)
-            finally:
-                shown.end()
-    finally:
-        tell(connection.words)
+    with _opened(asked, settings) as found:
+        site = placed(found.world, asked.origin, name, replay=bool(asked.replay))
+        connection = TakConnection(server, site.uid("station"), tell)
+        pace = asked.speed if asked.replay else 1.0
+        shown = SessionOnMap(site, connection, asked.every, pace)
+        if server.open_to_all:
+            tell(f"warning: {server.warning}")
+        try:
+            with end_signals(end), connection:
+                tell(f"{found.title}; Ctrl-C ends it")
+                try:
+                    for event in found.events(over.is_set):
+                        if event is not None:
+                            shown.take(event)
+                finally:
+                    shown.end()
+        finally:
+            tell(connection.words)
     return exit_code_of(ended_by) if ended_by else 0
+
+
+@contextmanager
+def _opened(
+    asked: FollowOptions, settings: LoadedSettings
+) -> Generator[JoinedEvents | RecordedEvents]:
+    """Open the recorded or the shared session; raises ValueError when there is none."""
+    if asked.replay:
+        log = find_session(settings.values.logs or default_folder(), asked.replay)
+        recording = read_recording(log)
+        world, _ = open_world(recorded_world(recording.started, asked.world, log))
+        yield RecordedEvents(recording, log, world, asked.speed)
+        return
+    with shared_session(asked.join, asked.certificates) as found:
+        world = world_of(found.before, asked.world or settings.values.world, settings)
+        yield JoinedEvents(found.log, found.before, world, tell)
 
 
 def tell(line: str) -> None:

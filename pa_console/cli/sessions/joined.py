@@ -22,7 +22,7 @@ from pa_console.schema.world import World
 from pa_console.session.log.writer import default_folder
 from pa_console.settings.sources import LoadedSettings
 from pa_console.station.assembly import SessionSites, open_world
-from pa_console.station.joined_station import JoinedStation, Signatory, SiteCopy, Succession
+from pa_console.station.joined_station import JoinedStation, Signatory, Succession
 from pa_console.station.shared_log import HEARD, SharedLog, read_so_far
 from pa_console.terminal.output import errors, require_keys
 
@@ -164,7 +164,7 @@ def joining(asked: Joining, settings: LoadedSettings) -> Generator[JoinedSession
             return StationAuthority(folder.keys(person), keep=folder.take)
 
         yield JoinedSession(
-            JoinedStation(log, found.before, signatory, SiteCopy(world, rules)),
+            JoinedStation(log, found.before, signatory, world, rules),
             world,
             rules,
             Succession(log, signatory, own_station),

@@ -5,7 +5,6 @@ import signal
 import sys
 from asyncio import Runner
 from collections.abc import Callable
-from typing import Protocol
 
 from pa_console.cli.sessions.live import LiveSession
 from pa_console.cli.sessions.log import tell_of_witness, usual_file
@@ -18,6 +17,7 @@ from pa_console.terminal.joined_console import JoinedConsole
 from pa_console.terminal.line_console import LineConsole
 from pa_console.terminal.mission import print_proposal, print_trace
 from pa_console.terminal.output import out
+from pa_console.terminal.session_lines import SessionLines
 from pa_console.terminal.typed_lines import InputLines
 from pa_console.views.waiting import Waiting, load_usual, save_usual
 
@@ -55,19 +55,7 @@ def run_plain(
     return run
 
 
-class Lines(Protocol):
-    """A console that is typed at in lines."""
-
-    async def run(self, lines: asyncio.Queue[str | None], forget: Callable[[], None] = ...) -> None:
-        """Carry on until it is left; `forget` drops what was typed too early."""
-        ...
-
-    def interrupted(self) -> None:
-        """Answer Ctrl-C."""
-        ...
-
-
-async def run_lines(console: Lines) -> None:
+async def run_lines(console: SessionLines) -> None:
     """Run a console over the lines of standard input until it is left."""
     loop = asyncio.get_running_loop()
     lines = InputLines(loop)

@@ -1,7 +1,7 @@
 """A recorded session in the main screen: played, stepped and searched; it takes no command."""
 
 from collections.abc import Callable, Mapping
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 from textual import events
 from textual.app import ComposeResult
@@ -16,13 +16,16 @@ from pa_console.session.log.chain import LogError
 from pa_console.session.recording import Player
 from pa_console.session.state import SessionState
 from pa_console.session.timeline import MARK_KINDS, MarkKind
-from pa_console.tui.actions import ActionContext, ConsoleHost, refused_command
+from pa_console.tui.actions import ActionContext, refused_command
 from pa_console.tui.kept_input import History
 from pa_console.tui.refresh import ALL_VIEWS, FRAME_S, is_open, views_of
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.status_words import QUIET, term
 from pa_console.tui.surroundings import SecondsClock
 from pa_console.tui.widgets.bars import Scrubber
+
+if TYPE_CHECKING:
+    from pa_console.tui.app import ConsoleApp
 
 MISSIONS = frozenset[MarkKind](("mission",))
 FINDINGS = frozenset(MARK_KINDS) - MISSIONS
@@ -85,7 +88,7 @@ class RecordingScreen(MainScreen):
 
     def on_key(self, event: events.Key) -> None:
         """Report that a key would have given a command in a live session."""
-        command = refused_command(event.key, cast(ConsoleHost, self.app).keys)
+        command = refused_command(event.key, cast("ConsoleApp", self.app).keys)
         if command:
             event.stop()
             self.notify(
@@ -125,7 +128,7 @@ class RecordingScreen(MainScreen):
         views, self._dirty = self._dirty, frozenset()
         if views and self.is_mounted and is_open(self):
             self.refresh_views(self.state, views, self.player.rate, 0.0)
-            situation = cast(ConsoleHost, self.app).situation
+            situation = cast("ConsoleApp", self.app).situation
             if situation != self._situation:
                 self._situation = situation
                 self.app.refresh_bindings()
