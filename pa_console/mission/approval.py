@@ -254,15 +254,8 @@ def standing_approver(
         if request.needs_override and not override_reason.strip():
             reason = "the judge said Failure and no override reason was given"
             return Decision(kind="reject", by=by, reason=reason)
-        return Decision(
-            kind="approve",
-            by=by,
-            reason=override_reason
-            if request.needs_override
-            else "approved by standing instruction",
-            override_judge=request.needs_override,
-            acknowledged=request.acknowledge,
-        )
+        instructed = "approved by standing instruction"
+        return request.approved(override_reason if request.needs_override else instructed, by)
 
     return decide
 

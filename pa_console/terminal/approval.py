@@ -130,12 +130,7 @@ def _asked(
                 reason = _WordsPrompt(why, question_in)().strip()
     except EOFError:
         return Decision(kind="reject", reason="nobody answered at the terminal")
-    return Decision(
-        kind="approve",
-        reason=reason,
-        override_judge=request.needs_override,
-        acknowledged=request.acknowledge,
-    )
+    return request.approved(reason)
 
 
 def _answered(

@@ -9,7 +9,6 @@ from time import monotonic
 from pa_console.language.questions import Question
 from pa_console.observability import Observer, unobserved
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import Decision
 from pa_console.session.state import MissionTrace
 from pa_console.station.station import ControlStation
 from pa_console.terminal.session_lines import SessionLines
@@ -96,9 +95,7 @@ class LineConsole(SessionLines):
         if request.state == "not_understood":
             why = "; ".join(request.blocked_by)
             self._say(why)
-            self._answer(
-                TypedAnswer(Decision(kind="reject", reason=why, request_id=request.request_id))
-            )
+            self._answer(TypedAnswer(request.decided("reject", reason=why)))
             return
         self._show_request(request)
         if self._input_ended:
@@ -128,8 +125,7 @@ class LineConsole(SessionLines):
         await self._station.close("the input has ended")
 
     def _reject_unanswered(self, request: ev.ApprovalRequested) -> None:
-        reason = "nobody answers any more"
-        decision = Decision(kind="reject", reason=reason, request_id=request.request_id)
+        decision = request.decided("reject", reason="nobody answers any more")
         self._answer(TypedAnswer(decision))
 
     def _stop(self) -> None:

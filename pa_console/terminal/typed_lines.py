@@ -109,7 +109,7 @@ def read_answer(line: str, request: ApprovalRequested, reason: str = "") -> Type
             return _approve(request, why)
         case "reject":
             why = re.sub(r"(?i)^because\b[\s:,]*", "", rest) or reason or "rejected by the operator"
-            return TypedAnswer(_named(request, Decision(kind="reject", reason=why)))
+            return TypedAnswer(request.decided("reject", reason=why))
         case "reading":
             return _choose(request, rest)
         case "modify":
@@ -132,21 +132,11 @@ def reason_of(line: str) -> str:
     return found[2].strip() if found is not None and found[1].casefold() == "reason" else ""
 
 
-def _named(request: ApprovalRequested, decision: Decision) -> Decision:
-    return decision.model_copy(update={"request_id": request.request_id})
-
-
 def _approve(request: ApprovalRequested, reason: str) -> TypedAnswer:
     if request.blocked_by:
         return TypedAnswer(problem=f"it cannot be approved: {'; '.join(request.blocked_by)}")
     if request.needs_override and not reason:
         return TypedAnswer(problem="the judge objects: type approve because REASON, or reject")
-    decision = Decision(
-        kind="approve",
-        reason=reason,
-        override_judge=request.needs_override,
-        acknowledged=request.acknowledge,
-    )
     doubts = [f"it breaks {', '.join(request.acknowledge)}"] if request.acknowledge else []
     if request.needs_override:
         doubts.append("the judge objects")
@@ -155,7 +145,7 @@ def _approve(request: ApprovalRequested, reason: str) -> TypedAnswer:
     if request.state == "may_be_misunderstood":
         doubts.append("the order may have been misread")
     confirm = f"{' and '.join(doubts)}. Approve it all the same? Type yes" if doubts else ""
-    return TypedAnswer(_named(request, decision), confirm[:1].upper() + confirm[1:])
+    return TypedAnswer(request.approved(reason), confirm[:1].upper() + confirm[1:])
 
 
 def _choose(request: ApprovalRequested, number: str) -> TypedAnswer:
@@ -163,7 +153,7 @@ def _choose(request: ApprovalRequested, number: str) -> TypedAnswer:
         known = f"1 to {len(request.readings)}" if request.readings else "none"
         return TypedAnswer(problem=f"there is no reading {number!r}; there are: {known}")
     asked = request.readings[int(number) - 1]
-    return TypedAnswer(_named(request, Decision(kind="choose", asked=asked)))
+    return TypedAnswer(request.decided("choose", asked=asked))
 
 
 def _modify(request: ApprovalRequested, text: str, reason: str) -> TypedAnswer:
@@ -185,4 +175,4 @@ def _modify(request: ApprovalRequested, text: str, reason: str) -> TypedAnswer:
         which = f"action {int(place[0]) + 1}: " if place else ""
         problem = first["msg"].removeprefix("Value error, ")
         return TypedAnswer(problem=f"{which}{problem}; nothing was changed")
-    return TypedAnswer(_named(request, Decision(kind="modify", plan=plan, reason=reason)))
+    return TypedAnswer(request.decided("modify", plan=plan, reason=reason))

@@ -1,12 +1,12 @@
 """Events of steps 2 to 6: from a mission's words to a decision on a plan."""
 
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
 from pa_console.schema.base import Payload, Role, Share
 from pa_console.schema.finding import Finding, Usage, Verdict
-from pa_console.schema.mission import ApprovalState, Decision, StandingOrder
+from pa_console.schema.mission import ApprovalState, Decision, DecisionKind, StandingOrder
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.rule import RuleHit
@@ -199,6 +199,20 @@ class ApprovalRequested(Payload):
         exclude_if=lambda standing: standing is None,
         description="the standing order that is to be approved, with no plan, or None for a plan",
     )
+
+    def decided(self, kind: DecisionKind, **given: Any) -> Decision:
+        """Return a decision on this request, with the other fields of the decision as `given`."""
+        return Decision(kind=kind, request_id=self.request_id, **given)
+
+    def approved(self, reason: str = "", by: str = "operator") -> Decision:
+        """Return an approval that accepts and overrides everything that this request asks for."""
+        return self.decided(
+            "approve",
+            by=by,
+            reason=reason,
+            override_judge=self.needs_override,
+            acknowledged=self.acknowledge,
+        )
 
 
 class DecisionMade(Payload):

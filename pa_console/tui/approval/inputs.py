@@ -161,25 +161,15 @@ def decision_of(trace: MissionTrace, choice: str, reason: str) -> Decision | Non
     if answer := answer_of(trace, choice):
         return answering(request, answer)
     if asked := reading_of(trace, choice):
-        return Decision(kind="choose", request_id=request.request_id, asked=asked)
+        return request.decided("choose", asked=asked)
     if choice == "reject":
-        return Decision(kind="reject", request_id=request.request_id, reason=reason)
-    if choice == "approve":
-        return Decision(
-            kind="approve",
-            request_id=request.request_id,
-            reason=reason,
-            override_judge=request.needs_override,
-            acknowledged=request.acknowledge,
-        )
-    return None
+        return request.decided("reject", reason=reason)
+    return request.approved(reason) if choice == "approve" else None
 
 
 def answering(request: ApprovalRequested, answer: str) -> Decision | None:
     """Return the answer to a question about the order; None if a plan waits."""
-    if request.state != "not_understood":
-        return None
-    return Decision(kind="answer", request_id=request.request_id, asked=answer)
+    return request.decided("answer", asked=answer) if request.state == "not_understood" else None
 
 
 def blocked_reason(request: ApprovalRequested, left: Sequence[str], reason: str) -> str:
