@@ -6,9 +6,8 @@ from collections.abc import Callable
 
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
-from pa_console.session.state import MissionTrace
 from pa_console.station.joined_station import JoinedStation
-from pa_console.terminal.session_lines import SessionLines
+from pa_console.terminal.session_lines import LineOutput, SessionLines
 from pa_console.terminal.typed_lines import read_answer, reason_of
 
 HELP = """\
@@ -34,19 +33,14 @@ class JoinedConsole(SessionLines):
     def __init__(
         self,
         station: JoinedStation,
-        say: Callable[[str], None],
-        show_plan: Callable[[MissionTrace, int], None],
-        show_trace: Callable[[MissionTrace], None],
-        *,
-        hold_s: float = 0.0,
-        called: Callable[[], None] = lambda: None,
+        output: LineOutput,
         command_question: Callable[[], str] | None = None,
     ) -> None:
         """Open the console.
 
         `command_question` is the question before taking command, for a commander; None for others.
         """
-        super().__init__(station, say, show_plan, show_trace, hold_s=hold_s, called=called)
+        super().__init__(station, output)
         self._station, self._command_question = station, command_question
         self._closing: asyncio.Task[None] | None = None
         self.takes_command = False

@@ -2,16 +2,15 @@
 
 import asyncio
 import re
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Coroutine, Sequence
 from contextlib import suppress
 from time import monotonic
 
 from pa_console.language.questions import Question
 from pa_console.observability import Observer, unobserved
 from pa_console.schema.events import event as ev
-from pa_console.session.state import MissionTrace
 from pa_console.station.station import ControlStation
-from pa_console.terminal.session_lines import SessionLines
+from pa_console.terminal.session_lines import LineOutput, SessionLines
 from pa_console.terminal.typed_lines import (
     HOW,
     TypedAnswer,
@@ -55,17 +54,12 @@ class LineConsole(SessionLines):
     def __init__(
         self,
         station: ControlStation,
-        say: Callable[[str], None],
-        show_plan: Callable[[MissionTrace, int], None],
-        show_trace: Callable[[MissionTrace], None],
+        output: LineOutput,
         waiting: Waiting,
-        *,
-        hold_s: float = 0.0,
-        called: Callable[[], None] = lambda: None,
         observer: Observer = unobserved,
     ) -> None:
         """Open the console; `observer` is given every event."""
-        super().__init__(station, say, show_plan, show_trace, hold_s=hold_s, called=called)
+        super().__init__(station, output)
         self._station, self.waiting, self._observe = station, waiting, observer
         self._closing: asyncio.Task[None] | None = None
         self._input_ended = False

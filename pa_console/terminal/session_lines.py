@@ -4,6 +4,7 @@ import asyncio
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Coroutine, Sequence
 from contextlib import aclosing
+from dataclasses import dataclass
 from time import monotonic
 
 from pa_console.language.plain_words import plain_reading
@@ -107,28 +108,24 @@ _TABLES = {"status": status_lines, "assets": asset_lines, "alarms": alarm_lines,
            "queue": queue_lines, "standing": standing_lines}  # fmt: skip
 
 
+@dataclass(frozen=True)
+class LineOutput:
+    """Where a console in lines prints: texts, the rows of a plan, those of a mission's trace."""
+
+    say: Callable[[str], None]
+    show_plan: Callable[[MissionTrace, int], None]
+    show_trace: Callable[[MissionTrace], None]
+    hold_s: float = 0.0
+    """An answer sooner after its plan, in seconds, is not accepted: the plan was not read."""
+    called: Callable[[], None] = lambda: None
+    """Called when the operator is waited for."""
+
+
 class SessionLines(ABC):
     """A console as lines: shows the events of a session, and carries out typed lines."""
 
-    def __init__(
-        self,
-        station: ControlStation | JoinedStation,
-        say: Callable[[str], None],
-        show_plan: Callable[[MissionTrace, int], None],
-        show_trace: Callable[[MissionTrace], None],
-        *,
-        hold_s: float,
-        called: Callable[[], None],
-    ) -> None:
-        """Open the console.
-
-        `show_plan` and `show_trace` print rows. An answer within `hold_s` seconds of its plan is
-        not accepted: the plan cannot have been read. `called` is called when the operator is waited
-        for.
-        """
-        self._conversing = station
-        self._say, self._show_plan, self._show_trace = say, show_plan, show_trace
-        self._hold_s, self._called = hold_s, called
+    def __init__(self, station: ControlStation | JoinedStation, output: LineOutput) -> None:
+        self._conversing, self._output, self._say = station, output, output.say
         self.state = SessionState()
         """The session as far as it has come here."""
         self._last_notice: Notice | None = None
@@ -205,12 +202,12 @@ class SessionLines(ABC):
         """Call the operator to the plan that was just shown."""
         self._forget()
         self._shown_at = monotonic()
-        self._called()
+        self._output.called()
 
     @property
     def _too_early(self) -> bool:
         """True as long as the plan that waits cannot have been read."""
-        return monotonic() - self._shown_at < self._hold_s
+        return monotonic() - self._shown_at < self._output.hold_s
 
     # What is typed
 
@@ -296,13 +293,13 @@ class SessionLines(ABC):
         if not hidden:
             self._say(f"{last.level.upper()}  {last.subject}: {last.text}")
             if last.level == "alarm":
-                self._called()
+                self._output.called()
 
     def show(self, request: ev.ApprovalRequested, waits: str, how: str) -> None:
         """Print the plan of a request; `waits` is for whom, `how` what may be answered."""
         trace = self.state.current
         if trace is not None:
-            self._show_plan(trace, request.attempt)
+            self._output.show_plan(trace, request.attempt)
         told = status_of("approval", request.state or "none")
         what = "A plan" if request.standing is None else f"Standing order {request.standing.id}"
         self._say(f"{what} waits for {waits}. {told.word}.")
@@ -320,7 +317,7 @@ class SessionLines(ABC):
             for told in _TABLES[word](self.state):
                 self._say(told)
         elif word == "trace" and self.state.current is not None:
-            self._show_trace(self.state.current)
+            self._output.show_trace(self.state.current)
         else:
             return False
         return True

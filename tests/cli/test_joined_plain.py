@@ -12,6 +12,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.station.joined_station import JoinedStation
 from pa_console.terminal.joined_console import JoinedConsole
+from pa_console.terminal.session_lines import LineOutput
 from tests.cli.inside import Call
 from tests.tui import story
 
@@ -93,10 +94,12 @@ class Typist:
         self.lines = asyncio.Queue[str | None]()
         self.console = JoinedConsole(
             cast(JoinedStation, north),
-            self.said.append,
-            lambda _trace, _number: self.said.append("PLAN"),
-            lambda _trace: self.said.append("TRACE"),
-            command_question=question,
+            LineOutput(
+                self.said.append,
+                lambda _trace, _number: self.said.append("PLAN"),
+                lambda _trace: self.said.append("TRACE"),
+            ),
+            question,
         )
         self.running = asyncio.create_task(self.console.run(self.lines))
 

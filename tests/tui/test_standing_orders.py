@@ -10,6 +10,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import StandingOrder, StandingStart
 from pa_console.schema.plan import Plan
 from pa_console.terminal.line_console import LineConsole
+from pa_console.terminal.session_lines import LineOutput
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel
 from pa_console.tui.screens.standing_orders import StandingOrdersScreen
@@ -130,9 +131,7 @@ async def test_in_line_mode_they_are_lines_and_revoke_ends_one() -> None:
     lines: asyncio.Queue[str | None] = asyncio.Queue()
     listening = LineConsole(
         station,  # pyright: ignore[reportArgumentType] - it has all that is asked of it here
-        said.append,
-        lambda _trace, _number: None,
-        lambda _trace: None,
+        LineOutput(said.append, lambda _trace, _number: None, lambda _trace: None),
         Waiting(),
     )
     in_force(station)

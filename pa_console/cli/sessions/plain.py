@@ -5,6 +5,7 @@ import signal
 import sys
 from asyncio import Runner
 from collections.abc import Callable
+from functools import partial
 
 from pa_console.cli.sessions.live import LiveSession
 from pa_console.cli.sessions.log import tell_of_witness, usual_file
@@ -17,7 +18,7 @@ from pa_console.terminal.joined_console import JoinedConsole
 from pa_console.terminal.line_console import LineConsole
 from pa_console.terminal.mission import print_proposal, print_trace
 from pa_console.terminal.output import out
-from pa_console.terminal.session_lines import SessionLines
+from pa_console.terminal.session_lines import LineOutput, SessionLines
 from pa_console.terminal.typed_lines import InputLines
 from pa_console.views.waiting import Waiting, load_usual, save_usual
 
@@ -32,14 +33,7 @@ def run_plain(
     model, values = opened.engine.model.sha256, settings.values
     writer = opened.open_log()
     console = LineConsole(
-        opened.station,
-        say,
-        lambda trace, number: print_proposal(out, trace, number),
-        lambda trace: print_trace(out, trace),
-        Waiting(load_usual(usual_file(), model)),
-        hold_s=values.approval_delay_s,
-        called=bell(values),
-        observer=observer,
+        opened.station, _output(values), Waiting(load_usual(usual_file(), model)), observer
     )
 
     def run(loop: Runner) -> int:
@@ -68,15 +62,16 @@ async def run_lines(console: SessionLines) -> None:
         lines.close()
 
 
-def bell(values: Settings) -> Callable[[], None]:
-    """Return what calls the operator at a terminal, where the settings want that."""
+def _output(values: Settings) -> LineOutput:
+    """Return the terminal as a console in lines uses it, with the delay and the bell as set."""
 
     def call() -> None:
         if values.bell and sys.stdout.isatty():
             sys.stdout.write("\a")
             sys.stdout.flush()
 
-    return call
+    plan, trace = partial(print_proposal, out), partial(print_trace, out)
+    return LineOutput(say, plan, trace, values.approval_delay_s, call)
 
 
 def say(text: str) -> None:
@@ -92,15 +87,7 @@ def run_joined_plain(
 
     Return whether it was left to take command, and the signal that ended it, 0 for none.
     """
-    console = JoinedConsole(
-        station,
-        say,
-        lambda trace, number: print_proposal(out, trace, number),
-        lambda trace: print_trace(out, trace),
-        hold_s=values.approval_delay_s,
-        called=bell(values),
-        command_question=command_question,
-    )
+    console = JoinedConsole(station, _output(values), command_question)
     endable = EndableRun()
     with end_signals(endable.end):
         endable.run(run_lines(console))

@@ -9,7 +9,7 @@ from pa_console.cli.options import SessionOptions
 from pa_console.cli.sessions.live import LiveSession, open_live
 from pa_console.cli.sessions.log import tell_of_witness
 from pa_console.cli.sessions.observing import observing
-from pa_console.cli.sessions.tokens import this_user, token_book
+from pa_console.cli.sessions.tokens import offer_token, token_book
 from pa_console.end_signals import EndableRun, exit_code_of
 from pa_console.http.connections import Listening, listen
 from pa_console.http.http_app import serving
@@ -95,13 +95,7 @@ async def _serve(
 def _greet(address: str, tokens: TokenBook) -> None:
     """Show the address of the interface, and the access token."""
     out.print_line(f"{address}/docs")
-    if not tokens.listed():
-        person = this_user()
-        token = tokens.make(person, "operator", keep=False)
-        errors.print_line(
-            f"no token was made yet; this one of {person}, operator, is for this session alone and "
-            f"is not shown again:\n{token}"
-        )
+    offer_token(tokens, "session")
     errors.print("Ctrl-C ends the session: what moves goes to safety, the log is closed.")
 
 

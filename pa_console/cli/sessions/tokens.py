@@ -56,6 +56,18 @@ def revoke(name: str, *, json: bool = False) -> None:
         out.print(f"revoked: {gone.id}, {gone.person}, {gone.role}")
 
 
+def offer_token(tokens: TokenBook, lasting: str) -> None:
+    """Show a token of this machine's user where none was made; it is `lasting` and not kept."""
+    if tokens.listed():
+        return
+    person = this_user()
+    token = tokens.make(person, "operator", keep=False)
+    errors.print_line(
+        f"no token was made yet; this one of {person}, operator, is for this {lasting} alone and "
+        f"is not shown again:\n{token}"
+    )
+
+
 def this_user() -> str:
     """Return the name of this machine's user, as a token may have it."""
     return re.sub(r"[^A-Za-z0-9_-]+", "-", getpass.getuser()).strip("-_") or "operator"

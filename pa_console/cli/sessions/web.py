@@ -21,7 +21,7 @@ from textual_serve.app_service import AppService
 from textual_serve.server import Server, to_int
 
 from pa_console.child_processes import OWN_FOLDER
-from pa_console.cli.sessions.tokens import this_user, token_book
+from pa_console.cli.sessions.tokens import offer_token, token_book
 from pa_console.end_signals import end_signals, exit_code_of
 from pa_console.fleets.authorization import RefusedError
 from pa_console.http.connections import ADDRESS, BACKLOG, Listening, listen
@@ -119,13 +119,7 @@ class ServedConsole(Server):
 
     def _greet(self) -> None:
         out.print_line(self.public_url)
-        if not self._tokens.listed():
-            person = this_user()
-            token = self._tokens.make(person, "operator", keep=False)
-            errors.print_line(
-                f"no token was made yet; this one of {person}, operator, is for this run alone and "
-                f"is not shown again:\n{token}"
-            )
+        offer_token(self._tokens, "run")
         errors.print("Ctrl-C ends the console that is open, in order, and this.")
 
     async def on_startup(self, app: web.Application) -> None:

@@ -2,6 +2,7 @@
 
 import asyncio
 import re
+from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
 from typing import Annotated
@@ -9,6 +10,7 @@ from typing import Annotated
 import typer
 
 from pa_console.cli import completion
+from pa_console.cli.options import with_field_options
 from pa_console.cli.progress_bars import ExportBar
 from pa_console.cli.sessions.log import recorded_log
 from pa_console.export.markdown import mission_document
@@ -70,24 +72,33 @@ def written(target: Path, what: str) -> None:
 DEFAULT_KINDS = ("approval_requested", "decision_made", "plan_halted", "mission_finished")
 LEAST, MOST = (40, 10), (400, 200)
 
-SizeOption = Annotated[
-    str, typer.Option("--size", metavar="COLUMNSxROWS", help="Size of the screen.")
-]
-MissionOption = Annotated[
-    str | None, typer.Option(help="Only the time from this mission's arrival to its end.")
-]
-FromOption = Annotated[
-    float, typer.Option("--from", min=0.0, help="Begin at this second of the session.")
-]
-UntilOption = Annotated[
-    float | None, typer.Option("--until", min=0.0, help="End at this second of the session.")
-]
+
+@dataclass(frozen=True)
+class FilmOptions:
+    """The options of every export that shows the replayed console."""
+
+    mission: Annotated[
+        str | None, typer.Option(help="Only the time from this mission's arrival to its end.")
+    ] = None
+    first: Annotated[
+        float, typer.Option("--from", min=0.0, help="Begin at this second of the session.")
+    ] = 0.0
+    until: Annotated[
+        float | None, typer.Option(min=0.0, help="End at this second of the session.")
+    ] = None
+    size: Annotated[str, typer.Option(metavar="COLUMNSxROWS", help="Size of the screen.")] = (
+        "120x36"
+    )
+    world: SessionWorld = None
+    rules: SessionRules = None
 
 
 @app.command("svg")
+@with_field_options
 def svg(
     context: typer.Context,
     log: LogArgument,
+    film: FilmOptions,
     target: Annotated[Path, typer.Option("--out", "-o", help="The folder to make.")],
     at: Annotated[
         list[str] | None,
@@ -99,12 +110,6 @@ def svg(
     every: Annotated[
         float | None, typer.Option(min=0.1, help="A picture every so many seconds instead.")
     ] = None,
-    mission: MissionOption = None,
-    first: FromOption = 0.0,
-    until: UntilOption = None,
-    size: SizeOption = "120x36",
-    world: SessionWorld = None,
-    rules: SessionRules = None,
 ) -> None:
     """Write numbered SVG pictures of the replayed console: 0001-approval_requested.svg, ..."""
     from pa_console.export.screen_files import (  # noqa: PLC0415 - the screens load slowly
@@ -123,9 +128,9 @@ def svg(
             raise ValueError(f"--at {kind}: no such kind of event; known: {', '.join(known)}")
     if at and every is not None:
         raise ValueError("--at and --every exclude each other")
-    screen = size_of(size)
+    screen = size_of(film.size)
     session = opened(context, log)
-    span = span_of(session, mission, first, until)
+    span = span_of(session, film)
     shots = (
         shots_every(every, *span)
         if every is not None
@@ -133,7 +138,7 @@ def svg(
     )
     if not shots:
         raise ValueError(f"{log}: no event of these kinds; try --at another, or --every")
-    site = site_of(session.started, world, rules)
+    site = site_of(session.started, film.world, film.rules)
     player = Player(session.recording)
     with ExportBar("filming", len(shots)) as bar, whole_folder(target) as folder:
 
@@ -145,9 +150,11 @@ def svg(
 
 
 @app.command("cast")
+@with_field_options
 def cast(
     context: typer.Context,
     log: LogArgument,
+    film: FilmOptions,
     target: Annotated[Path, typer.Option("--out", "-o", help="The file to write.")],
     speed: Annotated[
         float, typer.Option(min=0.01, max=1000.0, help="Recorded seconds in one second.")
@@ -155,12 +162,6 @@ def cast(
     fps: Annotated[
         float, typer.Option(min=0.1, max=30.0, help="Most pictures in one second.")
     ] = 4.0,
-    mission: MissionOption = None,
-    first: FromOption = 0.0,
-    until: UntilOption = None,
-    size: SizeOption = "120x36",
-    world: SessionWorld = None,
-    rules: SessionRules = None,
 ) -> None:
     """Write the replay as an asciinema cast (asciicast v2), with a marker for every mission.
 
@@ -174,11 +175,11 @@ def cast(
     )
     from pa_console.session.recording import Player  # noqa: PLC0415
 
-    screen = size_of(size)
+    screen = size_of(film.size)
     session = opened(context, log)
-    span = span_of(session, mission, first, until)
+    span = span_of(session, film)
     shown = positions(session.recording, *span, speed / fps)
-    site = site_of(session.started, world, rules)
+    site = site_of(session.started, film.world, film.rules)
     player = Player(session.recording)
     with ExportBar("filming", len(shown)) as bar, whole_file(target, log) as file:
         writer = CastWriter(file, screen, speed, bar.advance)
@@ -205,14 +206,13 @@ def size_of(text: str) -> tuple[int, int]:
     return size
 
 
-def span_of(
-    session: OpenedSession, mission: str | None, first: float, until: float | None
-) -> tuple[float, float]:
+def span_of(session: OpenedSession, film: FilmOptions) -> tuple[float, float]:
     """Return from when to when is filmed, in seconds; raises ValueError when that is nothing."""
-    recording = session.recording
-    last = min(recording.timeline.duration if until is None else until, recording.timeline.duration)
-    if mission is not None:
-        wanted = choose_mission(session.final_state().missions, mission).mission.id
+    recording, first = session.recording, film.first
+    duration = recording.timeline.duration
+    last = duration if film.until is None else min(film.until, duration)
+    if film.mission is not None:
+        wanted = choose_mission(session.final_state().missions, film.mission).mission.id
         of_it = [
             index
             for index in range(len(recording))
@@ -222,8 +222,7 @@ def span_of(
         last = min(last, recording.timeline.seconds[of_it[-1]])
     if last < first:
         raise ValueError(
-            f"nothing to film from {first:g} s to {last:g} s; the session lasts "
-            f"{recording.timeline.duration:.1f} s"
+            f"nothing to film from {first:g} s to {last:g} s; the session lasts {duration:.1f} s"
         )
     return first, last
 

@@ -272,8 +272,6 @@ class CommandController:
         stop = self._session.state.stop
         if stop is None:
             return
-        from pa_console.tui.screens.dialogs import Confirm  # noqa: PLC0415
-
         doubtful = f"Not confirmed: {', '.join(stop.unconfirmed)}.\n" if stop.unconfirmed else ""
         question = (
             f"Everything was stopped by {stop.by}. {stop.held} assets confirmed that they hold.\n"
@@ -281,11 +279,11 @@ class CommandController:
             "No asset moves before you approve a plan."
         )
 
-        def answered(release: bool | None) -> None:
-            if release and self.attempt("Release", lambda station: station.release()):
+        def release() -> None:
+            if self.attempt("Release", lambda station: station.release()):
                 self._session.tell("missions are taken again", "The stop was released")
 
-        self._session.app.push_screen(Confirm(question, yes="Release", no="Stay stopped"), answered)
+        self._session.confirm(question, release, yes="Release", no="Stay stopped")
 
     # The simulation
 

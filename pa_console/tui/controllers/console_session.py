@@ -1,5 +1,6 @@
 """The session that the console shows, the screens over it, and what may be done at this moment."""
 
+from collections.abc import Callable
 from typing import Any
 
 from textual.app import App
@@ -81,6 +82,16 @@ class ConsoleSession:
         """Show a notice; its text is never read as markup."""
         severity = "error" if bad else "information"
         self.app.notify(text, title=title, severity=severity, markup=False)
+
+    def confirm(self, question: str, do: Callable[[], object], *, yes: str, no: str) -> None:
+        """Ask the operator, over every screen; `do` it on a yes."""
+        from pa_console.tui.screens.dialogs import Confirm  # noqa: PLC0415 - not at the start
+
+        def answered(agreed: bool | None) -> None:
+            if agreed:
+                do()
+
+        self.app.push_screen(Confirm(question, yes=yes, no=no), answered)
 
     # What is legal now
 

@@ -55,20 +55,17 @@ class LeavingController:
         """Leave, after a question when a mission is active."""
         session = self._session
         if session.state.active is None or session.player is not None or session.readonly:
-            self._app.run_worker(self._close(), exit_on_error=False)
+            self._leave_now()
             return
-        from pa_console.tui.screens.dialogs import Confirm  # noqa: PLC0415
-
         question = (
             f"Mission {session.state.active} is still active.\n"
             "Leaving ends the session; the mission is cancelled."
         )
 
-        def answered(leave: bool | None) -> None:
-            if leave:
-                self._app.run_worker(self._close(), exit_on_error=False)
+        session.confirm(question, self._leave_now, yes="Leave", no="Stay")
 
-        self._app.push_screen(Confirm(question, yes="Leave", no="Stay"), answered)
+    def _leave_now(self) -> None:
+        self._app.run_worker(self._close(), exit_on_error=False)
 
     def take_command(self) -> None:
         """Leave to take command, after a question about the consequences."""
@@ -80,14 +77,12 @@ class LeavingController:
         except ValueError as error:
             self._session.tell(str(error), "Command not taken", bad=True)
             return
-        from pa_console.tui.screens.dialogs import Confirm  # noqa: PLC0415
 
-        def answered(take: bool | None) -> None:
-            if take:
-                self.takes_command = True
-                self._app.run_worker(self._close(), exit_on_error=False)
+        def take() -> None:
+            self.takes_command = True
+            self._leave_now()
 
-        self._app.push_screen(Confirm(question, yes="Take command", no="Only watch"), answered)
+        self._session.confirm(question, take, yes="Take command", no="Only watch")
 
     def say_how(self) -> None:
         """Show how to leave, over every screen; with a text selected, let its copying go on."""
