@@ -8,8 +8,9 @@ import sys
 import termios
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager, suppress
+from typing import Any, TypeVar
 
-from rich.prompt import Confirm, Prompt
+from rich.prompt import Confirm, Prompt, PromptBase
 
 from pa_console.language.plain_words import plain_reading
 from pa_console.language.questions import Question
@@ -21,6 +22,7 @@ from pa_console.terminal.mission import print_proposal
 from pa_console.terminal.output import errors
 from pa_console.views.status_words import status_of
 
+Answer = TypeVar("Answer")
 QuestionIn = Callable[[str], Question | None]
 """Returns the question about the record in a text; None for any other text."""
 
@@ -35,37 +37,27 @@ class _AskedError(Exception):
         self.question = question
 
 
-class _YesOrNo(Confirm):
-    """Asks for yes or no; `question_in` tells what asks back instead."""
+class _AskingBack(PromptBase[Answer]):
+    """A prompt at which `question_in` says what asks back instead of answering."""
 
-    def __init__(self, prompt: str, question_in: QuestionIn) -> None:
-        super().__init__(prompt, console=errors)
+    def __init__(self, prompt: str, question_in: QuestionIn, **options: Any) -> None:
+        """`options` are Rich's own, such as `choices`."""
+        super().__init__(prompt, console=errors, **options)
         self._question_in = question_in
 
-    def process_response(self, value: str) -> bool:
+    def process_response(self, value: str) -> Answer:
         """Return the answer; raises _AskedError for a question."""
-        _raise_question(value, self._question_in)
+        if (question := self._question_in(value)) is not None:
+            raise _AskedError(question)
         return super().process_response(value)
 
 
-class _WordsPrompt(Prompt):
-    """Asks for words, or for one of `choices`; `question_in` tells what asks back instead."""
+class _YesOrNo(_AskingBack[bool], Confirm):
+    """Asks for yes or no."""
 
-    def __init__(
-        self,
-        prompt: str,
-        question_in: QuestionIn,
-        choices: list[str] | None = None,
-        *,
-        show_default: bool = True,
-    ) -> None:
-        super().__init__(prompt, console=errors, choices=choices, show_default=show_default)
-        self._question_in = question_in
 
-    def process_response(self, value: str) -> str:
-        """Return the answer; raises _AskedError for a question."""
-        _raise_question(value, self._question_in)
-        return super().process_response(value)
+class _WordsPrompt(_AskingBack[str], Prompt):
+    """Asks for words, or for one of several."""
 
 
 def show_request(request: ApprovalRequested, trace: MissionTrace | None) -> None:
@@ -155,11 +147,6 @@ def _choices(trace: MissionTrace | None) -> Sequence[str]:
     return trace.choices if trace is not None else ()
 
 
-def _raise_question(text: str, question_in: QuestionIn) -> None:
-    if (question := question_in(text)) is not None:
-        raise _AskedError(question)
-
-
 def _what_was_meant(request: ApprovalRequested, question_in: QuestionIn) -> str:
     """Ask which reading of the order was meant; '' for the one that was planned for."""
     own = f"read as: {plain_reading(request.asked)}; " if request.asked else ""
@@ -168,7 +155,7 @@ def _what_was_meant(request: ApprovalRequested, question_in: QuestionIn) -> str:
     for number, asked in zip(numbers, request.readings, strict=True):
         errors.print(f"  {number}  {plain_reading(asked)}")
     question = "Was one of these meant? 0: no"
-    chosen = _WordsPrompt(question, question_in, ["0", *numbers])(default="0")
+    chosen = _WordsPrompt(question, question_in, choices=["0", *numbers])(default="0")
     return request.readings[int(chosen) - 1] if chosen != "0" else ""
 
 

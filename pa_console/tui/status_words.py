@@ -41,9 +41,14 @@ class Term(NamedTuple):
     style: str
 
     @property
+    def part(self) -> tuple[str, str]:
+        """The glyph and the word, with their style."""
+        return f"{self.glyph} {self.word}", self.style
+
+    @property
     def content(self) -> Content:
         """The glyph and the word, coloured."""
-        return Content.styled(f"{self.glyph} {self.word}", self.style)
+        return Content.styled(*self.part)
 
 
 def term(family: str, value: str) -> Term:

@@ -98,7 +98,6 @@ class FilmOptions:
 def svg(
     context: typer.Context,
     log: LogArgument,
-    film: FilmOptions,
     target: Annotated[Path, typer.Option("--out", "-o", help="The folder to make.")],
     at: Annotated[
         list[str] | None,
@@ -110,6 +109,8 @@ def svg(
     every: Annotated[
         float | None, typer.Option(min=0.1, help="A picture every so many seconds instead.")
     ] = None,
+    *,
+    film: FilmOptions,
 ) -> None:
     """Write numbered SVG pictures of the replayed console: 0001-approval_requested.svg, ..."""
     from pa_console.export.screen_files import (  # noqa: PLC0415 - the screens load slowly
@@ -154,7 +155,6 @@ def svg(
 def cast(
     context: typer.Context,
     log: LogArgument,
-    film: FilmOptions,
     target: Annotated[Path, typer.Option("--out", "-o", help="The file to write.")],
     speed: Annotated[
         float, typer.Option(min=0.01, max=1000.0, help="Recorded seconds in one second.")
@@ -162,6 +162,8 @@ def cast(
     fps: Annotated[
         float, typer.Option(min=0.1, max=30.0, help="Most pictures in one second.")
     ] = 4.0,
+    *,
+    film: FilmOptions,
 ) -> None:
     """Write the replay as an asciinema cast (asciicast v2), with a marker for every mission.
 

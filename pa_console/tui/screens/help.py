@@ -66,7 +66,7 @@ def help_rows(
     for family, items in groupby(TERMS.items(), key=lambda item: item[0].split(".")[0]):
         parts: list[tuple[str, str] | str] = []
         for _, mark in items:
-            parts += [(f"{mark.glyph} {mark.word}", mark.style), "   "]
+            parts += [mark.part, "   "]
         rows.append(row(["  ", column(family, 10, QUIET)], *parts))
     signs = "■ vehicle   ▪ person   D1→ asset and heading   • route   · lane   ╱ restricted zone"
     rows.append(row(["  ", column("map", 10, QUIET)], signs))

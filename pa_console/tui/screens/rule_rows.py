@@ -54,7 +54,7 @@ def rule_rows(rule: Rule, hit: RuleHit | None) -> list[WrappedRow]:
             "",
             (f"{rule.id}  ", "bold"),
             (f"{urgency.glyph} {urgency.word}  ", urgency.style),
-            (f"{mode.glyph} {mode.word}", mode.style),
+            mode.part,
         ),
         row(""),
         row("", rule.text),
@@ -177,7 +177,7 @@ def _example(result: ExampleResult) -> WrappedRow:
 def _finding(found: Finding) -> tuple[Part, ...]:
     mark = term("finding", found.status)
     message = f" {found.message}" if found.message else ""
-    return (f"{mark.glyph} {mark.word}", mark.style), message
+    return mark.part, message
 
 
 @dataclass

@@ -90,7 +90,7 @@ class SessionRows(PointedRows[SessionSummary]):
             "missions": (f"{len(summary.missions)}", ""),
             "outcomes": (outcomes_in_words(summary.outcomes), ""),
             "length": (clock_text(summary.length_s), QUIET),
-            "log": (f"{mark.glyph} {mark.word}", mark.style) if mark else ("checking …", QUIET),
+            "log": mark.part if mark else ("checking …", QUIET),
         }
 
 

@@ -100,8 +100,7 @@ def _length(parts: Sequence[Content]) -> int:
 def _alarms(alarms: Sequence[OpenAlarm]) -> Iterator[Part]:
     worst = _worst(alarms)
     if worst is None:
-        mark = term("alarm", "none")
-        yield (f"{mark.glyph} {mark.word}", mark.style)
+        yield term("alarm", "none").part
         return
     fresh = sum(not item.acknowledged for item in alarms)
     mark = term("alarm", worst.alarm.priority)
@@ -145,8 +144,7 @@ def _queue(queue: Sequence[QueueEntry]) -> Content | None:
 def _weather(state: SessionState) -> Content | None:
     if state.picture is None:
         return None
-    mark = term("weather", state.picture.weather)
-    return Content.styled(f"{mark.glyph} {mark.word}", mark.style)
+    return term("weather", state.picture.weather).content
 
 
 def _scenario(state: SessionState) -> Iterator[Content]:

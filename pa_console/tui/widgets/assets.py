@@ -68,11 +68,11 @@ def asset_cells(asset: AssetTelemetry, short: Mapping[str, str], look: Reliance)
     return {
         "": (short.get(asset.id, asset.id), "bold"),
         "asset": (asset.id, ""),
-        "status": (f"{status.glyph} {status.word}", status.style),
+        "status": status.part,
         "task": (f"{asset.task}{doubt}", QUIET if calm or doubt else ""),
         "at / to": (_questioned(going, doubt), QUIET if doubt else "" if asset.at else WARN),
         "batt": (f"{asset.battery_pct:3.0f}%{low or doubt}", WARN if low else QUIET * bool(doubt)),
-        "link": (f"{comms.glyph} {comms.word}", comms.style),
+        "link": comms.part,
         "age": age_cell(look.age(asset), old=state in ("stale", "silent")),
     }
 
@@ -89,7 +89,7 @@ def track_cells(track: Track, look: Reliance) -> Cells:
         "dist": (f"{track.distance_m:.0f} m{'?' if lost else ''}", QUIET if lost else ""),
         "identity": (f"{identity.glyph} {identity.word}", style),
         "ident.": (f"{identity.glyph} {_BRIEFLY[track.identity]}", style),
-        "intent": (f"{intent.glyph} {intent.word}", intent.style),
+        "intent": intent.part,
         "age": age_cell(look.age(track), old=lost),
         NOTES: _track_notes(track, look),
     }
@@ -132,7 +132,7 @@ def camera_cells(name: str, camera: CameraReport, look: Reliance) -> Cells:
     return {
         "camera": (name, "bold"),
         "gate": (camera.gate, ""),
-        "status": (f"{mark.glyph} {mark.word}", mark.style),
+        "status": mark.part,
         "age": age_cell(look.age(camera), old=state == "unknown"),
     }
 

@@ -142,7 +142,7 @@ class StatusBar(Static):
         if stale:
             parts.append((f"  ▲ no telemetry for {silent_s:.0f} s", "bold $text-error"))
         if wide or worker.word != "ready":
-            parts += [("  model ", QUIET), (f"{worker.glyph} {worker.word}", worker.style)]
+            parts += [("  model ", QUIET), worker.part]
         parts += self._servers(state)
         mission, tak = ["  ", self._mission(state, mode)], self._tak(state.tak, wide=wide)
         idle = state.active is None and state.stop is None
@@ -159,8 +159,7 @@ class StatusBar(Static):
             return []
         order = ("away", "probing", "unconstrained", "ready")
         worst = min((one.state for one in state.servers.values()), key=order.index)
-        mark = term("server", worst)
-        return [("  server ", QUIET), (f"{mark.glyph} {mark.word}", mark.style)]
+        return [("  server ", QUIET), term("server", worst).part]
 
     def _tak(self, tak: TakTrace, *, wide: bool) -> list[tuple[str, str] | Content | str]:
         """Return the state of the connection to the TAK server, and its number of contacts."""

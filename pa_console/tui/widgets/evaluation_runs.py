@@ -87,7 +87,7 @@ _LEAD = 9
 
 def run_rows(record: RunRecord) -> list[WrappedRow]:
     """Return a run from its command to its latency; what went wrong comes before the rest."""
-    strict, ended = _score(record.strict), term("mission", record.status)
+    strict = _score(record.strict)
     expected: list[Part] = [EXPECTED[record.expect]]
     if record.category:
         expected.append((f"  {record.category}", QUIET))
@@ -96,7 +96,7 @@ def run_rows(record: RunRecord) -> list[WrappedRow]:
         _field("command", record.command),
         _field("expected", *expected),
         _field("strict", strict, "   hybrid ", _score(record.hybrid, "– no verdict"), "   ended ",
-               (f"{ended.glyph} {ended.word}", ended.style),
+               term("mission", record.status).part,
                ("  nobody was moved" if record.refused else "", QUIET)),
     ]  # fmt: skip
     if record.reason:
@@ -121,8 +121,7 @@ def run_rows(record: RunRecord) -> list[WrappedRow]:
     if record.obeyed != record.strict:
         rows.append(_field("", f"obeyed before execution, it would have been {_word(record)}"))
     if record.verification is not None:
-        seen = term("outcome", record.verification)
-        rows.append(_field("telemetry", (f"{seen.glyph} {seen.word}", seen.style)))
+        rows.append(_field("telemetry", term("outcome", record.verification).part))
     rows.append(_field("answers", *_answers(record)))
     rows += _latency(record.metrics)
     return rows
@@ -135,8 +134,7 @@ def _field(name: str, *body: Part) -> WrappedRow:
 def _score(good: bool | None, none: str = "–") -> tuple[str, str]:
     if good is None:
         return none, QUIET
-    mark = term("score", "success" if good else "failure")
-    return f"{mark.glyph} {mark.word}", mark.style
+    return term("score", "success" if good else "failure").part
 
 
 def _word(record: RunRecord) -> str:
@@ -147,7 +145,7 @@ def _opinion(given: Opinion | None, strict: bool) -> list[Part]:
     if given is None:
         return [("– not asked", QUIET)]
     mark = term("verdict", given)
-    parts: list[Part] = [(f"{mark.glyph} {mark.word}", mark.style)]
+    parts: list[Part] = [mark.part]
     if (given == "Success") != strict:
         parts.append((" ≠ wrong", f"bold {WARN}"))
     return parts
@@ -353,7 +351,6 @@ class RunRows(PointedRows[RunRecord]):
     def cells(self, key: str) -> Cells:
         """Return the cells of a run."""
         record = self.items[key]
-        status = term("mission", record.status)
         return {
             "mission": (record.mission, "bold"),
             "model": (record.model, ""),
@@ -363,6 +360,6 @@ class RunRows(PointedRows[RunRecord]):
             "hybrid": _score(record.hybrid),
             "judge plan": _verdict(record.judge_plan, record.strict),
             "judge end": _verdict(record.judge_outcome, record.strict),
-            "status": (f"{status.glyph} {status.word}", status.style),
+            "status": term("mission", record.status).part,
             "time": (f"{record.metrics.end_to_end_s:6.1f} s", QUIET),
         }
