@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence
 
 from textual.app import ComposeResult
 from textual.containers import Horizontal, ItemGrid, Vertical, VerticalScroll
+from textual.widget import Widget
 from textual.widgets import Button
 
 from pa_console.schema.events.event import ApprovalRequested, DecisionMade
@@ -45,6 +46,19 @@ def is_free(key: str) -> bool:
 REASON = "approval-reason"
 
 
+class MeaningButton(Button):
+    """Something that the order may mean: another reading, or an answer to what is asked back."""
+
+    def __init__(self, number: int, asked: str, *, answers: bool) -> None:
+        super().__init__(reading_label(number, asked), compact=True)
+        self.asked, self.answers = asked, answers
+
+
+def reading_of(widget: Widget | None) -> str:
+    """Return the reading of the order that a button chooses, '' for anything else."""
+    return widget.asked if isinstance(widget, MeaningButton) and not widget.answers else ""
+
+
 class GivenFields(VerticalScroll, can_focus=False):
     """A button for each thing that the order may mean, and a box for each finding to accept."""
 
@@ -65,7 +79,7 @@ class GivenFields(VerticalScroll, can_focus=False):
         readings = self.query_one("#approval-readings", Vertical)
         readings.remove_children()
         readings.mount_all(
-            Button(reading_label(number, asked), name=name_of_meaning(number), compact=True)
+            MeaningButton(number, asked, answers=bool(trace.choices))
             for number, asked in enumerate(trace.choices or request.readings, start=1)
         )
         warnings = self.query_one("#approval-warnings", ItemGrid)
@@ -81,9 +95,9 @@ class GivenFields(VerticalScroll, can_focus=False):
         self.query_one("#approval-looked-at", TextRows).show(tuple(rows))
 
     @property
-    def meanings(self) -> list[Button]:
+    def meanings(self) -> list[MeaningButton]:
         """The buttons of what the order may mean, in their order."""
-        return list(self.query("#approval-readings Button").results(Button))
+        return list(self.query(MeaningButton))
 
     @property
     def unticked(self) -> list[CheckBox]:
@@ -118,53 +132,24 @@ class ReasonField(LineField):
         self.insert_text_at_cursor(text)
 
 
-_MEANT = "meant-"
-
-
-def name_of_meaning(number: int) -> str:
-    """Return the name of the button for what the order may mean, numbered from 1."""
-    return f"{_MEANT}{number}"
-
-
-def reading_of(trace: MissionTrace | None, name: str) -> str:
-    """Return the reading that a button of this name chooses, '' for none."""
-    request = trace.approval if trace is not None else None
-    return _named(request.readings if request is not None else (), name)
-
-
-def answer_of(trace: MissionTrace | None, name: str) -> str:
-    """Return the answer that a button of this name chooses, '' where nothing is asked back."""
-    return _named(trace.choices if trace is not None else (), name)
-
-
-def _named(meanings: Sequence[str], name: str) -> str:
-    number = name.removeprefix(_MEANT)
-    if not name.startswith(_MEANT) or not number.isdigit():
-        return ""
-    return next(iter(meanings[int(number) - 1 : int(number)]), "")
-
-
 def may_modify(request: ApprovalRequested) -> bool:
     """Return whether there is a plan that the operator may change."""
     return request.standing is None and request.state != "not_understood"
 
 
-def decision_of(trace: MissionTrace, choice: str, reason: str) -> Decision | None:
+def decision_of(request: ApprovalRequested, button: Button, reason: str) -> Decision | None:
     """Return the decision that a button makes of the request that waits; None for none.
 
     An approval accepts and overrides what the request asks for: whether that was given is for the
     panel to see to.
     """
-    request = trace.approval
-    if request is None:
-        return None
-    if answer := answer_of(trace, choice):
-        return answering(request, answer)
-    if asked := reading_of(trace, choice):
-        return request.decided("choose", asked=asked)
-    if choice == "reject":
+    if isinstance(button, MeaningButton):
+        if button.answers:
+            return answering(request, button.asked)
+        return request.decided("choose", asked=button.asked)
+    if button.id == "reject":
         return request.decided("reject", reason=reason)
-    return request.approved(reason) if choice == "approve" else None
+    return request.approved(reason) if button.id == "approve" else None
 
 
 def answering(request: ApprovalRequested, answer: str) -> Decision | None:

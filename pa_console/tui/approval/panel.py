@@ -286,7 +286,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         A button that the mouse presses stays in place: its consequence is not shown then.
         """
         focused = self.screen.focused
-        if focused is None or reading_of(self._trace, focused.name or "") != self._looked_at:
+        if focused is None or reading_of(focused) != self._looked_at:
             self._look("")
         self.refresh_state()
 
@@ -351,7 +351,7 @@ class ApprovalPanel(Vertical, can_focus=True):
     def _focus_and_look(self, widget: Widget) -> None:
         """Go to a field of the panel; a reading is shown."""
         self.screen.set_focus(widget)
-        self._look(reading_of(self._trace, widget.name or ""))
+        self._look(reading_of(widget))
 
     def action_go_to(self, button: str) -> None:
         """Go to a button, which Enter presses; to what Approve still needs, where it needs it.
@@ -426,7 +426,7 @@ class ApprovalPanel(Vertical, can_focus=True):
     @on(Button.Pressed)
     def _pressed(self, event: Button.Pressed) -> None:
         event.stop()
-        self._choose(event.button.id or event.button.name or "")
+        self._choose(event.button)
 
     @on(CheckBox.Changed)
     @on(Input.Changed)
@@ -441,16 +441,16 @@ class ApprovalPanel(Vertical, can_focus=True):
             self._answer(event.value.strip())
         self.screen.set_focus(self)
 
-    def _choose(self, choice: str) -> None:
-        trace, request = self._trace, self._request
-        if trace is None or request is None or not self.armed:
+    def _choose(self, button: Button) -> None:
+        request, choice = self._request, button.id
+        if request is None or not self.armed:
             return
         if self._joined is not None and choice != "approve":
             return
         if choice == "modify" and may_modify(request):
             self.post_message(self.ModifyAsked())
         elif choice != "approve" or not self._why_not():
-            self._send(decision_of(trace, choice, self._reason.said))
+            self._send(decision_of(request, button, self._reason.said))
 
     def _answer(self, answer: str) -> None:
         """Answer a question about the order; does nothing if a plan waits."""
