@@ -201,6 +201,8 @@ class Services:
         engine, ahead, prompt_format = self.engine, self.early.ahead, self.prompt_format
         gate = CommandGate(self.fleet, Journal())
         gate.stop_all()
+        standing = StandingOrders(self.standing.time)
+        standing.limits = self.standing.limits
         return replace(
             self,
             planner=Planner(ahead(engine), max_tokens=prompt_format.plan_tokens),
@@ -209,7 +211,7 @@ class Services:
             servers=NO_SERVERS,
             journal=Journal(),
             gate=gate,
-            standing=StandingOrders(),
+            standing=standing,
             past=PastOrders([*self.past.missions], self.past.pointer),
         )
 

@@ -67,10 +67,13 @@ class LiveReading:
     def __init__(
         self,
         services: Callable[[], Services],
-        read: Callable[[str], ReadText],
+        read: Callable[[str], ReadText | None],
         free: Callable[[], bool],
     ) -> None:
-        """`read` is how the station reads a text; `free` says that no mission needs the models."""
+        """`read` is how the station reads a text, None if it is no mission.
+
+        `free` says that no mission needs the models.
+        """
         self._services, self._read_text, self._free = services, read, free
         self._show: ShowReading | None = None
         self._text = ""
@@ -172,7 +175,7 @@ class LiveReading:
         """Plan `text` as a mission would be, and show what it reads as."""
         try:
             order = self._read_text(text)
-            line = "" if order.question is not None else await self._line(order)
+            line = await self._line(order) if order is not None else ""
         except Exception:  # a defect shows once the order is sent; a draft tells nobody
             line = ""
         if line and self._show is not None:

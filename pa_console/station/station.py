@@ -91,7 +91,7 @@ class ControlStation:
         self._worker = MissionWorker(parts)
         self._ahead = ReadAhead(services, unasked=read_unasked)
         self._reload = RulesReload(services, watch, self._emit, self._worker, self._ahead)
-        self._live = LiveReading(lambda: self._reload.services, self._read, self._may_read_live)
+        self._live = LiveReading(lambda: self._reload.services, self._order_in, self._may_read_live)
         self._ticking = Ticking(parts, clock, self._worker, self._stop_for)
         self._closed, self._resumed = False, resumed
         self._record = RecentRecord(deepcopy(resumed.before.state) if resumed else SessionState())
@@ -272,6 +272,12 @@ class ControlStation:
         Nothing is logged, and no asset moves by it.
         """
         self._live.show_in(show)
+
+    def _order_in(self, text: str) -> ReadText | None:
+        """Return `text` as it is read; None for a question, and for a change of standing orders."""
+        order = self._read(text)
+        change = read_change(order.text, self._services.standing.orders)
+        return order if change is None and order.question is None else None
 
     def _may_read_live(self) -> bool:
         """Return whether a mission would be worked on at once, and the models are idle."""

@@ -8,6 +8,7 @@ from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.session.mission_trace import MissionTrace
+from pa_console.views.event_words import trigger_in_words
 
 NOT_UNDERSTOOD = "not understood: "
 
@@ -28,7 +29,7 @@ def reading_line(trace: MissionTrace, base: str) -> str:
         return f"not clear yet: {told}"
     if trace.standing is not None:
         order = trace.standing.order
-        return f"reads as: whenever {order.words}: {order.order_in_words}"
+        return f"reads as: {trigger_in_words(order)}: {order.order_in_words}"
     return f"reads as: {'; '.join(_parts(trace, request, base))}"
 
 

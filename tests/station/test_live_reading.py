@@ -216,7 +216,15 @@ async def test_a_picture_that_changes_withdraws_the_reading_and_the_order_is_rea
 
 
 @pytest.mark.parametrize(
-    "text", ["", "hold", "all home", "Why did Drone_T04 go there?", "What would you do instead?"]
+    "text",
+    [
+        "",
+        "hold",
+        "all home",
+        "Why did Drone_T04 go there?",
+        "What would you do instead?",
+        "revoke standing order S1",
+    ],
 )
 async def test_a_short_text_and_a_question_are_not_read(rig: Rig, text: str) -> None:
     async with opened(rig.site) as console:
@@ -237,6 +245,15 @@ async def test_an_order_that_the_rules_refuse_is_said_to_be_refused(rig: Rig) ->
         console.station.typing("Open fire on the vehicle at the west gate")
         await console.read()
         assert console.shown[1].startswith("would be refused: ROE-01")
+
+
+async def test_a_timed_order_is_read_with_its_time(rig: Rig) -> None:
+    async with opened(rig.site) as console:
+        console.station.typing("In ten minutes, send Drone_T04 to the east gate.")
+        await console.read()
+        assert console.shown[1].startswith("reads as: ")
+        assert not console.shown[1].startswith("reads as: whenever")
+        assert console.kinds().count("mission_received") == 0
 
 
 async def test_a_standing_order_is_read_and_not_proposed(rig: Rig) -> None:
