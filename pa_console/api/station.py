@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Self
 from pydantic import TypeAdapter
 
 from pa_console.fleets.fleet import Fleet, Simulated
+from pa_console.language.order_changes import Change
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.llm.remote.servers import NO_SERVERS, Servers, session_models
@@ -202,6 +203,13 @@ class Station:
         The judge has then said its word on every outcome.
         """
         await self._station.settled()
+
+    def change_standing(self, order_id: str, change: Change) -> None:
+        """Revoke a standing order, let it pause or go on (resume), or skip its next moment.
+
+        Raises ValueError when it is not in force, or where that changes nothing.
+        """
+        self._station.change_standing(order_id, change)
 
     def stop_all(self) -> None:
         """Send every asset a hold, now; no mission is taken until `release`."""

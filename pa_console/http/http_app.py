@@ -29,6 +29,7 @@ from pa_console.http.guard import (
 )
 from pa_console.http.served_session import NumberedEvent, ServedSession
 from pa_console.http.tokens import Bearer, TokenBook
+from pa_console.language.order_changes import Change
 from pa_console.schema.events import event as ev
 
 RATES = {"reads": (50.0, 200), "writes": (5.0, 20), "questions": (2.0, 10), "wrong": (2.0, 20)}
@@ -298,6 +299,18 @@ def _add_commands(app: FastAPI, session: ServedSession) -> None:
     async def acknowledge(who: Commanding, name: Annotated[str, Path(alias="id")]) -> None:
         """Note that the token's person has seen an open alarm; it stays open until it is over."""
         session.acknowledge(who, name)
+
+    @app.post(
+        "/v1/standing/{id}/{change}",
+        tags=["missions"],
+        status_code=204,
+        responses={404: {"model": ProblemDetails}},
+    )
+    async def change_standing(
+        who: Commanding, name: Annotated[str, Path(alias="id")], change: Change
+    ) -> None:
+        """Revoke a standing order, let it pause or go on, or let it skip its next moment."""
+        session.change_standing(who, name, change)
 
     @app.post("/v1/stop", tags=["stop"], status_code=204)
     async def stop(who: Stopping) -> None:

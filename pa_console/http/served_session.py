@@ -29,6 +29,7 @@ from pa_console.http.views import (
     shown_sha256,
     to_sign_view,
 )
+from pa_console.language.order_changes import Change
 from pa_console.mission.approval import inadmissible
 from pa_console.schema.events import event as ev
 from pa_console.schema.events.event import Event
@@ -330,6 +331,17 @@ class ServedSession:
             )  # fmt: skip
         with _refused("not-acknowledged", "id"):
             self.station.acknowledge(alarm_id, bearer.person)
+
+    def change_standing(self, bearer: Bearer, name: str, change: Change) -> None:
+        """Change a standing order that is in force, in the bearer's name."""
+        found = self.state.standing.get(name)
+        if found is None or not found.in_force:
+            raise ProblemError(
+                404, "no-such-order", f"no standing order {name!r} is in force", field="id",
+                remedy="GET /v1/state lists them",
+            )  # fmt: skip
+        with _refused("not-changed", "change"):
+            self.station.change_standing(name, change, bearer.person)
 
     def cancel(self, name: str) -> None:
         """Cancel the mission with the id `name`, or take it out of the queue."""

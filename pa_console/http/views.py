@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from datetime import datetime
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -17,13 +18,14 @@ from pa_console.schema.mission import (
     MissionSource,
     MissionStatus,
     QueueEntry,
+    StandingOrder,
     Verification,
 )
 from pa_console.schema.plan import MAX_ACTIONS, Action, Plan
 from pa_console.schema.rule import Rule, RulesSeal
 from pa_console.schema.telemetry import Picture
 from pa_console.session.mission_trace import MissionTrace
-from pa_console.session.state import SessionState
+from pa_console.session.state import SessionState, StandingTrace
 
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
@@ -147,6 +149,16 @@ class AlarmView(BaseModel):
     acknowledged_by: str
 
 
+class StandingView(BaseModel):
+    """A standing order in force; a timed one has its next moment, and is perhaps paused."""
+
+    order: StandingOrder
+    by: str
+    started: int
+    next: datetime | None
+    paused: bool
+
+
 class StateView(BaseModel):
     """The session as it stands after the event with the number `event`."""
 
@@ -164,6 +176,7 @@ class StateView(BaseModel):
     waits_for_decision: bool
     queue: tuple[QueueEntry, ...]
     alarms: tuple[AlarmView, ...]
+    standing: tuple[StandingView, ...]
     picture: Picture | None
     ended: str
 
@@ -253,8 +266,19 @@ def state_view(state: SessionState, number: int) -> StateView:
         waits_for_decision=current is not None and current.approval is not None,
         queue=state.queue,
         alarms=tuple(AlarmView.model_validate(item) for item in state.alarms),
+        standing=tuple(_standing(trace) for trace in state.standing.values() if trace.in_force),
         picture=state.picture,
         ended=state.ended,
+    )
+
+
+def _standing(trace: StandingTrace) -> StandingView:
+    return StandingView(
+        order=trace.order,
+        by=trace.by,
+        started=trace.started,
+        next=trace.next.moment if trace.next is not None else None,
+        paused=trace.paused,
     )
 
 

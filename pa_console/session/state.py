@@ -77,6 +77,8 @@ class Stop:
         return len(self.orders) - len(self.unconfirmed)
 
 
+BY_CLOCK = "the clock"
+"""What ends a timed order when its last moment has passed."""
 MOST_STARTS_KEPT = 100
 
 
@@ -426,7 +428,8 @@ class SessionState:
                 what = f"nothing is started{f' for {subject}' if subject else ''}"
                 self._notice(event, "warning", name, f"{what}: {reason}")
             case ev.StandingOrderRevoked(order_id=name, by=by, reason=reason) if name in known:
-                known[name].ended = f"revoked by {by}{f': {reason}' if reason else ''}"
+                revoked = f"revoked by {by}{f': {reason}' if reason else ''}"
+                known[name].ended = reason if by == BY_CLOCK else revoked
                 self._notice(event, "warning", name, known[name].ended)
             case ev.StandingOrderScheduled(order_id=name, by=by, change=change) if name in known:
                 known[name].next = event.data

@@ -133,6 +133,17 @@ class Settings(BaseSettings):
     """How sure the console has to be of what was asked, 0 to 1, for `--approve auto` to approve a
     plan. An order whose words its reading does not account for is never approved so."""
 
+    moment_grace_s: Annotated[
+        float, _shown("Approval and alarms", "A timed order may be late", ge=1.0, le=3600.0)
+    ] = 60.0
+    """Seconds after its moment in which a timed order still starts, and says how late it is. A
+    moment that passed longer ago, as while the machine slept, starts nothing, and that is told."""
+
+    shortest_interval_s: Annotated[
+        float, _shown("Approval and alarms", "Shortest interval", ge=1.0, le=3600.0)
+    ] = 60.0
+    """The shortest interval of a recurring order, seconds."""
+
     stale_after_s: Annotated[
         float,
         _shown("Approval and alarms", "Telemetry is stale after", restart=False, ge=2.0, le=120.0),

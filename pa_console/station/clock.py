@@ -9,6 +9,7 @@ from typing import Protocol
 from pa_console.mission.standing import Due, Ended, Withheld
 from pa_console.schema.events import event as ev
 from pa_console.schema.telemetry import Picture
+from pa_console.session.state import BY_CLOCK
 from pa_console.station.notices import Noticer
 from pa_console.station.worker import MissionWorker, StationParts
 
@@ -16,7 +17,7 @@ MAX_STEPS_AT_ONCE = 20
 IDLE_S = 0.005
 LATE_S = 2.0
 """A mission that starts so long after its moment is told as late."""
-BY_CLOCK, OVER = "the clock", "its last moment has passed"
+OVER = "its last moment has passed"
 FAULT_AGAIN_S = 10.0
 """An internal error that recurs is reported this often."""
 

@@ -8,10 +8,11 @@ from functools import partial
 
 from pa_console import __version__
 from pa_console.fleets.fleet import PlanCountersignature, Simulated
-from pa_console.language.order_changes import OrderChange, read_change
+from pa_console.language.order_changes import Change, OrderChange, read_change
 from pa_console.language.questions import Question
 from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.scene import ReferenceScene
+from pa_console.mission.agenda import TimingLimits
 from pa_console.mission.context import Services
 from pa_console.mission.dispatch import StepFeed
 from pa_console.mission.stop import EmergencyStop
@@ -139,6 +140,10 @@ class ControlStation:
     @rate.setter
     def rate(self, rate: float) -> None:
         self._clock.rate = rate
+
+    def limit_times(self, limits: TimingLimits) -> None:
+        """Set how late a timed order may start, and how often; before `run`."""
+        self._services.standing.limits = limits
 
     @property
     def stopped(self) -> bool:
@@ -353,13 +358,7 @@ class ControlStation:
         Raises ValueError for what cannot be changed so.
         """
         for name in change.orders:
-            match change.change:
-                case "revoke":
-                    self.revoke(name)
-                case "skip":
-                    self.skip(name)
-                case "pause" | "resume":
-                    self.pause(name, paused=change.change == "pause")
+            self.change_standing(name, change.change)
         mission, received = self._intake.submit(order, active=False, waits=False)
         self._emit(received, mission.id)
         reason = f"{change.done}: {', '.join(change.orders)}"
@@ -475,6 +474,19 @@ class ControlStation:
         for mission in self._intake.queue.take(lambda one: one.standing == order_id):
             self._worker.drop(mission, f"standing order {order_id} was revoked")
         self._worker.queue_changed()
+
+    def change_standing(self, order_id: str, change: Change, by: str = "operator") -> None:
+        """Revoke a standing order, let it pause or go on, or skip its next moment.
+
+        Raises ValueError when it is not in force, or where that changes nothing.
+        """
+        match change:
+            case "revoke":
+                self.revoke(order_id, by)
+            case "skip":
+                self.skip(order_id, by)
+            case "pause" | "resume":
+                self.pause(order_id, by, paused=change == "pause")
 
     def pause(self, order_id: str, by: str = "operator", *, paused: bool = True) -> None:
         """Let a standing order start nothing until it is resumed, which is `paused` False.

@@ -6,6 +6,9 @@ from collections.abc import Coroutine, Sequence
 from contextlib import suppress
 from time import monotonic
 
+from pydantic import TypeAdapter
+
+from pa_console.language.order_changes import Change
 from pa_console.language.questions import Question
 from pa_console.observability import Observer, unobserved
 from pa_console.schema.events import event as ev
@@ -32,7 +35,7 @@ Type a mission in plain words, and Enter. Everything else is one of these lines:
   cancel            end the active mission, in any stage
   status            time, gates, stop, the active mission, what waits
   assets, alarms, queue, trace
-  standing          the standing orders in force; revoke S1 ends one
+  standing          the standing orders in force; revoke, pause, resume or skip S1
   seen              acknowledge the open alarms
   speed 2           simulated seconds per second, 1 to 8
   help, quit"""
@@ -44,7 +47,8 @@ TOLD_EVERY_S = 5.0
 """The interval between two lines about the present wait, seconds."""
 
 _SPEED = re.compile(r"(?i)\s*speed\s+(\S+)\s*")
-_REVOKE = re.compile(r"(?i)\s*revoke\s+(\S+)\s*")
+_STANDING = re.compile(r"(?i)\s*(revoke|pause|resume|skip)\s+(s\d+)\s*")
+_CHANGE: TypeAdapter[Change] = TypeAdapter(Change)
 _MISSION = re.compile(r"(?is)\s*mission\b[\s:]+(\S.*)")
 
 
@@ -127,7 +131,7 @@ class LineConsole(SessionLines):
 
     def _command(self, line: str) -> bool:
         word = line.casefold()
-        speed, revoke = _SPEED.fullmatch(line), _REVOKE.fullmatch(line)
+        speed, standing = _SPEED.fullmatch(line), _STANDING.fullmatch(line)
         if word in ("help", "?"):
             self._say(HELP)
         elif word == "cancel":
@@ -140,8 +144,9 @@ class LineConsole(SessionLines):
             self._quit()
         elif speed is not None:
             self._speed(speed[1])
-        elif revoke is not None:
-            self._station.revoke(revoke[1].upper())
+        elif standing is not None:
+            change: Change = _CHANGE.validate_python(standing[1].lower())
+            self._station.change_standing(standing[2].upper(), change)
         else:
             return False
         return True

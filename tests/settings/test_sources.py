@@ -100,6 +100,7 @@ def test_every_field_has_a_title_a_help_and_a_variable_that_sets_it(
 ) -> None:
     samples = {"speed": "3", "approval_delay_s": "1.5", "stale_after_s": "9", "history_kept": "7",
                "standing_confidence": "0.5", "check_deadline_ms": "20",
+               "moment_grace_s": "30", "shortest_interval_s": "30",
                "server_patience_s": "10", "plain_servers": "off", "live_reading": "off",
                "alarms": "off", "mouse": "0", "bell": "off", "desktop_notices": "off",
                "window_title": "off", "trace_words": "on", "metrics_port": "9464",

@@ -16,6 +16,7 @@ from pa_console.cli.sessions.log import open_log, warn
 from pa_console.end_signals import end_signals
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.remote.servers import NO_SERVERS, Servers
+from pa_console.mission.agenda import TimingLimits
 from pa_console.policy.pinned_rules import RefusedRulesError, RulesPins
 from pa_console.schema.document import DocumentError
 from pa_console.schema.incident import Scenario
@@ -139,6 +140,7 @@ def open_live(
         fleet=fleet,
         servers=servers,
     )
+    station.limit_times(TimingLimits(settings.moment_grace_s, settings.shortest_interval_s))
     if not options.stepped:
         station.rate = settings.speed
     duration_s = played.scenario.duration_s if played is not None else 0.0

@@ -231,15 +231,9 @@ class CommandController:
             return
 
         def carry_out(station: LiveStation) -> object:
-            match change:
-                case "revoke":
-                    return station.revoke(name)
-                case "pause" | "resume":
-                    return station.pause(name, paused=change == "pause")
-                case "skip":
-                    return station.skip(name)
-                case "again":
-                    return station.submit(order.text)
+            if change == "again":
+                return station.submit(order.text)
+            return station.change_standing(name, change)
 
         if self.attempt(title, carry_out):
             self._session.tell(told.format(name), title)
