@@ -7,7 +7,7 @@ from tests.http.conftest import Site
 from tests.http.test_served_session import decision
 
 ORDER = "Whenever a drone is below 20 %, relieve it."
-LOW = {"kind": "battery", "asset": "Drone_T01", "percent": 15.0}
+LOW: dict[str, object] = {"kind": "battery", "asset": "Drone_T01", "percent": 15.0}
 
 
 def test_a_mission_of_a_standing_order_is_listed_and_its_plan_is_shown(site: Site) -> None:
