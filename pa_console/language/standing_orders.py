@@ -393,7 +393,7 @@ def read_standing(scene: ReferenceScene, text: str) -> ReadStanding | Unclear | 
     most = MOST_STARTS
     if limit is not None:
         word = limit[1].lower()
-        most = int(word) if word.isdigit() else _TIMES.get(word, 0)
+        most = int(word) if word.isdecimal() else _TIMES.get(word, 0)
     parts = _parts(_LIMIT.sub("", said))
     if parts is None:
         return None

@@ -48,6 +48,7 @@ _FOLLOWS = frozenset(_WORDS["follows"]) | _STOPS
 _COMPACT = re.compile(r"(\d+)([a-z]+)(?:(\d+)([a-z]*))?")
 _FREQUENT = {"hourly": 3600.0, "half-hourly": 1800.0, "quarter-hourly": 900.0, "daily": DAY_S}
 _TO_BASE = frozenset(("base", "home", "rtb", "return", "returns"))
+_SHORT_NAME = re.compile(r"[a-z]+(?:_t)?\d+")
 _REPEATS = {"twice": 2, "thrice": 3, "once": 1}
 _ON_THE = (("on the full hour", 0), ("on the hour", 0), ("on the half hour", 30),
            ("on the half-hour", 30), ("at half past each hour", 30), ("at the full hour", 0),
@@ -182,7 +183,7 @@ def _of_order(
 
 def _before(tokens: tuple[WordToken, ...], at: int) -> int:
     """Return where a phrase begins, with the joints before it: *and then every ten minutes*."""
-    while at > 0 and tokens[at - 1].word in ("and", "then", ",", "but"):
+    while at > 0 and tokens[at - 1].word in ("and", "then", ",", "but", "once"):
         at -= 1
     return tokens[at].start
 
@@ -208,22 +209,26 @@ def _cut_later(tokens: tuple[WordToken, ...], said: _Said, name: str) -> None:
         if name == "times" and said.every_s and (count := _repeats(reader)):
             said.times = count
             reader.take(*_WORDS["onwards"])
-        elif (
-            name == "back"
-            and not said.every_s
-            and (said.during_s or said.until)
-            and (reader.take("and", ",") or True)
-            and (way := reader.take(*_WORDS["back"]))
-        ):
-            reader.take("again", "please")
-            reader.skip(_STOPS)
-            if not reader.over:
+        elif name == "back" and not said.every_s and (said.during_s or said.until):
+            if not (way := _way_back(reader)):
                 continue
-            said.to_base = bool(_TO_BASE & set(way.split()))
+            said.to_base = bool(_TO_BASE & way)
         else:
             continue
         said.cut.append((_before(tokens, at), tokens[reader.at - 1].end))
         return
+
+
+def _way_back(reader: Reader) -> set[str]:
+    """Read *and then back*, *after that it returns to base* at the end; nothing for no such."""
+    reader.take(",")
+    if not reader.take(*_WORDS["then"]):
+        return set()
+    first = reader.at
+    reader.skip(_WORDS["way_back"])
+    said = {token.word for token in reader.tokens[first : reader.at]}
+    reader.skip(_STOPS)
+    return said if reader.over and said & set(_WORDS["back"]) else set()
 
 
 def _repeats(reader: Reader) -> int:
@@ -319,10 +324,15 @@ def _read_window(reader: Reader, said: _Said, now: datetime) -> bool:
 
 
 def _read_vague(reader: Reader, said: _Said, now: datetime) -> bool:  # noqa: ARG001
-    """Read *in a few minutes*: no moment, and not to be lost."""
+    """Read *in a few minutes*, *at 25:00*: no moment, and not to be lost."""
     first = reader.at
     led = bool(reader.take("in", "for", "every"))
-    found = led and bool(reader.take(*_WORDS["vague"])) and _unit(reader) > 0.0
+    found = led and bool(reader.take(*_WORDS["vague"], "0", "zero")) and _unit(reader) > 0.0
+    if not found and (reader.take(*_WORDS["at"]) or first == 0):
+        # Digits of a clock that no clock shows: *at 25:00* must not become an order for now.
+        parts = reader.word(), reader.word(1), reader.word(2)
+        found = parts[1] == ":" and parts[0].isdecimal() and parts[2].isdecimal()
+        reader.at += 3 * found
     if found:
         said.vague = _words_from(said, reader, first)
     return found
@@ -334,8 +344,9 @@ def _read_start(reader: Reader, said: _Said, now: datetime) -> bool:
     if reader.take("starting now", "beginning now"):
         said.starts.append(("now", now))
         return True
-    if reader.take(*_WORDS["after"]):
-        seconds = _duration(reader)
+    if way := reader.take(*_WORDS["after"]):
+        # Within an order, *wait ten minutes* is a part of what is to be done.
+        seconds = _duration(reader) if first == 0 or not way.startswith("wait") else 0.0
         if seconds:
             reader.take("time", *_WORDS["hence"])
             said.starts.append((_words_from(said, reader, first), now + timedelta(seconds=seconds)))
@@ -396,7 +407,8 @@ def _clock(
     if day is None:
         day, other = _day(reader, now)
         half = half or other
-    if plain and not half and day is None and not (led and reader.word() in _FOLLOWS):
+    follows = reader.word() in _FOLLOWS or _SHORT_NAME.fullmatch(reader.word())
+    if plain and not half and day is None and not (led and follows):
         return None
     if half and 1 <= hour <= 12:
         hour = hour % 12 + (12 if half == "pm" else 0)
@@ -497,6 +509,8 @@ def _day(reader: Reader, now: datetime) -> tuple[date | None, str]:
     if said := reader.take(*_WORDS["today"], *_WORDS["tomorrow"]):
         half = "am" if said in _WORDS["morning"] else "pm" if said in _WORDS["evening"] else ""
         return _day_of(said, now), half
+    if reader.take("yesterday"):
+        return now.date() - timedelta(days=1), ""
     reader.take("on", "next", "this")
     if day := reader.take_in(_WEEKDAYS):
         return _weekday(day, now), ""
@@ -565,7 +579,7 @@ def _number(reader: Reader) -> float:
     if tens in _TENS and (not ones or number_of(ones) in range(1, 10)):
         reader.at += 1
         one = number_of(ones) if ones else number_of(reader.word())
-        if not ones and one in range(1, 10) and not reader.word().isdigit():
+        if not ones and one in range(1, 10) and not reader.word().isdecimal():
             reader.at += 1
             return float(_TENS[tens] + one)
         return float(_TENS[tens] + (one if ones else 0))
@@ -654,6 +668,8 @@ def _moment(words: str, clock: _Clock, said: _Said, now: datetime) -> datetime |
             asked = f"“{words}”: in the morning or in the evening?"
             return Unclear(words, asked, choices)
     if at < now - timedelta(seconds=JUST_S):
+        if at.hour == at.minute == 0 and not day:
+            return at + timedelta(days=1)  # midnight is the end of the day
         if said.every_s and not day:
             return at + timedelta(days=1)
         question = f"{at:%H:%M} has passed: it is {now:%H:%M}. At what time?"
@@ -727,7 +743,8 @@ def _rest(text: str, cut: list[tuple[int, int]]) -> str:
             parts.append(text[done:first])
         done = max(done, last)
     left = " ".join((*parts, text[done:]))
+    left = re.sub(r"\s+", " ", left)
     left = re.sub(r"\s+([,.;!?])", r"\1", left)
     left = re.sub(r"[,;:]\s*(?=[,.;:])|(?<=[.;,])\s*[,.;]+", "", left)
-    left = re.sub(r"^[\s,.;:–—-]+|[\s,;:–—-]+$", "", left)
+    left = re.sub(r"^(?:[\s,.;:–—-]|and\b|then\b)+|[\s,;:–—-]+$", "", left)
     return left[:1].upper() + left[1:] if re.search(r"\w", left) else ""

@@ -174,6 +174,6 @@ def asset_at(scene: ReferenceScene, reader: Reader) -> str:
 
 def number_of(word: str) -> int:
     """Return the number that a word is; -1 for none."""
-    if word.isdigit():
+    if word.isdecimal():
         return int(word)
     return NUMBERS.index(word) if word in NUMBERS else -1

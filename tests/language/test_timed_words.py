@@ -1,0 +1,154 @@
+"""How times are read: canonical words come back as they went in, and what is no time is none."""
+
+from datetime import UTC, datetime, timedelta
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pa_console.language.order_changes import OrderChange, read_change
+from pa_console.language.references.conversation import Unclear
+from pa_console.language.timed_orders import ReadTimed, duration_words, read_timed
+from pa_console.schema.mission import Schedule, StandingOrder
+from pa_console.sim.worlds.world_file import open_world
+
+WORLD = open_world("checkpoint")[0]
+NOW = datetime(2026, 11, 25, 8, 20, tzinfo=UTC)
+ORDERS = st.sampled_from((
+    "Send a drone to the east gate", "Drone_T04 observe WestGate", "Ugv_T02 blocks the north gate",
+    "Two robots go to Depot", "Have Robot_T01 hold position",
+))  # fmt: skip
+SECONDS = st.integers(60, 20_000).map(float)
+TODAY = st.integers(1, 15 * 3600).map(lambda seconds: NOW + timedelta(seconds=seconds))
+
+
+def read(text: str) -> ReadTimed:
+    found = read_timed(WORLD, text, NOW)
+    assert isinstance(found, ReadTimed), f"{text}: {found}"
+    return found
+
+
+def joined(order: str, time: str, *, first: bool) -> str:
+    return f"{time.capitalize()}, {order}." if first else f"{order} {time}."
+
+
+@given(ORDERS, TODAY, st.booleans())
+def test_a_clock_time_is_read_as_it_was_written(order: str, at: datetime, first: bool) -> None:
+    found = read(joined(order, f"at {at:%H:%M:%S}", first=first))
+    assert found.schedule == Schedule(start=at)
+    assert found.order.rstrip(".").lower() == order.lower()
+
+
+@given(ORDERS, SECONDS, st.booleans())
+def test_a_duration_is_read_as_it_was_written(order: str, seconds: float, first: bool) -> None:
+    found = read(joined(order, f"in {duration_words(seconds)}", first=first))
+    assert found.schedule == Schedule(start=NOW + timedelta(seconds=seconds))
+    assert found.order.rstrip(".").lower() == order.lower()
+
+
+@given(ORDERS, SECONDS, TODAY, st.integers(2, 20), st.booleans())
+def test_an_interval_with_its_end_is_read_as_it_was_written(
+    order: str, every_s: float, until: datetime, times: int, first: bool
+) -> None:
+    every = f"every {duration_words(every_s)}"
+    found = read(joined(order, f"{every} until {until:%H:%M:%S}", first=first)).schedule
+    assert (found.start, found.every_s, found.until) == (NOW, every_s, until)
+    found = read(joined(order, f"{every}, {times} times", first=first)).schedule
+    assert (found.at_once, found.every_s, found.times) == (True, every_s, times)
+
+
+@given(ORDERS, SECONDS, st.sampled_from(("and then back", ", then RTB", "")))
+def test_a_stay_is_read_as_it_was_written(order: str, seconds: float, then: str) -> None:
+    schedule = read(f"{order} for {duration_words(seconds)} {then}".strip()).schedule
+    assert (schedule.stay_s, schedule.every_s) == (seconds, 0.0)
+    assert schedule.to_base == ("RTB" in then)
+
+
+@given(st.text(st.characters(codec="utf-8"), max_size=60))
+def test_no_text_breaks_the_reading(text: str) -> None:
+    assert isinstance(read_timed(WORLD, text, NOW), ReadTimed | Unclear | None)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Send two robots to the north gate.", "At two gates we need drones.",
+        "Send every drone home.",
+        "The storm will hit in an hour, so Drone_T04 has to return to base.",
+        "There is a fire drill at the base at noon. Bring Robot_T02 to the checkpoint.",
+        "Drone T02 has been up since noon, let Drone T04 relieve her at North.",
+        "Nobody gets hurt today, bring Ugv_T01 back to base.",
+        "Move Ugv_T02 to the gate within five minutes.", "D4 home, from now on.",
+        "Take a few shots of the west gate for the daily brief.",
+    ],
+)  # fmt: skip
+def test_what_is_no_time_of_the_order_is_none(text: str) -> None:
+    assert read_timed(WORLD, text, NOW) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("Send a drone to the north gate at nine.", "in the morning or in the evening"),
+        ("At 07:30 Drone_T04 home.", "has passed"),
+        ("Every second send a drone to the east gate.", "too often"),
+        ("At 16:45 Drone_T04 home and at 17:00 Drone_T03 home.", "two moments"),
+        ("Tomorrow Drone_T04 home.", "At what time"),
+        ("In a few minutes send Drone_T04 home.", "names no moment"),
+        ("Every ten minutes look at the depot with Drone_T04 until 08:10.", "has passed"),
+        ("At 16:45.", "What is to be done"),
+    ],
+)
+def test_a_time_that_cannot_be_kept_gets_a_clear_line(text: str, why: str) -> None:
+    found = read_timed(WORLD, text, NOW)
+    assert isinstance(found, Unclear)
+    assert why in found.question
+
+
+def test_an_answer_settles_the_time() -> None:
+    text = "Send a drone to the north gate at nine."
+    asked = read_timed(WORLD, text, NOW)
+    assert isinstance(asked, Unclear)
+    assert asked.choices == ("at 09:00", "at 21:00")
+    found = read_timed(WORLD, text, NOW, {asked.said: asked.choices[1]})
+    assert isinstance(found, ReadTimed)
+    assert found.schedule.start.hour == 21
+
+
+def order(name: str, text: str) -> StandingOrder:
+    schedule = Schedule(start=NOW, every_s=600.0)
+    return StandingOrder(
+        id=name, text=text, schedule=schedule, words="every 10 minutes", order=text
+    )
+
+
+WEST = order("S1", "every ten minutes patrol west and north with Drone_T04")
+EAST = order("S2", "every hour have Drone_T03 look at the east gate")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("stop the west patrol", OrderChange("revoke", ("S1",))),
+        ("pause S2", OrderChange("pause", ("S2",))),
+        ("Resume the hourly look at the east gate, please.", OrderChange("resume", ("S2",))),
+        ("cancel all standing orders", OrderChange("revoke", ("S1", "S2"))),
+        ("stop the drone at the west gate", None),
+        ("stop", None),
+        ("Stop Drone_T04.", None),
+        ("hold position", None),
+    ],
+)
+def test_orders_in_force_are_changed_by_words_and_assets_are_not(
+    text: str, expected: OrderChange | None
+) -> None:
+    assert read_change(text, (WEST, EAST)) == expected
+    assert read_change(text, ()) is None
+
+
+def test_which_order_is_meant_is_asked_where_several_fit() -> None:
+    found = read_change("skip the next one, then carry on as normal", (WEST, EAST))
+    assert isinstance(found, Unclear)
+    assert "S1" in found.question
+    one = read_change("skip the next one, then carry on as normal", (WEST,))
+    assert one == OrderChange("skip", ("S1",))
