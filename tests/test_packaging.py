@@ -145,6 +145,7 @@ def test_every_library_that_is_imported_is_asked_for() -> None:
         *project["dependencies"],
         *extras["hub"],
         *extras["mcap"],
+        *extras["mcp"],
         *extras["train"],
         *extras["fleet"],
         *extras["serve"],

@@ -59,6 +59,16 @@ CertificatesOption = Annotated[
     Path | None,
     typer.Option("--certificates", help="The folder of 'pa-console site init', to be let in with."),
 ]
+AgentsOption = Annotated[
+    int,
+    typer.Option(
+        "--agents",
+        metavar="PORT",
+        min=0,
+        max=65_535,
+        help="Let agents propose missions over MCP at this port of this machine; 0 for none.",
+    ),
+]
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else there.")
 ]
@@ -165,6 +175,8 @@ class SessionOptions:
             "of a lower version); log and reports say so.",
         ),
     ] = False
+    agents: int = 0
+    """The port at which agents are let in; 0 for none."""
     readonly: bool = False
     resume: bool | None = False
     """True to go on with a session that was not closed; None where the operator is to be asked."""

@@ -174,6 +174,7 @@ def _pinned(trace: MissionTrace, started: SessionStarted) -> str:
     mission = trace.mission
     rows = [
         ("given", f"{mission.created:%Y-%m-%d %H:%M:%S} UTC by {mission.source}"),
+        ("agent", mission.agent and f"{mission.agent}, over MCP"),
         ("alarm", mission.alarm),
         ("standing order", mission.standing),
         ("about", mission.subject),

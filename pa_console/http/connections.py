@@ -8,9 +8,12 @@ import asyncio
 import errno
 import os
 import socket
-from collections.abc import Callable, Generator
-from contextlib import contextmanager, suppress
-from typing import Any
+from collections.abc import AsyncGenerator, Callable, Generator
+from contextlib import asynccontextmanager, contextmanager, suppress
+from typing import Any, Literal
+
+import uvicorn
+from starlette.types import ASGIApp
 
 ADDRESS = "127.0.0.1"
 MOST = 128
@@ -19,6 +22,8 @@ IDLE_S = 10.0
 """A connection without a complete request is closed after this time, in seconds."""
 BACKLOG = 100
 """Connections accepted in one turn of the event loop."""
+KEEP_S, END_S = 5, 3
+"""Seconds that an idle connection is kept open, and that a request has at the end."""
 EXHAUSTED = frozenset((errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM))
 
 
@@ -149,3 +154,39 @@ def listen(port: int) -> Listening:
         raise ValueError(
             f"--port {port}: {ADDRESS} cannot be listened on there: {why}; choose another port"
         ) from error
+
+
+class _HttpServer(uvicorn.Server):
+    """One that leaves the process's signals to the session, which has to end in order."""
+
+    @contextmanager
+    def capture_signals(self) -> Generator[None]:
+        yield
+
+
+@asynccontextmanager
+async def served_app(
+    app: ASGIApp, listening: Listening, lifespan: Literal["on", "off"] = "off"
+) -> AsyncGenerator[str]:
+    """Serve `app` on the socket while the context lasts; give the address."""
+    config = uvicorn.Config(
+        app,
+        log_config=None,
+        log_level="critical",
+        access_log=False,
+        lifespan=lifespan,
+        ws="none",
+        proxy_headers=False,
+        server_header=False,
+        h11_max_incomplete_event_size=16_384,
+        backlog=BACKLOG,
+        timeout_keep_alive=KEEP_S,
+        timeout_graceful_shutdown=END_S,
+    )
+    server = _HttpServer(config)
+    work = asyncio.create_task(server.serve([listening]))
+    try:
+        yield f"http://{ADDRESS}:{listening.getsockname()[1]}"
+    finally:
+        server.should_exit = True
+        await work

@@ -1,13 +1,11 @@
 """The interface itself: every path, who may use it, its answers, and serving it on loopback."""
 
-import asyncio
 import json
-from collections.abc import AsyncGenerator, Callable, Generator
-from contextlib import aclosing, asynccontextmanager, contextmanager
+from collections.abc import AsyncGenerator, Callable
+from contextlib import aclosing, asynccontextmanager
 from dataclasses import dataclass
 from typing import Annotated, Any, cast
 
-import uvicorn
 from fastapi import Depends, FastAPI, Header, Path, Query, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse, StreamingResponse
@@ -16,9 +14,9 @@ from fastapi_offline import FastAPIOffline
 from starlette.exceptions import HTTPException
 
 from pa_console import __version__
-from pa_console.fleets.authorization import RefusedError, Role
-from pa_console.http import views
-from pa_console.http.connections import ADDRESS, BACKLOG, Listening
+from pa_console.fleets.authorization import RefusedError
+from pa_console.http import bodies
+from pa_console.http.connections import Listening, served_app
 from pa_console.http.guard import (
     CONNECTION,
     Guard,
@@ -28,9 +26,10 @@ from pa_console.http.guard import (
     internal_error,
 )
 from pa_console.http.served_session import NumberedEvent, ServedSession
-from pa_console.http.tokens import Bearer, TokenBook
+from pa_console.http.tokens import Bearer, TokenBook, TokenRole
 from pa_console.language.order_changes import Change
 from pa_console.schema.events import event as ev
+from pa_console.views import session_views as views
 
 RATES = {"reads": (50.0, 200), "writes": (5.0, 20), "questions": (2.0, 10), "wrong": (2.0, 20)}
 """Requests a second and at once: reads, writes and questions of each person, wrong tokens of
@@ -69,7 +68,7 @@ class _Doors:
         self._tokens = tokens
         self._rates = {name: RequestRate(*limit) for name, limit in RATES.items()}
 
-    def enter(self, given: Given, role: Role, rate: str = "") -> Bearer:
+    def enter(self, given: Given, role: TokenRole, rate: str = "") -> Bearer:
         """Return whose token is `given`, within the limit of `rate` if one is named.
 
         Raises ProblemError for a token that is not known or may not do so much.
@@ -118,7 +117,7 @@ def _doors(request: Request) -> _Doors:
     return cast(_Doors, request.app.state.doors)
 
 
-def _lets_in(role: Role, rate: str = "") -> Callable[[Request, Given], Bearer]:
+def _lets_in(role: TokenRole, rate: str = "") -> Callable[[Request, Given], Bearer]:
     """Return a dependency that lets in who has `role`, and notes that on the connection."""
 
     def bearer_of(request: Request, given: Given) -> Bearer:
@@ -165,9 +164,9 @@ def _add_reads(app: FastAPI, session: ServedSession) -> None:
     """Add what an observer may read and ask."""
 
     @app.get("/v1/whoami", tags=["session"])
-    async def whoami(who: Watching) -> views.WhoView:
+    async def whoami(who: Watching) -> bodies.WhoView:
         """Return the owner of the token."""
-        return views.WhoView(person=who.person, role=who.role)
+        return bodies.WhoView(person=who.person, role=who.role)
 
     @app.get("/v1/state", tags=["session"])
     async def state(_: Watching) -> views.StateView:
@@ -203,7 +202,7 @@ def _add_reads(app: FastAPI, session: ServedSession) -> None:
         person: Annotated[
             str | None, Query(description="who is to sign; by default whose token it is")
         ] = None,
-    ) -> views.ToSignView:
+    ) -> bodies.ToSignView:
         """Return exactly what a second person signs, where the rules ask two people for the plan.
 
         `to_sign` are the bytes; `pa-console keys sign` signs them on the person's own machine, and
@@ -212,7 +211,7 @@ def _add_reads(app: FastAPI, session: ServedSession) -> None:
         return session.to_sign(request_id, person or who.person)
 
     @app.post("/v1/questions", tags=["session"])
-    async def ask(_: Asking, body: views.QuestionBody) -> ev.QuestionAnswered:
+    async def ask(_: Asking, body: bodies.QuestionBody) -> ev.QuestionAnswered:
         """Answer a question such as *Why?* or *Why not Robot_T02?* from the record.
 
         It is about the plan that waits, else about the mission that is worked on or was last. No
@@ -262,7 +261,7 @@ def _add_commands(app: FastAPI, session: ServedSession) -> None:
     """Add what an operator may do."""
 
     @app.post("/v1/missions", tags=["missions"], status_code=201)
-    async def submit(_: Commanding, body: views.MissionBody) -> views.MissionView:
+    async def submit(_: Commanding, body: bodies.MissionBody) -> views.MissionView:
         """Give a mission in plain language; it is queued, and its plan will wait for a decision."""
         return views.mission_view(session.submit(body.text))
 
@@ -272,7 +271,7 @@ def _add_commands(app: FastAPI, session: ServedSession) -> None:
         session.cancel(name)
 
     @app.post("/v1/decisions", tags=["plans"])
-    async def decide(who: Commanding, body: views.DecisionBody) -> views.DecisionView:
+    async def decide(who: Commanding, body: bodies.DecisionBody) -> bodies.DecisionView:
         """Decide about the plan that was shown, in the name of the token's person.
 
         It is 409 where another plan waits by now, or this one is not what was shown.
@@ -281,8 +280,8 @@ def _add_commands(app: FastAPI, session: ServedSession) -> None:
 
     @app.post("/v1/plans/{request_id}/signatures", tags=["plans"])
     async def countersign(
-        _: Commanding, request_id: Annotated[str, Path()], body: views.SignatureBody
-    ) -> views.DecisionView:
+        _: Commanding, request_id: Annotated[str, Path()], body: bodies.SignatureBody
+    ) -> bodies.DecisionView:
         """Take in what a second person has signed of the plan that waits.
 
         It counts for the person whose key has made it, whoever brings it, once, and for this very
@@ -415,18 +414,6 @@ def _sent(session: ServedSession, item: NumberedEvent) -> str:
     return f"id: {name}.{item.number}\nevent: {event.data.kind}\ndata: {data}\n\n"
 
 
-KEEP_S = 5
-END_S = 3
-
-
-class _HttpServer(uvicorn.Server):
-    """One that leaves the process's signals to the session, which has to end in order."""
-
-    @contextmanager
-    def capture_signals(self) -> Generator[None]:
-        yield
-
-
 @asynccontextmanager
 async def serving(
     session: ServedSession,
@@ -439,28 +426,10 @@ async def serving(
     When it is left, streams of events end, and nothing more is answered. `failed` is told of a
     defect, and once of a lack of descriptors.
     """
-    port: int = listening.getsockname()[1]
     listening.failed = failed
     app = Guard(make_app(session, tokens, failed), listening, failed)
-    config = uvicorn.Config(
-        app,
-        log_config=None,
-        log_level="critical",
-        access_log=False,
-        lifespan="off",
-        ws="none",
-        proxy_headers=False,
-        server_header=False,
-        h11_max_incomplete_event_size=16_384,
-        backlog=BACKLOG,
-        timeout_keep_alive=KEEP_S,
-        timeout_graceful_shutdown=END_S,
-    )
-    server = _HttpServer(config)
-    work = asyncio.create_task(server.serve([listening]))
-    try:
-        yield f"http://{ADDRESS}:{port}"
-    finally:
-        session.end()
-        server.should_exit = True
-        await work
+    async with served_app(app, listening) as address:
+        try:
+            yield address
+        finally:
+            session.end()

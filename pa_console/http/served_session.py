@@ -18,17 +18,16 @@ from pydantic import ValidationError
 from pa_console.fleets.authorization import RefusedError
 from pa_console.fleets.fleet import PlanCountersignature
 from pa_console.fleets.station_authority import StationAuthority
-from pa_console.http.guard import ProblemError
-from pa_console.http.tokens import Bearer
-from pa_console.http.views import (
+from pa_console.http.bodies import (
     DecisionBody,
     DecisionView,
     SignatureBody,
     ToSignView,
     plan_of,
-    shown_sha256,
     to_sign_view,
 )
+from pa_console.http.guard import ProblemError
+from pa_console.http.tokens import Bearer
 from pa_console.language.order_changes import Change
 from pa_console.mission.approval import inadmissible
 from pa_console.schema.events import event as ev
@@ -40,6 +39,7 @@ from pa_console.session.mission_trace import MissionTrace
 from pa_console.session.state import SessionState
 from pa_console.station.answering import IS_QUESTION, NO_QUESTION
 from pa_console.station.station import ControlStation
+from pa_console.views.session_views import shown_sha256
 
 KEPT = 1000
 """The number of recent events kept in memory; older ones are read from the log."""

@@ -8,8 +8,9 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Literal
 
-from pa_console.fleets.authorization import ROLES, RefusedError, Role
+from pa_console.fleets.authorization import RefusedError, Role
 from pa_console.private_files import make_private_folder, read_private, replace_private
 
 PREFIX = "pa_"
@@ -17,20 +18,24 @@ TOKENS_FILE = "serve-tokens.json"
 MOST_TOKENS = 256
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
+TokenRole = Literal["observer", "proposer", "operator", "commander"]
+"""The bearer of a token may do what it names and all before it; a proposer is a program."""
+TOKEN_ROLES: tuple[TokenRole, ...] = ("observer", "proposer", "operator", "commander")
+
 RoleOf = Callable[[str], Role]
 """The role of a person by the roster of the site; raises RefusedError for one who has none."""
 
 
 @dataclass(frozen=True)
 class Bearer:
-    """Whose token it is: a name, and what that person may do."""
+    """Whose token it is: a name, and what that person or program may do."""
 
     person: str
-    role: Role
+    role: TokenRole
 
-    def may(self, role: Role) -> bool:
+    def may(self, role: TokenRole) -> bool:
         """Return whether this person has the rights of `role`."""
-        return ROLES.index(self.role) >= ROLES.index(role)
+        return TOKEN_ROLES.index(self.role) >= TOKEN_ROLES.index(role)
 
 
 @dataclass(frozen=True)
@@ -39,7 +44,7 @@ class KeptToken:
 
     id: str
     person: str
-    role: Role
+    role: TokenRole
     sha256: str
     made: str
 
@@ -74,7 +79,7 @@ class TokenBook:
             found = Bearer(kept.person, kept.role)
         return self._limited(found)
 
-    def make(self, person: str, role: Role, *, keep: bool = True) -> str:
+    def make(self, person: str, role: TokenRole, *, keep: bool = True) -> str:
         """Return a new token, which is shown once; `keep` its hash, or know it in this session.
 
         Raises ValueError for what is no name, and where the roster does not let that person in, or
@@ -116,11 +121,15 @@ class TokenBook:
         return list(self._kept.values())
 
     def _limited(self, bearer: Bearer) -> Bearer:
-        """Return the bearer with no more than the roster gives; raises RefusedError for nobody."""
-        if self._role_of is None:
+        """Return the bearer with no more than the roster gives; raises RefusedError for nobody.
+
+        A program that proposes is no person, and in no roster.
+        """
+        if self._role_of is None or bearer.role == "proposer":
             return bearer
-        least = min(ROLES.index(bearer.role), ROLES.index(self._role_of(bearer.person)))
-        return Bearer(bearer.person, ROLES[least])
+        allowed = self._role_of(bearer.person)
+        least = min(TOKEN_ROLES.index(bearer.role), TOKEN_ROLES.index(allowed))
+        return Bearer(bearer.person, TOKEN_ROLES[least])
 
     def _read_changed(self) -> None:
         try:
@@ -134,7 +143,7 @@ class TokenBook:
         try:
             listed = json.loads(read_private(self.path))
             kept = [KeptToken(**one) for one in listed]
-            if any(one.role not in ROLES for one in kept):
+            if any(one.role not in TOKEN_ROLES for one in kept):
                 raise ValueError("a role that there is not")
         except (TypeError, ValueError) as error:
             self._kept, self._seen = {}, None
@@ -155,4 +164,4 @@ def _hash(token: str) -> str:
     return hashlib.sha256(token.encode()).hexdigest()
 
 
-__all__ = ["Bearer", "KeptToken", "RefusedError", "RoleOf", "TokenBook"]
+__all__ = ["Bearer", "KeptToken", "RefusedError", "RoleOf", "TokenBook", "TokenRole"]

@@ -19,6 +19,7 @@ from pa_console.session.confidence import UNSURE
 from pa_console.views.status_words import status_of
 
 NOT_BEFOREHAND = "a standing order is approved by somebody who reads it, and nobody did"
+NOT_FOR_AGENTS = "an agent has proposed it, so somebody has to look at it"
 
 
 @dataclass(frozen=True)
@@ -190,6 +191,8 @@ def _not_changeable(request: ApprovalRequested, decision: Decision) -> str:
 def _not_approvable(request: ApprovalRequested, decision: Decision) -> str:
     if request.standing is not None and decision.standing:
         return NOT_BEFOREHAND
+    if request.proposed_by and decision.standing:
+        return NOT_FOR_AGENTS
     if request.blocked_by:
         return f"the plan cannot be approved by anyone: {'; '.join(request.blocked_by)}"
     missing = [rule for rule in request.acknowledge if rule not in decision.acknowledged]
@@ -244,8 +247,9 @@ def standing_approver(
             return Decision(kind="reject", by=by, reason="plans are never approved in this run")
         if request.blocked_by:
             return Decision(kind="reject", by=by, reason="; ".join(request.blocked_by))
-        if request.standing is not None:
-            return Decision(kind="reject", by=by, reason=NOT_BEFOREHAND)
+        if request.standing is not None or request.proposed_by:
+            why = NOT_FOR_AGENTS if request.proposed_by else NOT_BEFOREHAND
+            return Decision(kind="reject", by=by, reason=why)
         if request.approvals:
             reason = f"{people_words(request.approvals)} to approve, and nobody looked at it"
             return Decision(kind="reject", by=by, reason=reason)

@@ -131,7 +131,8 @@ async def answered(
     not send is blocked.
     """
     gate, rules = context.services.gate, context.services.rulebook
-    request = request.model_copy(update={"approvals": gate.needed(request, rules)})
+    origin = {"approvals": gate.needed(request, rules), "proposed_by": context.mission.agent}
+    request = request.model_copy(update=origin)
     if (problem := gate.objection(rules)) and request.state != "not_understood":
         blocked = (*request.blocked_by, problem)
         request = request.model_copy(update={"blocked_by": blocked, "state": "blocked"})

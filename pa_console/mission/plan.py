@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 from pa_console.language.mention_check import NOTHING_SAID, MentionCheck, check_mentions
 from pa_console.language.order import Reading
@@ -199,12 +200,15 @@ async def plan(
     return PlanForDecision(answered, best)
 
 
-async def take(context: MissionContext, answered: PlannerAnswer, written: Plan) -> PlanForDecision:
-    """Step 6 for a plan that the operator wrote: it is examined like any other."""
+async def take(
+    context: MissionContext,
+    answered: PlannerAnswer,
+    written: Plan,
+    author: Literal["operator", "agent"] = "operator",
+) -> PlanForDecision:
+    """Step 6 for a plan that no model wrote: it is examined like any other."""
     number = context.next_attempt()
-    context.emit(
-        ev.PlanProposed(attempt=number, author="operator", text=written.answer, plan=written)
-    )
+    context.emit(ev.PlanProposed(attempt=number, author=author, text=written.answer, plan=written))
     retrieved = answered.retrieved
     candidate = await _examined(context, retrieved, NumberedPlan(number, written), None, own=True)
     return PlanForDecision(answered, candidate)

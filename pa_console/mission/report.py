@@ -107,6 +107,8 @@ def after_action_report(
         lines[-1] += alarm.text
     elif mission.alarm:
         lines.append(f"Raised by alarm {mission.alarm}")
+    if mission.agent:
+        lines.append(f"Proposed by agent {mission.agent} over MCP")
     lines.extend(f"Rule set: {warning}" for warning in facts.warnings)
     if facts.rules:
         lines.append(f"Rules: {', '.join(facts.rules)}")

@@ -248,6 +248,9 @@ class MissionRun:
         """
         context, voided = self._context, 0
         planned = await plan(context, retrieved, reasons)
+        proposed = self.mission.proposed if not self._facts.plans else None
+        if proposed is not None and not isinstance(planned, PlanningFailure):
+            planned = await take(context, planned.answered, proposed, author="agent")
         while not isinstance(planned, PlanningFailure):
             planned = await judge(context, planned)
             decided = await decide(context, planned, self._readings, self._station.decide)
@@ -272,7 +275,7 @@ class MissionRun:
             changed = f"the situation changed: {'; '.join(fresh.broken)}"
             self._emit(ev.PlanVoided(attempt=shown.attempt, reason=changed))
             voided += 1
-            if voided == MAX_VOIDED:
+            if voided == MAX_VOIDED or proposed is not None:
                 return MissionResult("held", changed)
             again, answer = planned.answered.retrieved, fresh.plan.answer
             planned = await plan(context, again, fresh.broken, answer)

@@ -7,6 +7,7 @@ from time import perf_counter
 from pa_console.language.demands import contradiction
 from pa_console.language.references.conversation import LEANING, Unclear
 from pa_console.language.references.resolution import Answers, resolve
+from pa_console.language.references.scene import ReferenceScene
 from pa_console.language.standing_orders import asks_nobody, read_standing
 from pa_console.language.timed_orders import read_timed, schedule_words
 from pa_console.mission.agenda import Agenda
@@ -78,10 +79,20 @@ async def understand(
         standing = await _standing(context) or await _timed(context, answers)
         if standing is not None:
             return standing
+    if context.mission.agent and _is_for_later(context):
+        return RefusedMission("an agent proposes no order that is to hold from now on")
     read = await asyncio.to_thread(_read, context, answers)
     if isinstance(read, Understood) and read.mission is not context.mission:
         return await _refused(context, read.mission) or read
     return read
+
+
+def _is_for_later(context: MissionContext) -> bool:
+    """Return whether the words are a standing order, with a condition or a time."""
+    services, text = context.services, context.mission.text
+    now, shortest_s = services.standing.time.now, services.standing.limits.shortest_s
+    timed = read_timed(services.fleet.world, text, now, {}, shortest_s)
+    return timed is not None or read_standing(_scene(context), text) is not None
 
 
 async def _standing(
@@ -169,7 +180,7 @@ def _read(context: MissionContext, answers: Answers) -> NotUnderstood | Understo
     """Return an operator's words with names for what they point at, or what to ask back."""
     services, mission = context.services, context.mission
     world, rules = services.fleet.world, services.rulebook
-    found = resolve(services.scene, mission.text, answers)
+    found = resolve(_scene(context), mission.text, answers)
     text = mission.text if isinstance(found, Unclear) else found.text
     if question := question_back(mission.said, text, world, rules):
         return NotUnderstood(question)
@@ -183,6 +194,12 @@ def _read(context: MissionContext, answers: Answers) -> NotUnderstood | Understo
     references = tuple(ev.Reference(said=said, means=means) for said, means in found.meant)
     read = mission.model_copy(update={"text": found.text, "typed": mission.said})
     return Understood(read, references, found.undoes, found.corrects)
+
+
+def _scene(context: MissionContext) -> ReferenceScene:
+    """Return what an order can point at; an agent's words mean nothing that people did before."""
+    scene = context.services.scene
+    return replace(scene, past=(), pointer="") if context.mission.agent else scene
 
 
 async def _refused(context: MissionContext, mission: Mission) -> RefusedMission | None:

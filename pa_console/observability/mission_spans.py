@@ -121,6 +121,8 @@ class MissionSpans:
             "pa.mission.id": name,
             "pa.mission.source": mission.source,
         }
+        if mission.agent:
+            about["pa.mission.agent"] = mission.agent
         if self._words:
             about["pa.mission.text"] = mission.said
         root = self._tracer.start_span(

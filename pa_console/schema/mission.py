@@ -30,8 +30,8 @@ MissionStatus = Literal[
     "verified", "unverified", "refused", "rejected", "held", "cancelled", "failed"
 ]
 Outcome = Literal["pass", "fail", "unknown"]
-MissionSource = Literal["operator", "alarm", "standing"]
-"""The source of a mission: a person, an alarm, or a standing order."""
+MissionSource = Literal["operator", "alarm", "standing", "agent"]
+"""The source of a mission: a person, an alarm, a standing order, or a program that proposes it."""
 
 
 class Mission(StrictModel):
@@ -48,6 +48,16 @@ class Mission(StrictModel):
         exclude_if=lambda name: not name,
         description="id of the standing order that started it",
     )
+    agent: str = Field(
+        default="",
+        exclude_if=lambda name: not name,
+        description="name of the agent that proposed it over MCP",
+    )
+    proposed: Plan | None = Field(
+        default=None,
+        exclude_if=lambda plan: plan is None,
+        description="the agent's own plan, where it proposed one",
+    )
     subject: Name | None = Field(default=None, description="track, asset or gate it is about")
     gate: Name | None = Field(default=None, description="the gate concerned, if one is")
 
@@ -55,6 +65,19 @@ class Mission(StrictModel):
     def said(self) -> str:
         """The mission as its operator typed it; `text` is how it is read."""
         return self.typed or self.text
+
+    @property
+    def origin(self) -> str:
+        """Who gave the mission, for people to read; '' for the operator."""
+        match self.source:
+            case "alarm":
+                return "by alarm"
+            case "standing":
+                return f"by standing order {self.standing}"
+            case "agent":
+                return f"proposed by agent {self.agent} over MCP"
+            case "operator":
+                return ""
 
 
 class Decision(StrictModel):

@@ -218,6 +218,10 @@ class SessionState:
     open_alarms: dict[str, OpenAlarm] = field(default_factory=dict[str, OpenAlarm])
     answers: dict[str, str] = field(default_factory=dict[str, str])
     loose_orders: dict[str, CommandTrace] = field(default_factory=dict[str, CommandTrace])
+    last_agent: str = ""
+    """The agent that proposed last."""
+    muted_agents: frozenset[str] = frozenset()
+    """The agents that may propose nothing."""
     standing: dict[str, StandingTrace] = field(default_factory=dict[str, StandingTrace])
     """The approved standing orders by their ids, the oldest first."""
     tak: TakTrace = field(default_factory=TakTrace)
@@ -377,8 +381,8 @@ class SessionState:
                 self.latest = mission.id
                 if mission.alarm:
                     self.answers[mission.alarm] = mission.id
-                origin = "by an alarm: " if mission.source == "alarm" else ""
-                origin += f"by standing order {mission.standing}: " * bool(mission.standing)
+                self.last_agent = mission.agent or self.last_agent
+                origin = f"{mission.origin}: " if mission.origin else ""
                 self._notice(event, "info", mission.id, f"{origin}{mission.said}")
             case ev.MissionStarted() if event.mission in self.missions:
                 self.active = self.last_active = event.mission
@@ -435,6 +439,12 @@ class SessionState:
                 known[name].next = event.data
                 if change:
                     self._notice(event, "warning", name, f"{change} by {by}")
+            case ev.AgentMuted(agent=agent, muted=True, by=by):
+                self.muted_agents |= {agent}
+                self._notice(event, "warning", agent, f"muted by {by}: it may propose nothing")
+            case ev.AgentMuted(agent=agent, by=by):
+                self.muted_agents -= {agent}
+                self._notice(event, "warning", agent, f"may propose again, by {by}")
             case ev.SessionEnded():
                 for trace in known.values():
                     trace.ended = trace.ended or "the session has ended"

@@ -23,6 +23,7 @@ SECRET_VARIABLES = (
     f"{ENV_PREFIX}JUDGE_SERVER_KEY",
     f"{ENV_PREFIX}READER_SERVER_KEY",
     f"{ENV_PREFIX}TAK_PASSWORD",
+    f"{ENV_PREFIX}AGENT_TOKEN",
 )
 """Variables that are no settings: secrets stand in no file of settings."""
 EXPORTED = ("cache", "signing_key")

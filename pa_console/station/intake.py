@@ -14,6 +14,7 @@ from pa_console.policy.plain_text import compatible_form
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import MAX_MISSION_TEXT, Alarm, Mission, QueueEntry
+from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.station.alarms import MOST_ALIKE, AlarmBook
@@ -113,9 +114,17 @@ class Intake:
         return self._answers([known[name] for name in again if name in known], ())
 
     def submit(
-        self, order: ReadText, active: bool, *, waits: bool = True
+        self,
+        order: ReadText,
+        active: bool,
+        *,
+        agent: str = "",
+        proposed: Plan | None = None,
+        waits: bool = True,
     ) -> tuple[Mission, ev.MissionReceived]:
-        """Queue an operator's mission, if it `waits`; one that does not is carried out already.
+        """Queue an operator's mission, or one that `agent` has proposed, with its plan if it has.
+
+        One that does not `waits` is carried out already.
 
         Raises ValueError when it cannot be taken.
         """
@@ -128,7 +137,15 @@ class Intake:
             )
         right = order.text[:MAX_MISSION_TEXT]
         typed = words if right != words else ""
-        mission = Mission(id=self._new_id(), text=right, typed=typed, created=datetime.now(UTC))
+        mission = Mission(
+            id=self._new_id(),
+            text=right,
+            typed=typed,
+            source="agent" if agent else "operator",
+            created=datetime.now(UTC),
+            agent=agent,
+            proposed=proposed,
+        )
         if not waits:
             return mission, ev.MissionReceived(mission=mission, position=0)
         self.queue.add(mission, None)
@@ -171,9 +188,9 @@ class Intake:
         self.queue.add(mission, alarm)
         return True
 
-    def emergency(self, active: Mission) -> QueueEntry | None:
+    def emergency(self, active: Mission, *, moving: bool = True) -> QueueEntry | None:
         """Return the waiting mission that goes before `active`, if one does (WF-04)."""
-        return self.queue.preempts(active, self.alarm_of(active))
+        return self.queue.preempts(active, self.alarm_of(active), moving=moving)
 
     def alarm_of(self, mission: Mission) -> Alarm | None:
         """Return the open alarm that `mission` answers."""

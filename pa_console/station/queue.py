@@ -13,6 +13,8 @@ MOST_REMEMBERED = 1024
 
 OPERATOR_PRIORITY: AlarmPriority = "high"
 """An operator's mission ranks so, before the alarms of the same priority."""
+AGENT_PRIORITY: AlarmPriority = "low"
+"""A proposal of an agent ranks so, behind every mission of an operator or an alarm."""
 
 
 @dataclass
@@ -27,18 +29,21 @@ class _Waiting:
 
     @property
     def priority(self) -> AlarmPriority:
-        return self.alarm.priority if self.alarm is not None else OPERATOR_PRIORITY
+        if self.alarm is not None:
+            return self.alarm.priority
+        return AGENT_PRIORITY if self.mission.source == "agent" else OPERATOR_PRIORITY
 
     @property
     def distance_m(self) -> float | None:
         return self.alarm.distance_m if self.alarm is not None else None
 
     @property
-    def rank(self) -> tuple[bool, int, bool, float, int]:
-        """Deferred ones last; then threat, the operator's own, proximity and arrival."""
+    def rank(self) -> tuple[bool, bool, int, bool, float, int]:
+        """Deferred ones last, before them agents'; then threat, own ones, proximity, arrival."""
         distance = self.distance_m if self.distance_m is not None else inf
         own = self.mission.source != "operator"
-        return self.deferred, ALARM_PRIORITIES.index(self.priority), own, distance, self.arrival
+        threat, agents = ALARM_PRIORITIES.index(self.priority), self.mission.source == "agent"
+        return self.deferred, agents, threat, own, distance, self.arrival
 
 
 class MissionQueue:
@@ -147,12 +152,20 @@ class MissionQueue:
             for place, entry in enumerate(order)
         )
 
-    def preempts(self, active: Mission, active_alarm: Alarm | None) -> QueueEntry | None:
-        """Return the next entry when it must not wait for `active`: an emergency, `active` none."""
+    def preempts(
+        self, active: Mission, active_alarm: Alarm | None, *, moving: bool = True
+    ) -> QueueEntry | None:
+        """Return the next entry when it must not wait for `active`.
+
+        That is an emergency, unless `active` is one, and for an agent's proposal, as long as
+        nobody is `moving` for it, any mission that no agent has proposed.
+        """
         mine = active_alarm.priority if active_alarm is not None else OPERATOR_PRIORITY
         first = next(iter(self.entries), None)
         if first is None or first.deferred or first.mission.id == active.id:
             return None
+        if active.source == "agent" and first.mission.source != "agent" and not moving:
+            return first
         return first if first.priority == "emergency" and mine != "emergency" else None
 
     def _find(self, mission_id: str) -> _Waiting:
@@ -192,6 +205,8 @@ def _reason(entry: _Waiting, before: _Waiting | None) -> str:
     what = "the operator's own mission" if entry.mission.source == "operator" else entry.priority
     if entry.mission.standing:
         what = f"started by standing order {entry.mission.standing}"
+    if entry.mission.agent:
+        what = entry.mission.origin
     if alarm is not None and alarm.distance_m is not None:
         what += f", {alarm.distance_m:.0f} m from {alarm.gate or 'its gate'}"
     if entry.priority == "emergency" and before is None:
@@ -205,6 +220,8 @@ def _reason(entry: _Waiting, before: _Waiting | None) -> str:
 
 def _comparison(entry: _Waiting, before: _Waiting) -> str:
     other = before.mission.id
+    if entry.mission.agent and not before.mission.agent:
+        return f"{other} goes first: proposals come last"
     if before.moved or entry.rank < before.rank:
         return f"after {other}, as the operator ordered"
     if entry.priority != before.priority:

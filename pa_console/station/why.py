@@ -142,8 +142,8 @@ def not_in_plan(attempt: Attempt, names: Sequence[str]) -> bool:
 def _reasons(trace: MissionTrace, attempt: Attempt, action: Action, world: World) -> Iterator[str]:
     """Yield what bears on who has this action, the strongest first."""
     name = action.agent
-    if attempt.author == "operator":
-        yield "the operator has put it into the plan"
+    if attempt.author != "planner":
+        yield f"the {attempt.author} has put it into the plan"
     meant = [one.said for one in trace.references if name in one.means.split(", ")]
     if meant:
         yield f"“{meant[0]}” means it"
@@ -230,9 +230,7 @@ def plan_lines(trace: MissionTrace, world: World) -> Iterator[AnswerLine]:
 def order_lines(trace: MissionTrace) -> Iterator[AnswerLine]:
     """Yield the words of the mission, who gave it, and how they were put in full."""
     mission = trace.mission
-    origin = "an alarm gave it: " if mission.source == "alarm" else ""
-    if mission.standing:
-        origin = f"standing order {mission.standing} gave it: "
+    origin = f"{mission.origin}: " if mission.origin else ""
     yield _line("order", f"{mission.id}, {origin}{mission.said}")
     if mission.typed and mission.typed != mission.text:
         meant = references_in_words(trace.references)

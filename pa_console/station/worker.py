@@ -81,8 +81,14 @@ class MissionWorker:
         self._run: MissionRun | None = None
         self._work: asyncio.Task[object] | None = None
         self._gives_way = False
+        self._cancelled_for = "cancelled by the operator"
         self._answer: asyncio.Future[Decision] | None = None
         self._countersigned: deque[Decision] = deque(maxlen=MOST_COUNTERSIGNED)
+
+    @property
+    def active(self) -> MissionRun | None:
+        """The mission that is being worked on."""
+        return self._run
 
     @property
     def busy(self) -> bool:
@@ -157,14 +163,14 @@ class MissionWorker:
         if self._answer is not None and not self._answer.done():
             self._answer.set_result(self._countersigned.popleft())
 
-    def cancel(self) -> None:
+    def cancel(self, reason: str = "cancelled by the operator") -> None:
         """Cancel the active mission, even one that was about to give way to an emergency.
 
         Raises ValueError when none is active.
         """
         if self._work is None:
             raise ValueError("no mission is active; one that waits is withdrawn from the queue")
-        self._gives_way = False
+        self._gives_way, self._cancelled_for = False, reason
         self._work.cancel()
 
     def see(self, picture: Picture) -> None:
@@ -173,7 +179,8 @@ class MissionWorker:
             return
         mission = self._run.mission
         self._run.see(picture)
-        entry = None if self._gives_way else self._intake.emergency(mission)
+        moving = self._run.moving
+        entry = None if self._gives_way else self._intake.emergency(mission, moving=moving)
         if entry is not None:
             self._gives_way = True
             payload = ev.MissionPreempted(by=entry.mission.id, reason=entry.reason)
@@ -203,7 +210,7 @@ class MissionWorker:
             return
         self._runs.pop(run.mission.id, None)
         if interrupted:
-            why = "its cause is gone" if self._gives_way else "cancelled by the operator"
+            why = "its cause is gone" if self._gives_way else self._cancelled_for
             run.close(MissionResult("cancelled", why))
 
     def _to_safety(self, run: MissionRun) -> None:

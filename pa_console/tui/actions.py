@@ -21,6 +21,7 @@ Need = Literal[
     "types",
     "decides",
     "stops",
+    "agents",
     "commander",
     "mission",
     "idle_trace",
@@ -52,6 +53,8 @@ class ActionContext:
     alarms: int = 0
     unseen: int = 0
     queue: int = 0
+    agents: bool = False
+    """True if an agent has proposed something."""
     stopped: bool = False
 
 
@@ -127,6 +130,7 @@ def _refusal(need: Need, now: ActionContext) -> str:
         "alarm": (now.alarms > 0, "no alarm is open"),
         "unseen": (now.unseen > 0, "every alarm has been seen"),
         "queue": (now.queue > 0, "no mission waits"),
+        "agents": (now.agents, "no agent has proposed anything"),
         "stopped": (now.stopped, "nothing is stopped"),
     }[need]
     return "" if legal else why
@@ -201,6 +205,10 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("withdraw", "x", "Withdraw", "Take the mission at the pointer out of the queue",
                   "Queue", needs=(*_COMMAND, "queue"),
                   confirmed=True),
+    ConsoleAction("mute_agent", "A,ctrl+g", "Mute agent",
+                  "Mute the agent that proposed last: its open proposals end; or let it propose "
+                  "again", "Queue", needs=(*_COMMAND, "agents"),
+                  confirmed=True, words="mcp agent silence"),
     ConsoleAction("follow", "t", "Follow", "Keep what the alarm at the pointer is about in view",
                   "Map"),
     ConsoleAction("zoom_in", "full_stop,greater_than_sign", "Nearer", "Zoom the map in", "Map"),

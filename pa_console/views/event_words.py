@@ -171,6 +171,8 @@ def _session_event(data: ev.EventPayload) -> str:
             words = f"{name}{f' for {subject}' if subject else ''}: {reason}"
         case ev.StandingOrderRevoked(order_id=name, by=by, reason=reason):
             words = f"{name} by {by}{f': {reason}' if reason else ''}"
+        case ev.AgentMuted(agent=agent, muted=muted, by=by):
+            words = f"{agent} {'muted' if muted else 'may propose again'}, by {by}"
         case ev.SessionResumed(interrupted=interrupted):
             words = f"ended as held: {', '.join(interrupted)}" if interrupted else ""
         case ev.AuthorityChanged(refusal=refusal):

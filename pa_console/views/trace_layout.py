@@ -250,9 +250,7 @@ STEPS = (
 def headline(trace: MissionTrace) -> tuple[Spans, ...]:
     """Return lines with the mission's id, origin and text, its reading, and its phases."""
     mission = trace.mission
-    origin = (Span(" by alarm", "warn"),) if mission.source == "alarm" else ()
-    if mission.standing:
-        origin = (Span(f" by standing order {mission.standing}", "warn"),)
+    origin = (Span(f" {mission.origin}", "warn"),) if mission.origin else ()
     head = (Span(mission.id, "note", "bold"), *origin, Span(f" {mission.said}"))
     read = ((Span(f"read as: {mission.text}", "quiet"),),) if mission.typed else ()
     meant = references_in_words(trace.references)

@@ -165,14 +165,14 @@ def plan(attempt: Attempt) -> TraceSection:
     blocks += [_warning("not met", text) for text in attempt.unmet]
     blocks += [_warning("unsure", attempt.doubt)] if attempt.doubt else []
     spent = f"{count(usage.completion_tokens, 'token')}, {_took(usage)}"
-    note = "by the operator" if attempt.author == "operator" else spent
+    note = f"by the {attempt.author}" if attempt.author != "planner" else spent
     return TraceSection(key, "Plan", tuple(blocks), step=5, note=note)
 
 
 def plan_json(attempt: Attempt) -> TraceSection:
     """Return the answer behind the plan as JSON, one action a line."""
     lines = tuple(_json_line(line) for line in _json_lines(attempt.text))
-    note = "as the operator wrote it" if attempt.author == "operator" else "as the model wrote it"
+    note = f"as the {attempt.author if attempt.author != 'planner' else 'model'} wrote it"
     return TraceSection(
         f"answer-{attempt.number}", "Plan as JSON", lines, step=5, note=note, collapsed=True
     )

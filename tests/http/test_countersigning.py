@@ -18,11 +18,11 @@ from hypothesis import strategies as st
 from pa_console.fleets import authorization as auth
 from pa_console.fleets.fleet import PlanCountersignature
 from pa_console.fleets.station_authority import approval_of
+from pa_console.http.bodies import DecisionBody, SignatureBody
 from pa_console.http.guard import ProblemError
 from pa_console.http.http_app import make_app
 from pa_console.http.served_session import ServedSession
 from pa_console.http.tokens import Bearer, TokenBook
-from pa_console.http.views import DecisionBody, SignatureBody, shown_sha256
 from pa_console.mission.context import Stopwatch
 from pa_console.mission.decide import answered, countersignature
 from pa_console.mission.rehearse import device_commands
@@ -30,6 +30,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision, Mission
 from pa_console.session.state import SessionState
 from pa_console.station.station import ControlStation
+from pa_console.views.session_views import shown_sha256
 from tests.fleets.keyring import KEYS, PUBLIC, RULES, TO_SOUTH
 from tests.mission.gate import send
 from tests.mission.test_two_people import BOOK, Site, decision_on, request
@@ -55,7 +56,7 @@ class Waiting:
             self.emit(data)
         context = SimpleNamespace(
             services=SimpleNamespace(gate=self.site.gate, rulebook=BOOK),
-            mission=SimpleNamespace(standing=None),
+            mission=SimpleNamespace(standing=None, agent=""),
             emit=self.emit,
             stopwatch=Stopwatch(),
         )

@@ -9,16 +9,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pa_console.fleets.station_authority import Keys, StationAuthority
+from pa_console.http.bodies import DecisionBody
 from pa_console.http.guard import ProblemError
 from pa_console.http.served_session import ServedSession
 from pa_console.http.tokens import Bearer
-from pa_console.http.views import DecisionBody, shown_sha256
 from pa_console.mission.approval import inadmissible
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.plan import Action, Plan
 from pa_console.session.state import SessionState
 from pa_console.station.station import ControlStation
+from pa_console.views.session_views import shown_sha256
 from tests.mission.test_two_people import keys_of
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)

@@ -86,7 +86,7 @@ def decided(site: Site, asked: ev.ApprovalRequested, decisions: list[Decision]) 
     services = SimpleNamespace(gate=site.gate, rulebook=BOOK)
     context = SimpleNamespace(
         services=services,
-        mission=SimpleNamespace(standing=None),
+        mission=SimpleNamespace(standing=None, agent=""),
         emit=told.append,
         stopwatch=Stopwatch(),
     )

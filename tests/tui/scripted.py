@@ -13,6 +13,7 @@ from textual.pilot import Pilot
 from pa_console.language.questions import Question
 from pa_console.policy.retriever import Retriever
 from pa_console.schema.events.event import (
+    AgentMuted,
     AlarmAcknowledged,
     AllStopped,
     AnswerLine,
@@ -136,6 +137,11 @@ class ScriptedStation:
         self._refuse()
         self.revoked.append(order_id)
         self.emit(StandingOrderRevoked(order_id=order_id, by="operator"), mission=None)
+
+    def mute_agent(self, agent: str, *, muted: bool = True) -> None:
+        """Mute an agent, or let it propose again."""
+        self._refuse()
+        self.emit(AgentMuted(agent=agent, muted=muted, by="operator"), mission=None)
 
     async def accept_rules(self) -> None:
         """Count what was accepted."""

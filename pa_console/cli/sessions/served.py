@@ -3,7 +3,7 @@
 import asyncio
 import signal
 from asyncio import Runner
-from contextlib import aclosing
+from contextlib import ExitStack, aclosing
 
 from pa_console.cli.options import SessionOptions
 from pa_console.cli.sessions.live import LiveSession, open_live
@@ -33,20 +33,25 @@ def serve_session(options: SessionOptions, settings: LoadedSettings, port: int) 
     with (
         listen(port) as listening,
         observing(values, options.world, live=True) as beside,
+        ExitStack() as observes,
         Runner() as loop,
     ):
         engine = Engine(find_model(options.model, second_reader=values.second_reader))
         try:
             opened = open_live(options, values, lambda: engine)
             tokens = token_book(opened.authority.trust if opened.authority else None)
-            writer = opened.open_log()
+            writer, observer = opened.open_log(), beside.observer
+            if options.agents:
+                from pa_console.cli.sessions.agents import admit_agents  # noqa: PLC0415 - then only
+
+                observer = observes.enter_context(admit_agents(opened, observer))
         except BaseException:
             loop.run(engine.close())
             raise
         endable = EndableRun()
         with opened.logged(writer, endable.end):
             opened.station.listen_to(beside.outside)
-            endable.run(_serve(opened, writer, tokens, listening, beside.observer, endable), loop)
+            endable.run(_serve(opened, writer, tokens, listening, observer, endable), loop)
         tell_of_witness(writer)
         out.print_line(f"session log: {writer.path}")
     if opened.station.failure:

@@ -5,8 +5,8 @@ import re
 
 from rich.table import Table
 
-from pa_console.fleets.authorization import Role, Trust
-from pa_console.http.tokens import TOKENS_FILE, RoleOf, TokenBook
+from pa_console.fleets.authorization import Trust
+from pa_console.http.tokens import TOKENS_FILE, RoleOf, TokenBook, TokenRole
 from pa_console.signing import SITE_OWNER, key_path, site_keys
 from pa_console.terminal.output import errors, out, print_json
 
@@ -23,7 +23,7 @@ def token_book(trust: Trust | None = None) -> TokenBook:
     return TokenBook(key_path().with_name(TOKENS_FILE), _role_of(trust) if trust else None)
 
 
-def make(role: Role, person: str | None, *, json: bool = False) -> None:
+def make(role: TokenRole, person: str | None, *, json: bool = False) -> None:
     """Make a token and show it, this once."""
     name = person or this_user()
     token = token_book().make(name, role)

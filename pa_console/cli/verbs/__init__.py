@@ -31,6 +31,10 @@ VERBS = {
         "serve:serve",
         "Serve a session on loopback: an HTTP interface (see /docs), or the console in a browser.",
     ),
+    "mcp": Verb(
+        "mcp:mcp",
+        "Connect an agent over MCP, on stdin and stdout, to a running console: people decide there.",
+    ),
     "replay": Verb(
         "replay:replay",
         "Play LOG back in the console, verify it, run it again, or compare it with another one.",
@@ -139,6 +143,7 @@ EXAMPLES = {
     "console": "pa-console console --scenario situation-1-unauthorized",
     "mission": 'pa-console mission "Move the drone to the east gate." --approve auto',
     "serve": "pa-console serve --make-token operator --person ann",
+    "mcp": "pa-console mcp --join http://127.0.0.1:8766/mcp",
     "replay": "pa-console replay session.jsonl --verify",
     "sessions": "pa-console sessions last --json",
     "doctor": "pa-console doctor --json",

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pa_console.cli.options import SessionOptions
+from pa_console.cli.options import AgentsOption, SessionOptions
 from pa_console.cli.settings_defaults import OBSERVED, settings_of
 from pa_console.end_signals import exit_code_of
 from pa_console.llm.local.engine import Engine
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 class ConsoleOptions(SessionOptions):
     """The options of a session that somebody looks at."""
 
+    agents: AgentsOption = 0
     readonly: Annotated[
         bool, typer.Option("--readonly", help="Look only: every command is refused.")
     ] = False
@@ -77,7 +78,7 @@ def console(
         )
     settings = settings_of(context, "world", "rules", "model", "alarms", "mouse", *OBSERVED)
     if join:
-        if options.fleet or options.scenario or options.readonly:
+        if options.fleet or options.scenario or options.readonly or options.agents:
             raise ValueError(
                 "--join goes with --certificates, --world, --rules, --plain and --mouse alone"
             )
@@ -132,7 +133,12 @@ def _open(
                     from pa_console.cli.sessions.screen import run_screen as run  # noqa: PLC0415
 
                 require_keys("use 'pa-console mission' in scripts, or --plain")
-            prepared = run(opened, settings, beside.observer)
+            observer = beside.observer
+            if options.agents:
+                from pa_console.cli.sessions.agents import admit_agents  # noqa: PLC0415 - then only
+
+                observer = observes.enter_context(admit_agents(opened, observer))
+            prepared = run(opened, settings, observer)
             if joined is not None:
                 joined.take_command(opened)
         except BaseException:

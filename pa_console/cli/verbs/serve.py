@@ -1,12 +1,13 @@
 """`pa-console serve`: the session as an HTTP interface on loopback, or the console in a browser."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 
 from pa_console.child_processes import python_command
-from pa_console.cli.options import JsonOption, SessionOptions
+from pa_console.cli.options import AgentsOption, JsonOption, SessionOptions
 from pa_console.cli.settings_defaults import OBSERVED, given_words, settings_of
 
 PORT = 8765
@@ -19,12 +20,19 @@ IN_FILES = {
     "model": ("",),
 }
 """Options that may name a file, or for some the folder of a file that is called so."""
-RoleName = Literal["observer", "operator", "commander"]
+RoleName = Literal["observer", "proposer", "operator", "commander"]
+
+
+@dataclass(frozen=True)
+class ServeOptions(SessionOptions):
+    """The options of a session that programs use."""
+
+    agents: AgentsOption = 0
 
 
 def serve(
     context: typer.Context,
-    options: SessionOptions,
+    options: ServeOptions,
     port: Annotated[
         int, typer.Option(min=0, max=65_535, help="The port of this machine; 0 for a free one.")
     ] = PORT,
@@ -37,7 +45,10 @@ def serve(
     ] = None,
     person: Annotated[
         str | None,
-        typer.Option(help="Whose token is made; default: the user of this machine."),
+        typer.Option(
+            help="Whose token is made, or the name of a proposing agent; default: the user of this "
+            "machine."
+        ),
     ] = None,
     tokens: Annotated[
         bool, typer.Option("--tokens", help="List the tokens that were made, and leave.")

@@ -21,6 +21,7 @@ from pa_console.schema.events.execution import (
     StopUnconfirmed,
 )
 from pa_console.schema.events.intake import (
+    AgentMuted,
     AlarmAcknowledged,
     AlarmCleared,
     AlarmRaised,
@@ -109,7 +110,7 @@ EventPayload = Annotated[
     | StandingOrderRead | StandingOrderApproved
     | StandingOrderStarted | StandingOrderWithheld | StandingOrderRevoked
     | StandingOrderScheduled | QuestionAnswered
-    | TakChanged | ContactReported | ContactLost | ContactsLeftOut,
+    | TakChanged | ContactReported | ContactLost | ContactsLeftOut | AgentMuted,
     Field(discriminator="kind"),
 ]  # fmt: skip
 

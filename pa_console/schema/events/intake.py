@@ -138,6 +138,16 @@ class QuestionAnswered(Payload):
     lines: tuple[AnswerLine, ...] = ()
 
 
+class AgentMuted(Payload):
+    """An operator has muted an agent, or let it propose again; muted, it may only read and stop."""
+
+    binding: ClassVar[bool] = True
+    kind: Literal["agent_muted"] = "agent_muted"
+    agent: str
+    muted: bool
+    by: str
+
+
 class StandingOrderRead(Payload):
     """Step 1: how an order is read that is to hold from now on; nobody has approved it yet."""
 

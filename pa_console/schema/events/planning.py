@@ -64,7 +64,7 @@ class PlanProposed(Payload):
 
     kind: Literal["plan_proposed"] = "plan_proposed"
     attempt: int
-    author: Literal["planner", "operator"] = "planner"
+    author: Literal["planner", "operator", "agent"] = "planner"
     text: str
     plan: Plan | None
     error: str = ""
@@ -198,6 +198,11 @@ class ApprovalRequested(Payload):
         default=None,
         exclude_if=lambda standing: standing is None,
         description="the standing order that is to be approved, with no plan, or None for a plan",
+    )
+    proposed_by: str = Field(
+        default="",
+        exclude_if=lambda name: not name,
+        description="name of the agent whose mission it is; no standing approval takes such a plan",
     )
 
     def decided(self, kind: DecisionKind, **given: Any) -> Decision:

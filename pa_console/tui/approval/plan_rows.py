@@ -173,7 +173,14 @@ def approval_rows(trace: MissionTrace, preview: PlanPreview | None = None) -> It
 def _order(trace: MissionTrace, request: ApprovalRequested) -> Iterator[WrappedRow]:
     """Yield the words of the order as they were typed, and what they were read as."""
     mission, attempt = trace.mission, trace.find(request.attempt)
-    who = {"operator": "typed  ", "alarm": "alarm  ", "standing": f"by {mission.standing}  "}
+    who = {
+        "operator": "typed  ",
+        "alarm": "alarm  ",
+        "standing": f"by {mission.standing}  ",
+        "agent": "words  ",
+    }
+    if mission.agent:
+        yield row(("▲ ", WARN), (mission.origin[0].upper() + mission.origin[1:], f"bold {WARN}"))
     later = [(f"  (plan {request.attempt})", QUIET)] if request.attempt > 1 else []
     yield row((who[mission.source], QUIET), *typed_words(mission), *later)
     asked = asked_words(attempt.plan.reason).rstrip("; ") if attempt and attempt.plan else ""

@@ -236,5 +236,5 @@ def _compared_with(world: World, trace: MissionTrace | None, *, over: bool) -> C
 def _proposed(trace: MissionTrace, request: ApprovalRequested) -> Plan:
     """Return the plan that the planner last proposed, also where the operator's own waits."""
     before = (each for each in reversed(trace.attempts) if each.number <= request.attempt)
-    planned = (each.plan for each in before if each.author != "operator" and each.plan is not None)
+    planned = (each.plan for each in before if each.author == "planner" and each.plan is not None)
     return next(planned, request.plan)

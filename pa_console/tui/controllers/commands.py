@@ -176,6 +176,13 @@ class CommandController:
             if self.attempt("Acknowledge", lambda station: station.acknowledge(name)):
                 pane.release()
 
+    def mute_agent(self) -> None:
+        """Mute the agent that proposed last, or let it propose again."""
+        state = self._session.state
+        agent = state.last_agent
+        muted = agent not in state.muted_agents
+        self.attempt("Mute agent", lambda station: station.mute_agent(agent, muted=muted))
+
     # The queue
 
     def move_queued(self, by: int) -> None:

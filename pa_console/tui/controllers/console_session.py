@@ -116,6 +116,7 @@ class ConsoleSession:
             alarms=len(alarms),
             unseen=sum(not item.acknowledged for item in alarms),
             queue=len(state.queue),
+            agents=bool(state.last_agent),
             stopped=state.stop is not None,
         )
 

@@ -58,6 +58,7 @@ HANDLERS: Mapping[str, Callable[[Controllers], None]] = {
     "later_queued": lambda to: to.commands.move_queued(1),
     "defer": lambda to: to.commands.defer_queued(),
     "withdraw": lambda to: to.commands.withdraw_queued(),
+    "mute_agent": lambda to: to.commands.mute_agent(),
     "follow": lambda to: to.browsing.follow_alarm(),
     "zoom_in": lambda to: to.browsing.with_map(lambda view: view.zoom_by(2.0)),
     "zoom_out": lambda to: to.browsing.with_map(lambda view: view.zoom_by(0.5)),

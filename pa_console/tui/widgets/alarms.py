@@ -54,6 +54,8 @@ def queue_rows(place: int, entry: QueueEntry) -> tuple[Content, Content]:
     origin = ("by alarm  ", NOTE) if mission.source == "alarm" else ("", "")
     if mission.standing:
         origin = (f"by {mission.standing}  ", NOTE)
+    if mission.agent:
+        origin = (f"by agent {mission.agent}  ", WARN)
     later = ("deferred  ", WARN) if entry.deferred else ("", "")
     head = Content.assemble(
         column(f"{place}.", 3, "bold"),

@@ -1,4 +1,4 @@
-"""The bodies of the HTTP interface: views of a session, and requests of clients."""
+"""A session as programs are shown it: its state, missions and plans as plain data."""
 
 import hashlib
 import json
@@ -7,13 +7,10 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from pa_console.fleets.authorization import Role, UnsignedApproval
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Finding, Verdict
 from pa_console.schema.mission import (
-    MAX_MISSION_TEXT,
     Alarm,
-    DecisionKind,
     Metrics,
     MissionSource,
     MissionStatus,
@@ -21,123 +18,13 @@ from pa_console.schema.mission import (
     StandingOrder,
     Verification,
 )
-from pa_console.schema.plan import MAX_ACTIONS, Action, Plan
+from pa_console.schema.plan import Plan
 from pa_console.schema.rule import Rule, RulesSeal
 from pa_console.schema.telemetry import Picture
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.session.state import SessionState, StandingTrace
 
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
-
-
-class RequestBody(BaseModel):
-    """A body that a client sends: what it does not know is refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class MissionBody(RequestBody):
-    """A mission in plain language."""
-
-    text: Annotated[str, Field(min_length=1, max_length=MAX_MISSION_TEXT)]
-
-
-class QuestionBody(RequestBody):
-    """A question about the record."""
-
-    text: Annotated[
-        str,
-        Field(
-            min_length=1,
-            max_length=MAX_MISSION_TEXT,
-            description="Why?  Why not ASSET?  What would you do instead?",
-        ),
-    ]
-
-
-class ActionBody(RequestBody):
-    """One command of a plan of the operator's own."""
-
-    agent: Annotated[str, Field(max_length=64)]
-    command: Annotated[str, Field(max_length=160)]
-
-
-class DecisionBody(RequestBody):
-    """A decision on the waiting plan, named by its `request_id` and its hash.
-
-    `shown_sha256` is that of the plan as `/v1/plans` gave it: the approval is for the plan that was
-    shown.
-    """
-
-    kind: DecisionKind
-    request_id: Annotated[str, Field(min_length=1, max_length=128)]
-    shown_sha256: Sha256
-    reason: Annotated[str, Field(max_length=600)] = ""
-    override_judge: bool = False
-    acknowledged: Annotated[
-        tuple[str, ...], Field(max_length=256, description="ids of broken rules that are accepted")
-    ] = ()
-    actions: Annotated[
-        tuple[ActionBody, ...] | None,
-        Field(max_length=MAX_ACTIONS, description="another plan, for modify"),
-    ] = None
-    asked: Annotated[
-        str,
-        Field(
-            max_length=MAX_MISSION_TEXT,
-            description="the offered reading, for choose; the words, for answer",
-        ),
-    ] = ""
-
-
-class SignatureBody(RequestBody):
-    """A second person's signature under the waiting plan."""
-
-    person: Annotated[str, Field(min_length=1, max_length=64, description="whose signature it is")]
-    signed: Annotated[
-        str,
-        Field(
-            min_length=1,
-            max_length=32_768,
-            description="`to_sign`, a full stop, and its signature in base64url without padding",
-        ),
-    ]
-
-
-class ToSignView(BaseModel):
-    """The text that a second person signs to approve the plan that waits."""
-
-    person: str
-    station: Annotated[str, Field(description="whose session it is")]
-    request_id: str
-    shown_sha256: Annotated[Sha256, Field(description="that of the plan in /v1/plans")]
-    orders: Annotated[
-        tuple[str, ...], Field(description="what is approved: the plan and its way to safety")
-    ]
-    acts: Annotated[
-        tuple[str, ...],
-        Field(description="what is approved besides: to override the judge, to accept a finding"),
-    ]
-    ends: Annotated[float, Field(description="when it expires, in seconds since 1970")]
-    to_sign: Annotated[
-        str, Field(description="the very bytes (ASCII) that are signed with Ed25519")
-    ]
-    sha256: Annotated[Sha256, Field(description="that of `to_sign`")]
-
-
-class DecisionView(BaseModel):
-    """The result of a decision."""
-
-    accepted: bool
-    detail: str
-    by: str
-
-
-class WhoView(BaseModel):
-    """Whose token it is."""
-
-    person: str
-    role: Role
 
 
 class AlarmView(BaseModel):
@@ -312,30 +199,6 @@ def plan_view(trace: MissionTrace, request: ev.ApprovalRequested) -> PlanView:
         question=_question(trace),
         choices=trace.choices,
     )
-
-
-def to_sign_view(
-    station: str, request: ev.ApprovalRequested, unsigned: UnsignedApproval
-) -> ToSignView:
-    """Return what a person is to sign of a request of the station called `station`."""
-    approval = unsigned.approval
-    return ToSignView(
-        person=approval.person,
-        station=station,
-        request_id=request.request_id,
-        shown_sha256=shown_sha256(request),
-        orders=approval.orders,
-        acts=approval.acts,
-        ends=unsigned.ends,
-        to_sign=unsigned.text,
-        sha256=unsigned.sha256,
-    )
-
-
-def plan_of(actions: tuple[ActionBody, ...], reason: str) -> Plan:
-    """Return the operator's own plan; raises ValidationError for what is no command."""
-    parts = tuple(Action(agent=one.agent, command=one.command) for one in actions)
-    return Plan(reason=reason or "changed by the operator", actions=parts)
 
 
 def _question(trace: MissionTrace) -> str:

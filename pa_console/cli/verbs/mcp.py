@@ -1,0 +1,50 @@
+"""`pa-console mcp`: an agent on stdin and stdout, beside a console or in a session of its own."""
+
+from typing import Annotated
+
+import typer
+
+from pa_console.cli.options import (
+    ModelOption,
+    RulesOption,
+    ScenarioOption,
+    SeedOption,
+    SessionOptions,
+    WorldOption,
+)
+from pa_console.cli.settings_defaults import settings_of
+
+
+def mcp(
+    context: typer.Context,
+    join: Annotated[
+        str,
+        typer.Option(
+            "--join",
+            metavar="URL",
+            help="The console whose session it joins: one opened with --agents 8766 is at "
+            "http://127.0.0.1:8766/mcp. PA_CONSOLE_AGENT_TOKEN has the token.",
+        ),
+    ] = "",
+    name: Annotated[
+        str, typer.Option("--name", help="Without --join: the name of the agent.")
+    ] = "agent",
+    world: WorldOption = "checkpoint",
+    rules: RulesOption = "checkpoint",
+    model: ModelOption = None,
+    scenario: ScenarioOption = None,
+    seed: SeedOption = 0,
+) -> None:
+    """Connect an agent over MCP, on stdin and stdout, to a running console: people decide there.
+
+    Without --join, a session of its own is simulated: proposals are read, checked, rehearsed and
+    judged, and none is carried out.
+    """
+    settings = settings_of(context, "world", "rules", "model")
+    options = SessionOptions(world, rules, model, scenario, seed, alarms=False)
+    try:
+        from pa_console.cli.sessions.agents import join_agent, serve_agent  # noqa: PLC0415
+    except ModuleNotFoundError as error:
+        needed = f"this needs a library that is not installed ({error.name})"
+        raise ValueError(f"{needed}: pip install 'pa-console[mcp]'") from error
+    raise typer.Exit(join_agent(join) if join else serve_agent(options, settings, name))

@@ -1,0 +1,1 @@
+"""Lets agents propose missions over the Model Context Protocol; people approve them."""
