@@ -291,7 +291,7 @@ async def _history(steps: list[str]) -> None:
 async def _take(step: str, running: Beside, approved: set[tuple[str, str]]) -> None:
     station, current = running.station, running.state.current
     request = current.approval if current is not None else None
-    latest = next(reversed(running.state.missions), "")
+    latest = [*running.state.missions, ""][-2:][0]
     try:
         match step:
             case "propose":

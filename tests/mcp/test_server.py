@@ -1,6 +1,6 @@
 """The server as its clients see it: the official client and one by others, in one process."""
 
-from typing import Any
+from typing import Any, cast
 
 import fastmcp
 import pytest
@@ -28,7 +28,7 @@ async def refused(client: Client, tool: str, /, **given: Any) -> str:
     """Call a tool that must not do it, and return why."""
     result = await client.call_tool(tool, given)
     assert result.is_error
-    return str(result.content[0].text)
+    return str(result.content[0])
 
 
 async def test_there_are_these_tools_and_none_that_decides(site: Site) -> None:
@@ -101,12 +101,12 @@ async def test_a_plan_of_the_agent_s_own_is_what_the_person_decides_about(site: 
 async def test_resources_are_read(site: Site) -> None:
     async with beside(site) as running, Client(make_server(running.agents, "planner-7")) as client:
         read = await client.read_resource("pa://picture")
-        assert "Drone_T04" in read.contents[0].text
+        assert "Drone_T04" in str(read.contents[0])
         read = await client.read_resource("pa://rules")
-        assert "ROE-01" in read.contents[0].text
+        assert "ROE-01" in str(read.contents[0])
         given = await called(client, "propose_mission", text="Move Drone_T04 to the east gate.")
         read = await client.read_resource(f"pa://missions/{given['id']}")
-        assert given["id"] in read.contents[0].text
+        assert given["id"] in str(read.contents[0])
         with pytest.raises(Exception, match="M999"):
             await client.read_resource("pa://missions/M999")
 
@@ -114,7 +114,8 @@ async def test_resources_are_read(site: Site) -> None:
 async def test_what_is_unclear_is_asked_back_and_the_answer_names_it(site: Site) -> None:
     asked: list[str] = []
 
-    async def answer(_context: Any, params: Any) -> ElicitResult:
+    async def answer(context: Any, params: Any) -> ElicitResult:
+        del context
         asked.append(params.message)
         return ElicitResult(action="accept", content={"answer": "Drone_T04"})
 
@@ -128,7 +129,8 @@ async def test_what_is_unclear_is_asked_back_and_the_answer_names_it(site: Site)
 
 
 async def test_an_answer_that_is_declined_proposes_nothing(site: Site) -> None:
-    async def decline(_context: Any, _params: Any) -> ElicitResult:
+    async def decline(context: Any, params: Any) -> ElicitResult:
+        del context, params
         return ElicitResult(action="decline")
 
     async with beside(site) as running:
@@ -169,6 +171,7 @@ async def test_a_client_by_others_proposes_and_reads(site: Site) -> None:
     ):
         assert {tool.name for tool in await client.list_tools()} == TOOLS
         result = await client.call_tool("propose_mission", {"text": "Move Drone_T04 to EastGate."})
-        assert result.structured_content["source"] == "agent"
-        running.approve(await running.waiting(result.structured_content["id"]))
-        assert await running.ended(result.structured_content["id"]) == "verified"
+        given = cast("dict[str, str]", result.structured_content)
+        assert given["source"] == "agent"
+        running.approve(await running.waiting(given["id"]))
+        assert await running.ended(given["id"]) == "verified"

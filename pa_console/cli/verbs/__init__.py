@@ -33,7 +33,7 @@ VERBS = {
     ),
     "mcp": Verb(
         "mcp:mcp",
-        "Connect an agent over MCP, on stdin and stdout, to a running console: people decide there.",
+        "Connect an agent over MCP, on stdin and stdout, to a running console; people decide.",
     ),
     "replay": Verb(
         "replay:replay",

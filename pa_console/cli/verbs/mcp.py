@@ -35,7 +35,7 @@ def mcp(
     scenario: ScenarioOption = None,
     seed: SeedOption = 0,
 ) -> None:
-    """Connect an agent over MCP, on stdin and stdout, to a running console: people decide there.
+    """Connect an agent over MCP, on stdin and stdout, to a running console; people decide.
 
     Without --join, a session of its own is simulated: proposals are read, checked, rehearsed and
     judged, and none is carried out.
