@@ -41,7 +41,7 @@ def sure_engine() -> ScriptedEngine:
         f'{{"feedback": "{ASKED}; planned: ',
         f'{{"feedback": {fits}, "violated": [], "verdict": "Success"}}',
     ]
-    engine = ScriptedEngine([SPARE], verdicts, chances=[(SPARE.index("EastGate"), math.log(0.9))])
+    engine = ScriptedEngine([SPARE], verdicts, chances=[(SPARE.index("EastGate"), math.log(0.95))])
     engine.model = LocalModel("scripted", Path("/dev/null"), "0" * 64, prompts="compact")
     return engine
 
