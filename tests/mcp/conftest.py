@@ -96,13 +96,16 @@ async def beside(
     site: Site,
     engine: ScriptedEngine | None = None,
     admit: Callable[[AgentsSession], Callable[[ev.Event], None]] | None = None,
+    *,
+    respond: bool = False,
 ) -> AsyncGenerator[Beside]:
     """Run a session at eight times real time while the context lasts.
 
-    `admit` returns what takes its events in place of its agents.
+    `admit` returns what takes its events in place of its agents. With `respond`, alarms start
+    missions.
     """
     model = engine or ScriptedEngine([FILL])
-    running = Beside(open_station(site, model.engine(), RealTimeClock(8.0)))
+    running = Beside(open_station(site, model.engine(), RealTimeClock(8.0), respond=respond))
     if admit is not None:
         running.take = admit(running.agents)
     following = asyncio.create_task(running.follow())
