@@ -38,6 +38,8 @@ _UNIT_S = {
     for name, seconds in (("seconds", 1.0), ("minutes", 60.0), ("hours", 3600.0), ("days", DAY_S))
     for word in _WORDS[name]
 }
+TIME_UNITS = tuple(_UNIT_S)
+"""The words for units of time, also as they are shortened: *mins*, *hrs*."""
 _WEEKDAYS = _WORDS["weekdays"]
 _TENS = {word: 20 + 10 * number for number, word in enumerate(_WORDS["tens"])}
 _STOPS = frozenset((",", ".", ";", ":", "!", "-", "–", "—", ""))

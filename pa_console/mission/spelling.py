@@ -25,6 +25,7 @@ from spellchecker import SpellChecker
 from pa_console.language.lexicon import find_verbs
 from pa_console.language.mentions import find_mentions, speaks_of_site
 from pa_console.language.name_linking import KIND_WORDS, NEARLY, WORD, link_names
+from pa_console.language.timed_orders import TIME_UNITS
 from pa_console.policy.related_words import default_vocabulary
 from pa_console.policy.rulebook import Rulebook
 from pa_console.resources import data_folder
@@ -129,7 +130,7 @@ def english() -> English:
     lines = (line.strip().lower() for line in text.splitlines())
     listed = (line for line in lines if line and not line.startswith("#"))
     others = (word for group in default_vocabulary().groups.values() for word in group)
-    operators = dict.fromkeys((*listed, *others, *KIND_WORDS))
+    operators = dict.fromkeys((*listed, *others, *KIND_WORDS, *TIME_UNITS))
     return English(SpellChecker().word_frequency.dictionary, operators)
 
 

@@ -1,14 +1,20 @@
 """How times are read: canonical words come back as they went in, and what is no time is none."""
 
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime, time, timedelta
+from pathlib import Path
+from typing import Any
 
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
 from pa_console.language.order_changes import OrderChange, read_change
 from pa_console.language.references.conversation import Unclear
 from pa_console.language.timed_orders import ReadTimed, duration_words, read_timed
+from pa_console.mission.spelling import read_words
+from pa_console.policy.rulebook import load_rules
+from pa_console.resources import existing_data
 from pa_console.schema.mission import Schedule, StandingOrder
 from pa_console.sim.worlds.world_file import open_world
 
@@ -152,3 +158,36 @@ def test_which_order_is_meant_is_asked_where_several_fit() -> None:
     assert "S1" in found.question
     one = read_change("skip the next one, then carry on as normal", (WEST,))
     assert one == OrderChange("skip", ("S1",))
+
+
+DATA = Path(__file__).with_name("data") / "timed_orders.yaml"
+WRITTEN: list[dict[str, Any]] = yaml.safe_load(DATA.read_text(encoding="utf-8"))
+RULES = load_rules(existing_data("rules", "checkpoint", "rules.yaml"))
+WEDNESDAY = datetime(2026, 11, 25, 14, 20, tzinfo=UTC)
+
+
+def moment(said: str | None) -> datetime | None:
+    """Return a moment as the data write it: *now*, *16:45:00*, *tomorrow 02:00:00*."""
+    if said is None or said == "now":
+        return WEDNESDAY if said else None
+    at = time.fromisoformat(said.removeprefix("tomorrow "))
+    day = WEDNESDAY.date() + timedelta(days=said.startswith("tomorrow"))
+    return datetime.combine(day, at, UTC)
+
+
+@pytest.mark.parametrize(
+    "case",
+    [case for case in WRITTEN if case["kind"] in ("once", "recurring", "stay")],
+    ids=lambda case: case["text"],
+)
+def test_orders_that_somebody_else_wrote_are_read_as_they_were_meant(
+    case: dict[str, Any],
+) -> None:
+    text = read_words(case["text"], WORLD, RULES)
+    found = read_timed(WORLD, text, WEDNESDAY)
+    assert isinstance(found, ReadTimed)
+    schedule = found.schedule
+    assert schedule.start == moment(case["start"])
+    assert schedule.every_s == (case["every_s"] or 0)
+    assert (schedule.until or schedule.leave) == moment(case["until"])
+    assert (schedule.times or None, schedule.stays) == (case["times"], case["kind"] == "stay")
