@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, cast
 from textual import events
 from textual.pilot import Pilot
 
+from pa_console.language.order_changes import Change
 from pa_console.language.questions import Question
 from pa_console.policy.retriever import Retriever
 from pa_console.schema.events.event import (
@@ -23,6 +24,7 @@ from pa_console.schema.events.event import (
     MissionFinished,
     QuestionAnswered,
     StandingOrderRevoked,
+    StandingOrderScheduled,
     StopReleased,
 )
 from pa_console.schema.incident import Incident
@@ -79,7 +81,7 @@ class ScriptedStation:
         self.moved: list[tuple[str, int]] = []
         self.deferred: list[str] = []
         self.withdrawn: list[str] = []
-        self.revoked: list[str] = []
+        self.changed: list[tuple[str, Change]] = []
         self.closed = False
         self.refuse = self.offered = ""
         self.rehearsed: dict[str, RehearsedReading] = {}
@@ -132,11 +134,15 @@ class ScriptedStation:
         """Say why the rules of the file wait, as the test has it."""
         return self.offered
 
-    def revoke(self, order_id: str) -> None:
-        """Record that a standing order was revoked, and end it."""
+    def change_standing(self, order_id: str, change: Change) -> None:
+        """Record a change to a standing order, and tell it."""
         self._refuse()
-        self.revoked.append(order_id)
-        self.emit(StandingOrderRevoked(order_id=order_id, by="operator"), mission=None)
+        self.changed.append((order_id, change))
+        if change == "revoke":
+            self.emit(StandingOrderRevoked(order_id=order_id, by="operator"), mission=None)
+            return
+        told = StandingOrderScheduled(order_id=order_id, paused=change == "pause", by="operator")
+        self.emit(told, mission=None)
 
     def mute_agent(self, agent: str, *, muted: bool = True) -> None:
         """Mute an agent, or let it propose again."""

@@ -1,18 +1,21 @@
 """Standing orders on the screen and in lines: shown before they hold, listed, and revoked."""
 
 import asyncio
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 from textual.widgets import Button, Static
 
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import StandingOrder, StandingStart
+from pa_console.schema.mission import Schedule, StandingOrder, StandingStart
 from pa_console.schema.plan import Plan
+from pa_console.schema.text import clock_text
 from pa_console.terminal.line_console import LineConsole
 from pa_console.terminal.session_lines import LineOutput
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel
+from pa_console.tui.approval.plan_rows import offered_rows
 from pa_console.tui.screens.standing_orders import StandingOrdersScreen
 from pa_console.tui.widgets.row_views import TextRows
 from pa_console.views.waiting import Waiting
@@ -110,10 +113,10 @@ async def test_all_are_listed_with_what_they_have_started_and_can_be_revoked(
         await pilot.press("x")
         await settle(pilot, station)
         screen.look()
-        assert station.revoked == ["S1"]
+        assert station.changed == [("S1", "revoke")]
         assert "revoked by operator" in words(app, "#standing-sheet")
         await pilot.press("x")
-        assert station.revoked == ["S1"], "once"
+        assert station.changed == [("S1", "revoke")], "once"
         await pilot.press("escape")
         assert app.screen is app.session.main
 
@@ -149,5 +152,59 @@ async def test_in_line_mode_they_are_lines_and_revoke_ends_one() -> None:
     await running
     assert "S1: whenever a drone is below 20 % battery: Relieve that asset." in said
     assert any("1 start, last M-777 for Drone_T01" in line for line in said)
-    assert station.revoked == ["S1"]
+    assert station.changed == [("S1", "revoke")]
     assert "no standing order is in force" in said
+
+
+TIMED = StandingOrder(
+    id="S2",
+    text="Every ten minutes have Drone_T04 look at the north gate.",
+    schedule=Schedule(start=datetime(2026, 3, 1, 16, 45, tzinfo=UTC), every_s=600.0),
+    words="every 10 minutes from 16:45",
+    order="Have Drone_T04 look at the north gate.",
+)
+NEXT = ev.StandingOrderScheduled(
+    order_id="S2", moment=datetime(2026, 3, 1, 16, 55, tzinfo=UTC), at_s=600.0
+)
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 36)])
+async def test_a_timed_order_shows_its_moments_and_is_paused_skipped_and_given_again(
+    tmp_path: Path, size: tuple[int, int]
+) -> None:
+    station = ScriptedStation(story.opening())
+    app = console(station, tmp_path)
+    async with app.run_test(size=size) as pilot:
+        await settle(pilot, station)
+        station.emit(ev.StandingOrderApproved(order=TIMED, by="operator"), mission=None)
+        station.emit(NEXT, mission=None)
+        await settle(pilot, station)
+        await pilot.press("escape", "V")
+        await settle(pilot)
+        screen = app.screen
+        assert isinstance(screen, StandingOrdersScreen)
+        left = clock_text(600.0 - app.session.shown_state.time_s)
+        assert f"16:55:00 in {left}" in screen.listing.text
+        assert "every 10 minutes from 16:45" in words(app, "#standing-sheet")
+        await pilot.press("p")
+        await settle(pilot, station)
+        screen.look()
+        assert "paused" in screen.listing.text
+        await pilot.press("p")
+        await settle(pilot, station)
+        await pilot.press("s", "x")
+        await settle(pilot, station)
+        screen.look()
+        changes = ["pause", "resume", "skip", "revoke"]
+        assert station.changed == [("S2", change) for change in changes]
+        await pilot.press("a")
+        assert station.submitted == [TIMED.text]
+
+
+def test_the_panel_shows_the_next_five_moments_and_what_would_be_done_now() -> None:
+    assert TIMED.schedule is not None
+    now = (StandingStart(order="Have Drone_T04 look at NorthGate."),)
+    read = ev.StandingOrderRead(order=TIMED, now=now, moments=tuple(TIMED.schedule.moments(5)))
+    told = "\n".join(row.body.plain for row in offered_rows(read))
+    assert "16:45:00, 16:55:00, 17:05:00, 17:15:00, 17:25:00 UTC" in told
+    assert "Have Drone_T04 look at NorthGate." in told
