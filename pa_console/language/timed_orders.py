@@ -11,7 +11,20 @@ from dataclasses import dataclass, field
 from datetime import UTC, date, datetime, time, timedelta
 from types import MappingProxyType
 
-from pa_console.language.lexicon import find_verbs, word_lists
+from pa_console.language.clock_words import (
+    STOPS,
+    TIME_WORDS,
+    WEEKDAYS,
+    ClockTime,
+    duration_words,
+    next_weekday,
+    read_clock,
+    read_day,
+    read_duration,
+    read_number,
+    read_unit,
+)
+from pa_console.language.lexicon import find_verbs
 from pa_console.language.mentions import ASSETS
 from pa_console.language.name_linking import KIND_WORDS, link_names
 from pa_console.language.references.conversation import Unclear
@@ -19,7 +32,6 @@ from pa_console.language.references.reader import (
     EVERYBODY,
     Reader,
     WordToken,
-    number_of,
     read_tokens,
 )
 from pa_console.schema.mission import DAY_S, Schedule
@@ -32,25 +44,11 @@ MOST_AHEAD = timedelta(days=31)
 JUST_S = 1.0
 """A clock time that passed so little ago is the present moment."""
 
-_WORDS = word_lists("times")
-_UNIT_S = {
-    word: seconds
-    for name, seconds in (("seconds", 1.0), ("minutes", 60.0), ("hours", 3600.0), ("days", DAY_S))
-    for word in _WORDS[name]
-}
-TIME_UNITS = tuple(_UNIT_S)
-"""The words for units of time, also as they are shortened: *mins*, *hrs*."""
-_WEEKDAYS = _WORDS["weekdays"]
-_TENS = {word: 20 + 10 * number for number, word in enumerate(_WORDS["tens"])}
-_STOPS = frozenset((",", ".", ";", ":", "!", "-", "–", "—", ""))
-_BORDERS = frozenset((*_STOPS, "?", "(", ")", *_WORDS["borders"]))
-_FILLERS = frozenset((*_WORDS["joints"], *_WORDS["fillers"]))
-_TOLD = frozenset(_WORDS["told"])
-_FOLLOWS = frozenset(_WORDS["follows"]) | _STOPS
-_COMPACT = re.compile(r"(\d+)([a-z]+)(?:(\d+)([a-z]*))?")
+_BORDERS = frozenset((*STOPS, "?", "(", ")", *TIME_WORDS["borders"]))
+_FILLERS = frozenset((*TIME_WORDS["joints"], *TIME_WORDS["fillers"]))
+_TOLD = frozenset(TIME_WORDS["told"])
 _FREQUENT = {"hourly": 3600.0, "half-hourly": 1800.0, "quarter-hourly": 900.0, "daily": DAY_S}
 _TO_BASE = frozenset(("base", "home", "rtb", "return", "returns"))
-_SHORT_NAME = re.compile(r"[a-z]+(?:_t)?\d+")
 _REPEATS = {"twice": 2, "thrice": 3, "once": 1}
 _ON_THE = (("on the full hour", 0), ("on the hour", 0), ("on the half hour", 30),
            ("on the half-hour", 30), ("at half past each hour", 30), ("at the full hour", 0),
@@ -65,30 +63,18 @@ class ReadTimed:
     order: str
 
 
-@dataclass(frozen=True)
-class _Clock:
-    """A time of day as it was said; `settled` where no other half of the day can be meant."""
-
-    at: time
-    settled: bool
-    day: date | None = None
-    utc: bool = False
-    bare: bool = False
-    """True for a mere number: *at nine*."""
-
-
 @dataclass
 class _Said:
     """The phrases read so far of a `text`."""
 
     text: str
-    starts: list[tuple[str, _Clock | datetime]] = field(
-        default_factory=list[tuple[str, "_Clock | datetime"]]
+    starts: list[tuple[str, ClockTime | datetime]] = field(
+        default_factory=list[tuple[str, "ClockTime | datetime"]]
     )
     every_s: float = 0.0
     minute: int | None = None
     """The minute of the hour with which the moments are aligned."""
-    until: tuple[str, _Clock] | None = None
+    until: tuple[str, ClockTime] | None = None
     during_s: float = 0.0
     times: int = 0
     to_base: bool = False
@@ -195,7 +181,7 @@ def _phrase(reader: Reader, said: _Said, now: datetime) -> bool:
     start = reader.at
     for read in (_read_every, _read_window, _read_until, _read_start, _read_during, _read_vague):
         if read(reader, said, now):
-            while reader.take(*_WORDS["onwards"]):
+            while reader.take(*TIME_WORDS["onwards"]):
                 pass
             return True
         reader.at = start
@@ -210,7 +196,7 @@ def _cut_later(tokens: tuple[WordToken, ...], said: _Said, name: str) -> None:
             continue
         if name == "times" and said.every_s and (count := _repeats(reader)):
             said.times = count
-            reader.take(*_WORDS["onwards"])
+            reader.take(*TIME_WORDS["onwards"])
         elif name == "back" and not said.every_s and (said.during_s or said.until):
             if not (way := _way_back(reader)):
                 continue
@@ -224,13 +210,13 @@ def _cut_later(tokens: tuple[WordToken, ...], said: _Said, name: str) -> None:
 def _way_back(reader: Reader) -> set[str]:
     """Read *and then back*, *after that it returns to base* at the end; nothing for no such."""
     reader.take(",")
-    if not reader.take(*_WORDS["then"]):
+    if not reader.take(*TIME_WORDS["then"]):
         return set()
     first = reader.at
-    reader.skip(_WORDS["way_back"])
+    reader.skip(TIME_WORDS["way_back"])
     said = {token.word for token in reader.tokens[first : reader.at]}
-    reader.skip(_STOPS)
-    return said if reader.over and said & set(_WORDS["back"]) else set()
+    reader.skip(STOPS)
+    return said if reader.over and said & set(TIME_WORDS["back"]) else set()
 
 
 def _repeats(reader: Reader) -> int:
@@ -238,7 +224,7 @@ def _repeats(reader: Reader) -> int:
     if count:
         reader.at += 1
         return count if count > 1 else 0
-    number = _number(reader)
+    number = read_number(reader)
     return int(number) if number > 0 and reader.take("times") else 0
 
 
@@ -253,7 +239,7 @@ def _read_every(reader: Reader, said: _Said, now: datetime) -> bool:  # noqa: PL
             return True
     if seconds := _FREQUENT.get(reader.word(), 0.0):
         reader.at += 1
-        if reader.at > 1 and reader.word() not in _STOPS:
+        if reader.at > 1 and reader.word() not in STOPS:
             return False  # an adjective in an order: *for the daily brief*
         said.every_s = seconds
         return True
@@ -262,21 +248,21 @@ def _read_every(reader: Reader, said: _Said, now: datetime) -> bool:  # noqa: PL
         said.every_s = 3600.0 / count
         return True
     reader.at = start
-    if not reader.take(*_WORDS["every"]):
+    if not reader.take(*TIME_WORDS["every"]):
         return False
     whole = reader.tokens[reader.at - 1].word != "all"
     if whole and reader.take("full hour", "whole hour"):
         said.every_s, said.minute = 3600.0, 0
         return True
-    if whole and (day := reader.take_in(_WEEKDAYS)):
-        said.every_s, said.day = 7 * DAY_S, _weekday(day, now)
+    if whole and (day := reader.take_in(WEEKDAYS)):
+        said.every_s, said.day = 7 * DAY_S, next_weekday(day, now)
         return True
     if whole and (part := reader.take("morning", "afternoon", "evening", "night")):
         said.every_s, said.half = DAY_S, "am" if part == "morning" else "pm"
         return True
-    seconds = _duration(reader)
+    seconds = read_duration(reader)
     if whole and not seconds:
-        seconds = 2.0 * _unit(reader) if reader.take("other") else _unit(reader)
+        seconds = 2.0 * read_unit(reader) if reader.take("other") else read_unit(reader)
         seconds *= 1.5 if reader.take("and a half") else 1.0
     if seconds and reader.take("on the hour", "on the full hour"):
         said.minute = 0
@@ -289,18 +275,18 @@ def _repeats_an_hour(reader: Reader) -> int:
     if count:
         reader.at += 1
     else:
-        number = _number(reader)
+        number = read_number(reader)
         count = int(number) if number > 0 and reader.take("times") else 0
-    return count if count and reader.take(*_WORDS["times_an_hour"]) else 0
+    return count if count and reader.take(*TIME_WORDS["times_an_hour"]) else 0
 
 
 def _read_until(reader: Reader, said: _Said, now: datetime) -> bool:
-    if reader.take(*_WORDS["endless"]):
+    if reader.take(*TIME_WORDS["endless"]):
         return True
     first = reader.at
-    if not reader.take(*_WORDS["until"]):
+    if not reader.take(*TIME_WORDS["until"]):
         return False
-    clock = _clock(reader, now, led=True)
+    clock = read_clock(reader, now, led=True)
     if clock is None:
         return False
     said.until = _words_from(said, reader, first), clock
@@ -312,11 +298,11 @@ def _read_window(reader: Reader, said: _Said, now: datetime) -> bool:
     first = reader.at
     if not reader.take("between", "from"):
         return False
-    start = _clock(reader, now, led=True)
+    start = read_clock(reader, now, led=True)
     middle = reader.at
     if start is None or not reader.take("and", "to"):
         return False
-    end = _clock(reader, now, led=True)
+    end = read_clock(reader, now, led=True)
     if end is None:
         return False
     words = said.text[reader.tokens[first].start : reader.tokens[middle - 1].end]
@@ -329,8 +315,8 @@ def _read_vague(reader: Reader, said: _Said, now: datetime) -> bool:  # noqa: AR
     """Read *in a few minutes*, *at 25:00*: no moment, and not to be lost."""
     first = reader.at
     led = bool(reader.take("in", "for", "every"))
-    found = led and bool(reader.take(*_WORDS["vague"], "0", "zero")) and _unit(reader) > 0.0
-    if not found and (reader.take(*_WORDS["at"]) or first == 0):
+    found = led and bool(reader.take(*TIME_WORDS["vague"], "0", "zero")) and read_unit(reader) > 0.0
+    if not found and (reader.take(*TIME_WORDS["at"]) or first == 0):
         # Digits of a clock that no clock shows: *at 25:00* must not become an order for now.
         parts = reader.word(), reader.word(1), reader.word(2)
         found = parts[1] == ":" and parts[0].isdecimal() and parts[2].isdecimal()
@@ -346,37 +332,33 @@ def _read_start(reader: Reader, said: _Said, now: datetime) -> bool:
     if reader.take("starting now", "beginning now"):
         said.starts.append(("now", now))
         return True
-    if way := reader.take(*_WORDS["after"]):
+    if way := reader.take(*TIME_WORDS["after"]):
         # Within an order, *wait ten minutes* is a part of what is to be done.
-        seconds = _duration(reader) if first == 0 or not way.startswith("wait") else 0.0
+        seconds = read_duration(reader) if first == 0 or not way.startswith("wait") else 0.0
         if seconds:
-            reader.take("time", *_WORDS["hence"])
+            reader.take("time", *TIME_WORDS["hence"])
             said.starts.append((_words_from(said, reader, first), now + timedelta(seconds=seconds)))
         return seconds > 0.0
-    if (seconds := _duration(reader)) and reader.take(*_WORDS["hence"]):
+    if (seconds := read_duration(reader)) and reader.take(*TIME_WORDS["hence"]):
         said.starts.append((_words_from(said, reader, first), now + timedelta(seconds=seconds)))
         return True
     reader.at = first
-    led = reader.take(*_WORDS["at"])
-    day, half = _day(reader, now)
+    led = reader.take(*TIME_WORDS["at"])
+    day, half = read_day(reader, now)
     half = half or said.half
     if day is not None and not led:
         after = reader.at
         reader.take(",")
-        led = reader.take(*_WORDS["at"])
+        led = reader.take(*TIME_WORDS["at"])
         reader.at = reader.at if led else after
-    clock = _clock(reader, now, led=bool(led) or day is not None, day=day, half=half)
+    clock = read_clock(reader, now, led=bool(led) or day is not None, day=day, half=half)
     if clock is None or (led == "from" and clock.bare):
         tomorrow = day is not None and day > now.date() and not led
-        if (
-            tomorrow
-            and (first == 0 or reader.word() in _STOPS)
-            and reader.word(-1) not in _WEEKDAYS
-        ):
+        if tomorrow and (first == 0 or reader.word() in STOPS) and reader.word(-1) not in WEEKDAYS:
             said.day = day
             return True
         return False
-    if not led and first > 0 and day is None and reader.word() not in _STOPS:
+    if not led and first > 0 and day is None and reader.word() not in STOPS:
         return False
     said.starts.append((_words_from(said, reader, first), clock))
     return True
@@ -384,211 +366,10 @@ def _read_start(reader: Reader, said: _Said, now: datetime) -> bool:
 
 def _read_during(reader: Reader, said: _Said, now: datetime) -> bool:  # noqa: ARG001
     """Read *for ten minutes*, *for the next two hours*."""
-    if not reader.take(*_WORDS["during"]):
+    if not reader.take(*TIME_WORDS["during"]):
         return False
-    said.during_s = _duration(reader)
+    said.during_s = read_duration(reader)
     return said.during_s > 0.0
-
-
-# ------------------------------------------------------------------ clock, day and duration
-
-
-def _clock(
-    reader: Reader, now: datetime, *, led: bool, day: date | None = None, half: str = ""
-) -> _Clock | None:
-    """Read a time of day; one that no word has `led` to must be told by its own form."""
-    found = _time_of_day(reader, led=led)
-    if found is None:
-        return None
-    hour, minute, second, settled, plain = found
-    part = reader.take(*_WORDS["morning"], *_WORDS["evening"])
-    half = half or ("am" if part in _WORDS["morning"] else "pm" if part else "")
-    reader.take(*_WORDS["exact"])
-    utc = bool(reader.take(*_WORDS["utc"]))
-    day = day or _day_of(part, now)
-    if day is None:
-        day, other = _day(reader, now)
-        half = half or other
-    follows = reader.word() in _FOLLOWS or _SHORT_NAME.fullmatch(reader.word())
-    if plain and not half and day is None and not (led and follows):
-        return None
-    if half and 1 <= hour <= 12:
-        hour = hour % 12 + (12 if half == "pm" else 0)
-        settled = True
-    if hour > 23 or minute > 59 or second > 59:
-        return None
-    return _Clock(time(hour, minute, second), settled, day, utc, bare=plain and not half)
-
-
-def _time_of_day(  # noqa: PLR0911 - one for each way to say it
-    reader: Reader, *, led: bool
-) -> tuple[int, int, int, bool, bool] | None:
-    """Return hour, minute, second, whether the half of the day is settled, and if only a number."""
-    if led and reader.take("noon", "midday", "12 noon"):
-        return 12, 0, 0, True, False
-    if led and reader.take("midnight"):
-        return 0, 0, 0, True, False
-    if spoken := _spoken_clock(reader):
-        return spoken
-    word = reader.word()
-    if whole := re.fullmatch(r"(\d\d?)h(\d\d)?", word):
-        reader.at += 1
-        return int(whole[1]), int(whole[2] or 0), 0, True, False
-    if whole := re.fullmatch(r"(\d\d?)(am|pm)", word):
-        reader.at += 1
-        return int(whole[1]) % 12 + 12 * (whole[2] == "pm"), 0, 0, True, False
-    if whole := re.fullmatch(r"([01]\d|2[0-3])([0-5]\d)(h|hrs|z)?", word):
-        reader.at += 1
-        told = bool(whole[3] or reader.take("hrs", "hours", "hr"))
-        return (int(whole[1]), int(whole[2]), 0, True, False) if led or told else None
-    if re.fullmatch(r"\d\d?", word):
-        return _digital(reader, word, led=led)
-    number = _number(reader)
-    if not led or not 1 <= number <= 12:
-        return None
-    oclock = bool(reader.take(*_WORDS["oclock"]))
-    minute = 0 if oclock else _minutes_after_hour(reader)
-    return int(number), minute, 0, False, not oclock and not minute
-
-
-def _digital(reader: Reader, word: str, *, led: bool) -> tuple[int, int, int, bool, bool] | None:
-    """Read *16:45*, *16:45:30*, *4.30*, *4 o'clock*, *4*."""
-    reader.at += 1
-    parts: list[int] = []
-    for marks in ((":", "."), (":",)):
-        if reader.word() in marks and re.fullmatch(r"\d\d", reader.word(1)) and _close(reader):
-            if reader.word() == "." and not led:
-                break
-            parts.append(int(reader.word(1)))
-            reader.at += 2
-        else:
-            break
-    minute, second = (*parts, 0, 0)[:2]
-    oclock = not parts and led and bool(reader.take(*_WORDS["oclock"]))
-    settled = len(word) == 2 if parts else int(word) > 12
-    halved = reader.word() in ("am", "pm", "a", "p")
-    if not (led or parts or oclock or halved):
-        return None
-    return int(word), minute, second, settled, not parts and not oclock
-
-
-def _close(reader: Reader) -> bool:
-    """Return whether the sign here touches the numbers on both sides of it."""
-    before, sign, after = reader.tokens[reader.at - 1 : reader.at + 2]
-    return before.end == sign.start and sign.end == after.start
-
-
-def _spoken_clock(reader: Reader) -> tuple[int, int, int, bool, bool] | None:
-    """Read *half past nine*, *quarter to four*, *twenty past eight*."""
-    start = reader.at
-    reader.take("a")
-    minute = 30.0 if reader.take("half") else 15.0 if reader.take("quarter") else _number(reader)
-    reader.take("minutes", "min")
-    way = reader.take("past", "after", "to", "before")
-    hour = _number(reader) if way and 0 < minute < 60 else -1.0
-    if not 1 <= hour <= 23:
-        reader.at = start
-        return None
-    reader.take(*_WORDS["oclock"])
-    total = int(hour) * 60 + int(minute if way in ("past", "after") else -minute)
-    return total // 60 % 24, total % 60, 0, hour > 12, False
-
-
-def _minutes_after_hour(reader: Reader) -> int:
-    """Read the minutes in *nine thirty*; 0 for none."""
-    start = reader.at
-    reader.take("oh", "o")
-    number = _number(reader)
-    if 1 <= number <= 59 and reader.word() not in _UNIT_S:
-        return int(number)
-    reader.at = start
-    return 0
-
-
-def _day(reader: Reader, now: datetime) -> tuple[date | None, str]:
-    """Read *tomorrow*, *tonight*, *on monday*; the half of the day is '', 'am' or 'pm'."""
-    start = reader.at
-    if said := reader.take(*_WORDS["today"], *_WORDS["tomorrow"]):
-        half = "am" if said in _WORDS["morning"] else "pm" if said in _WORDS["evening"] else ""
-        return _day_of(said, now), half
-    if reader.take("yesterday"):
-        return now.date() - timedelta(days=1), ""
-    reader.take("on", "next", "this")
-    if day := reader.take_in(_WEEKDAYS):
-        return _weekday(day, now), ""
-    reader.at = start
-    return None, ""
-
-
-def _day_of(said: str, now: datetime) -> date | None:
-    if said in _WORDS["tomorrow"]:
-        return now.date() + timedelta(days=1)
-    return now.date() if said in _WORDS["today"] else None
-
-
-def _weekday(word: str, now: datetime) -> date:
-    """Return the next day of that name after today."""
-    ahead = (_WEEKDAYS.index(word) - now.weekday() - 1) % 7 + 1
-    return now.date() + timedelta(days=ahead)
-
-
-def _duration(reader: Reader) -> float:
-    """Read *five minutes*, *1 h 15 min*, *half an hour*, *an hour and a half*; 0 for none."""
-    total, start, last = 0.0, reader.at, DAY_S * 400
-    while (seconds := _one_duration(reader)) and seconds < last:
-        # A second part is of a smaller unit: *every 2 minutes, one minute at each gate* has two.
-        total, start = total + seconds, reader.at
-        last = 0.0 if reader.word() == "," else _UNIT_S.get(reader.word(-1), 0.0)
-        reader.take("and")
-    reader.at = start
-    if total and reader.take("and a half"):
-        total += 0.5 * _UNIT_S[reader.tokens[reader.at - 4].word]
-    return total
-
-
-def _one_duration(reader: Reader) -> float:
-    start = reader.at
-    compact = _COMPACT.fullmatch(reader.word())
-    if compact and compact[2] in _UNIT_S and (not compact[4] or compact[4] in _UNIT_S):
-        reader.at += 1
-        rest = float(compact[3] or 0) * _UNIT_S.get(compact[4] or "min", 0.0)
-        return float(compact[1]) * _UNIT_S[compact[2]] + rest
-    if reader.take("half an", "half a", "half"):
-        share = 0.5
-    elif reader.take("a quarter of an", "quarter of an", "a quarter", "quarter"):
-        share = 0.25
-    elif reader.take("a couple of"):
-        share = 2.0
-    else:
-        share = _number(reader)
-        share = 1.0 if share < 0 and reader.take("a", "an") else share
-        share += 0.5 if share > 0 and reader.take("and a half") else 0.0
-    seconds = _unit(reader) if share > 0 else 0.0
-    if not seconds:
-        reader.at = start
-    return share * seconds
-
-
-def _unit(reader: Reader) -> float:
-    word = reader.take_in(_UNIT_S.keys())
-    return _UNIT_S[word] if word else 0.0
-
-
-def _number(reader: Reader) -> float:
-    """Read a number in digits or words up to 99; -1 for none."""
-    word = reader.word()
-    tens, _, ones = word.partition("-")
-    if tens in _TENS and (not ones or number_of(ones) in range(1, 10)):
-        reader.at += 1
-        one = number_of(ones) if ones else number_of(reader.word())
-        if not ones and one in range(1, 10) and not reader.word().isdecimal():
-            reader.at += 1
-            return float(_TENS[tens] + one)
-        return float(_TENS[tens] + (one if ones else 0))
-    number = number_of(word)
-    if number >= 0 and len(word) <= 9:
-        reader.at += 1
-    return float(number)
 
 
 def _words_from(said: _Said, reader: Reader, first: int) -> str:
@@ -658,7 +439,7 @@ def _aligned(now: datetime, minute: int) -> datetime:
     return at if at >= now else at + timedelta(hours=1)
 
 
-def _moment(words: str, clock: _Clock, said: _Said, now: datetime) -> datetime | Unclear:
+def _moment(words: str, clock: ClockTime, said: _Said, now: datetime) -> datetime | Unclear:
     """Return the moment of a clock time, or a question if it has passed or can mean two."""
     day = clock.day or said.day
     at = _on(day or now.date(), clock.at, now, utc=clock.utc)
@@ -725,16 +506,6 @@ def schedule_words(schedule: Schedule, now: datetime) -> str:
         return f"{begins}, until {_as_said(schedule.leave, now).replace('at ', '')}, {then}"
     stay = f", for {duration_words(schedule.stay_s)} in place, {then}"
     return begins + stay * bool(schedule.stay_s)
-
-
-def duration_words(seconds: float) -> str:
-    """Return a duration in words: *10 minutes*, *1 hour 15 minutes*."""
-    parts: list[str] = []
-    for name, size in (("day", DAY_S), ("hour", 3600.0), ("minute", 60.0), ("second", 1.0)):
-        number, seconds = int(seconds // size), seconds % size
-        if number:
-            parts.append(f"{number} {name}{'s' * (number > 1)}")
-    return " ".join(parts) or "0 seconds"
 
 
 def _rest(text: str, cut: list[tuple[int, int]]) -> str:

@@ -9,8 +9,9 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 
+from pa_console.language.clock_words import duration_words
 from pa_console.language.references.scene import STILL, Move
-from pa_console.language.timed_orders import SHORTEST_S, duration_words
+from pa_console.language.timed_orders import SHORTEST_S
 from pa_console.schema.mission import StandingOrder
 
 PAUSED = "it is paused"

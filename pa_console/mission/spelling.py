@@ -22,10 +22,10 @@ from rapidfuzz import fuzz, process
 from rapidfuzz.distance import OSA
 from spellchecker import SpellChecker
 
+from pa_console.language.clock_words import TIME_UNITS
 from pa_console.language.lexicon import find_verbs
 from pa_console.language.mentions import find_mentions, speaks_of_site
 from pa_console.language.name_linking import KIND_WORDS, NEARLY, WORD, link_names
-from pa_console.language.timed_orders import TIME_UNITS
 from pa_console.policy.related_words import default_vocabulary
 from pa_console.policy.rulebook import Rulebook
 from pa_console.resources import data_folder

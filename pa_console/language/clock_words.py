@@ -1,0 +1,249 @@
+"""Reads times of day, days and durations: *half past nine*, *tonight*, *1 h 15 min*."""
+
+import re
+from dataclasses import dataclass
+from datetime import date, datetime, time, timedelta
+
+from pa_console.language.lexicon import word_lists
+from pa_console.language.references.reader import Reader, number_of
+from pa_console.schema.mission import DAY_S
+
+TIME_WORDS = word_lists("times")
+_UNIT_S = {
+    word: seconds
+    for name, seconds in (("seconds", 1.0), ("minutes", 60.0), ("hours", 3600.0), ("days", DAY_S))
+    for word in TIME_WORDS[name]
+}
+TIME_UNITS = tuple(_UNIT_S)
+"""The words for units of time, also as they are shortened: *mins*, *hrs*."""
+WEEKDAYS = TIME_WORDS["weekdays"]
+_TENS = {word: 20 + 10 * number for number, word in enumerate(TIME_WORDS["tens"])}
+STOPS = frozenset((",", ".", ";", ":", "!", "-", "–", "—", ""))
+_FOLLOWS = frozenset(TIME_WORDS["follows"]) | STOPS
+_COMPACT = re.compile(r"(\d+)([a-z]+)(?:(\d+)([a-z]*))?")
+_SHORT_NAME = re.compile(r"[a-z]+(?:_t)?\d+")
+
+
+@dataclass(frozen=True)
+class ClockTime:
+    """A time of day as it was said; `settled` where no other half of the day can be meant."""
+
+    at: time
+    settled: bool
+    day: date | None = None
+    utc: bool = False
+    bare: bool = False
+    """True for a mere number: *at nine*."""
+
+
+def read_clock(
+    reader: Reader, now: datetime, *, led: bool, day: date | None = None, half: str = ""
+) -> ClockTime | None:
+    """Read a time of day; one that no word has `led` to must be told by its own form."""
+    found = _time_of_day(reader, led=led)
+    if found is None:
+        return None
+    hour, minute, second, settled, plain = found
+    part = reader.take(*TIME_WORDS["morning"], *TIME_WORDS["evening"])
+    half = half or ("am" if part in TIME_WORDS["morning"] else "pm" if part else "")
+    reader.take(*TIME_WORDS["exact"])
+    utc = bool(reader.take(*TIME_WORDS["utc"]))
+    day = day or _day_of(part, now)
+    if day is None:
+        day, other = read_day(reader, now)
+        half = half or other
+    follows = reader.word() in _FOLLOWS or _SHORT_NAME.fullmatch(reader.word())
+    if plain and not half and day is None and not (led and follows):
+        return None
+    if half and 1 <= hour <= 12:
+        hour = hour % 12 + (12 if half == "pm" else 0)
+        settled = True
+    if hour > 23 or minute > 59 or second > 59:
+        return None
+    return ClockTime(time(hour, minute, second), settled, day, utc, bare=plain and not half)
+
+
+def _time_of_day(  # noqa: PLR0911 - one for each way to say it
+    reader: Reader, *, led: bool
+) -> tuple[int, int, int, bool, bool] | None:
+    """Return hour, minute, second, whether the half of the day is settled, and if only a number."""
+    if led and reader.take("noon", "midday", "12 noon"):
+        return 12, 0, 0, True, False
+    if led and reader.take("midnight"):
+        return 0, 0, 0, True, False
+    if spoken := _spoken_clock(reader):
+        return spoken
+    word = reader.word()
+    if whole := re.fullmatch(r"(\d\d?)h(\d\d)?", word):
+        reader.at += 1
+        return int(whole[1]), int(whole[2] or 0), 0, True, False
+    if whole := re.fullmatch(r"(\d\d?)(am|pm)", word):
+        reader.at += 1
+        return int(whole[1]) % 12 + 12 * (whole[2] == "pm"), 0, 0, True, False
+    if whole := re.fullmatch(r"([01]\d|2[0-3])([0-5]\d)(h|hrs|z)?", word):
+        reader.at += 1
+        told = bool(whole[3] or reader.take("hrs", "hours", "hr"))
+        return (int(whole[1]), int(whole[2]), 0, True, False) if led or told else None
+    if re.fullmatch(r"\d\d?", word):
+        return _digital(reader, word, led=led)
+    number = read_number(reader)
+    if not led or not 1 <= number <= 12:
+        return None
+    oclock = bool(reader.take(*TIME_WORDS["oclock"]))
+    minute = 0 if oclock else _minutes_after_hour(reader)
+    return int(number), minute, 0, False, not oclock and not minute
+
+
+def _digital(reader: Reader, word: str, *, led: bool) -> tuple[int, int, int, bool, bool] | None:
+    """Read *16:45*, *16:45:30*, *4.30*, *4 o'clock*, *4*."""
+    reader.at += 1
+    parts: list[int] = []
+    for marks in ((":", "."), (":",)):
+        if reader.word() in marks and re.fullmatch(r"\d\d", reader.word(1)) and _close(reader):
+            if reader.word() == "." and not led:
+                break
+            parts.append(int(reader.word(1)))
+            reader.at += 2
+        else:
+            break
+    minute, second = (*parts, 0, 0)[:2]
+    oclock = not parts and led and bool(reader.take(*TIME_WORDS["oclock"]))
+    settled = len(word) == 2 if parts else int(word) > 12
+    halved = reader.word() in ("am", "pm", "a", "p")
+    if not (led or parts or oclock or halved):
+        return None
+    return int(word), minute, second, settled, not parts and not oclock
+
+
+def _close(reader: Reader) -> bool:
+    """Return whether the sign here touches the numbers on both sides of it."""
+    before, sign, after = reader.tokens[reader.at - 1 : reader.at + 2]
+    return before.end == sign.start and sign.end == after.start
+
+
+def _spoken_clock(reader: Reader) -> tuple[int, int, int, bool, bool] | None:
+    """Read *half past nine*, *quarter to four*, *twenty past eight*."""
+    start = reader.at
+    reader.take("a")
+    minute = (
+        30.0 if reader.take("half") else 15.0 if reader.take("quarter") else read_number(reader)
+    )
+    reader.take("minutes", "min")
+    way = reader.take("past", "after", "to", "before")
+    hour = read_number(reader) if way and 0 < minute < 60 else -1.0
+    if not 1 <= hour <= 23:
+        reader.at = start
+        return None
+    reader.take(*TIME_WORDS["oclock"])
+    total = int(hour) * 60 + int(minute if way in ("past", "after") else -minute)
+    return total // 60 % 24, total % 60, 0, hour > 12, False
+
+
+def _minutes_after_hour(reader: Reader) -> int:
+    """Read the minutes in *nine thirty*; 0 for none."""
+    start = reader.at
+    reader.take("oh", "o")
+    number = read_number(reader)
+    if 1 <= number <= 59 and reader.word() not in _UNIT_S:
+        return int(number)
+    reader.at = start
+    return 0
+
+
+def read_day(reader: Reader, now: datetime) -> tuple[date | None, str]:
+    """Read *tomorrow*, *tonight*, *on monday*; the half of the day is '', 'am' or 'pm'."""
+    start = reader.at
+    if said := reader.take(*TIME_WORDS["today"], *TIME_WORDS["tomorrow"]):
+        half = (
+            "am" if said in TIME_WORDS["morning"] else "pm" if said in TIME_WORDS["evening"] else ""
+        )
+        return _day_of(said, now), half
+    if reader.take("yesterday"):
+        return now.date() - timedelta(days=1), ""
+    reader.take("on", "next", "this")
+    if day := reader.take_in(WEEKDAYS):
+        return next_weekday(day, now), ""
+    reader.at = start
+    return None, ""
+
+
+def _day_of(said: str, now: datetime) -> date | None:
+    if said in TIME_WORDS["tomorrow"]:
+        return now.date() + timedelta(days=1)
+    return now.date() if said in TIME_WORDS["today"] else None
+
+
+def next_weekday(word: str, now: datetime) -> date:
+    """Return the next day of that name after today."""
+    ahead = (WEEKDAYS.index(word) - now.weekday() - 1) % 7 + 1
+    return now.date() + timedelta(days=ahead)
+
+
+def read_duration(reader: Reader) -> float:
+    """Read *five minutes*, *1 h 15 min*, *half an hour*, *an hour and a half*; 0 for none."""
+    total, start, last = 0.0, reader.at, DAY_S * 400
+    while (seconds := _one_duration(reader)) and seconds < last:
+        # A second part is of a smaller unit: *every 2 minutes, one minute at each gate* has two.
+        total, start = total + seconds, reader.at
+        last = 0.0 if reader.word() == "," else _UNIT_S.get(reader.word(-1), 0.0)
+        reader.take("and")
+    reader.at = start
+    if total and reader.take("and a half"):
+        total += 0.5 * _UNIT_S[reader.tokens[reader.at - 4].word]
+    return total
+
+
+def _one_duration(reader: Reader) -> float:
+    start = reader.at
+    compact = _COMPACT.fullmatch(reader.word())
+    if compact and compact[2] in _UNIT_S and (not compact[4] or compact[4] in _UNIT_S):
+        reader.at += 1
+        rest = float(compact[3] or 0) * _UNIT_S.get(compact[4] or "min", 0.0)
+        return float(compact[1]) * _UNIT_S[compact[2]] + rest
+    if reader.take("half an", "half a", "half"):
+        share = 0.5
+    elif reader.take("a quarter of an", "quarter of an", "a quarter", "quarter"):
+        share = 0.25
+    elif reader.take("a couple of"):
+        share = 2.0
+    else:
+        share = read_number(reader)
+        share = 1.0 if share < 0 and reader.take("a", "an") else share
+        share += 0.5 if share > 0 and reader.take("and a half") else 0.0
+    seconds = read_unit(reader) if share > 0 else 0.0
+    if not seconds:
+        reader.at = start
+    return share * seconds
+
+
+def read_unit(reader: Reader) -> float:
+    """Read a unit of time and return its seconds; 0 for none."""
+    word = reader.take_in(_UNIT_S.keys())
+    return _UNIT_S[word] if word else 0.0
+
+
+def read_number(reader: Reader) -> float:
+    """Read a number in digits or words up to 99; -1 for none."""
+    word = reader.word()
+    tens, _, ones = word.partition("-")
+    if tens in _TENS and (not ones or number_of(ones) in range(1, 10)):
+        reader.at += 1
+        one = number_of(ones) if ones else number_of(reader.word())
+        if not ones and one in range(1, 10) and not reader.word().isdecimal():
+            reader.at += 1
+            return float(_TENS[tens] + one)
+        return float(_TENS[tens] + (one if ones else 0))
+    number = number_of(word)
+    if number >= 0 and len(word) <= 9:
+        reader.at += 1
+    return float(number)
+
+
+def duration_words(seconds: float) -> str:
+    """Return a duration in words: *10 minutes*, *1 hour 15 minutes*."""
+    parts: list[str] = []
+    for name, size in (("day", DAY_S), ("hour", 3600.0), ("minute", 60.0), ("second", 1.0)):
+        number, seconds = int(seconds // size), seconds % size
+        if number:
+            parts.append(f"{number} {name}{'s' * (number > 1)}")
+    return " ".join(parts) or "0 seconds"
