@@ -45,8 +45,11 @@ class StationTime:
         self.now = self._last[0]
         """The present time."""
 
-    def take(self, time_s: float, *, stepped: bool = False) -> None:
-        """Note the fleet's time; a `stepped` fleet only goes on when somebody waits for it."""
+    def take(self, time_s: float, rate: float = 1.0, *, stepped: bool = False) -> None:
+        """Note the fleet's time, which goes on at `rate` seconds a second.
+
+        A `stepped` fleet only goes on when somebody waits for it.
+        """
         wall = self._wall()
         if self._first is None:
             self._first, self._last = (wall, time_s), (wall, time_s)
@@ -55,9 +58,10 @@ class StationTime:
             self.now = began + timedelta(seconds=time_s - began_s)
             return
         before, before_s = self._last
-        gained = timedelta(seconds=time_s - before_s) - (wall - before)
-        # A hold-up lets the simulation fall behind; only what is gained beyond that counts.
-        self._ahead = max(self._ahead + gained, timedelta())
+        if rate > 1.0:
+            # At the pace of the wall clock a simulation that was held up only catches up.
+            gained = timedelta(seconds=time_s - before_s) - (wall - before)
+            self._ahead += max(gained, timedelta())
         self._last = wall, time_s
         self.now = wall + self._ahead
 

@@ -196,7 +196,7 @@ class Ticking:
     def _start_standing(self, picture: Picture, *, stopped: bool) -> None:
         """Queue the missions that standing orders start now, and emit the withheld ones."""
         standing = self._services.standing
-        standing.time.take(picture.time_s, stepped=self._clock.waits)
+        standing.time.take(picture.time_s, self._clock.rate, stepped=self._clock.waits)
         busy = self._worker.handled | self._intake.subjects
         for found in standing.look(picture, busy, stopped=stopped):
             match found:

@@ -25,6 +25,7 @@ class History:
     random: Random
     wall: datetime = BEGAN
     time_s: float = 0.0
+    rate: float = 1.0
     stopped: bool = False
     orders: StandingOrders = field(init=False)
     missions: dict[str, str] = field(default_factory=dict[str, str])
@@ -71,7 +72,7 @@ class History:
 
     def look(self) -> None:
         """Let the station look, and hold every result against what must never be."""
-        self.orders.time.take(self.time_s)
+        self.orders.time.take(self.time_s, self.rate)
         picture = Picture(
             tick=0, time_s=self.time_s, weather="clear", assets={}, tracks={}, gates={}
         )
@@ -127,7 +128,8 @@ class History:
             case "go":
                 seconds = random.choice([0.5, 5.0, 45.0])
                 self.wall += timedelta(seconds=seconds)
-                self.time_s += seconds * random.choice([1.0, 1.0, 8.0])
+                self.rate = random.choice([1.0, 1.0, 8.0])
+                self.time_s += seconds * self.rate
             case "jump":
                 self.wall += timedelta(seconds=random.choice([30, 3600, 90000]))
             case "back":
@@ -182,3 +184,16 @@ def test_in_any_history_none_runs_unapproved_twice_late_or_is_lost_in_silence(pa
         history.none_lost()
         started += history.count
     assert started > HISTORIES / 4, "the histories have runs in them"
+
+
+def test_the_station_clock_is_the_wall_clock_unless_the_simulation_runs_faster() -> None:
+    wall = BEGAN
+    time = StationTime(lambda: wall)
+    time.take(0.0)
+    for late_s, time_s in ((3.0, 0.5), (3.1, 3.0), (10.0, 10.0)):
+        wall = BEGAN + timedelta(seconds=late_s)
+        time.take(time_s)
+        assert time.now == wall, "a hold-up and the catching up after it change nothing"
+    wall += timedelta(seconds=1.0)
+    time.take(18.0, 8.0)
+    assert time.now == wall + timedelta(seconds=7.0)
