@@ -112,6 +112,8 @@ def test_the_console_opens_without_what_only_other_screens_need() -> None:
     assert "pa_console.tui.screens.main" in loaded
     assert not loaded & {
         "jsonschema",
+        "mcp",
+        "pa_console.mcp",
         "matplotlib.pyplot",
         "networkx",
         "openai",

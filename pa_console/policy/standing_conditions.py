@@ -59,15 +59,18 @@ class StandingCondition:
     """The latest facts and result of each subject."""
 
     def __post_init__(self) -> None:
+        if self.order.each is None:
+            raise ValueError("an order with a time has no condition")
+        fields = _FIELDS[self.order.each]
         self._expression = Expression(self.order.condition, SUBJECT_VARIABLES, DEADLINE_S)
         if self._expression.size > MOST_SIZE:
             raise ValueError(f"the condition is too large: at most {MOST_SIZE} words and signs")
         shapes: Shapes = {
-            "it": _FIELDS[self.order.each], "id": None, "now": _NOW, "world": WORLD_SHAPE,
+            "it": fields, "id": None, "now": _NOW, "world": WORLD_SHAPE,
         }  # fmt: skip
         self._reads = self._expression.reads(shapes)
         read = self._reads.get("it", {})
-        self._fields = tuple(sorted(names_of(read, _FIELDS[self.order.each].fields)))
+        self._fields = tuple(sorted(names_of(read, fields.fields)))
         self._of_silence = bool(_OF_SILENCE & set(self._fields))
 
     @cached_property
@@ -108,6 +111,8 @@ class StandingCondition:
                 yield from picture.tracks.items()
             case "gate":
                 yield from picture.gates.items()
+            case None:
+                pass
 
     def _decide(self, name: str, values: dict[str, Any], now: dict[str, Any]) -> bool:
         given = {"it": values, "id": name, "now": now, "world": self._world}

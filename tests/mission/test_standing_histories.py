@@ -185,6 +185,7 @@ class History:
             if isinstance(found, Withheld):
                 self.subjects[found.order.id, found.subject].started = True
                 continue
+            assert isinstance(found, Due)
             self.check(found, busy)
             self.count += 1
             mission = f"M{self.count:03d}"

@@ -21,7 +21,11 @@ READERS = st.sampled_from(("planner", "judge", "second"))
 
 
 def told(
-    *, planner: float | None = None, judge: float | None = None, second: float | None = None, gaps=0
+    *,
+    planner: float | None = None,
+    judge: float | None = None,
+    second: float | None = None,
+    gaps: int = 0,
 ) -> float:
     found = calibrated_confidence(Evidence(planner, judge, second, gaps=gaps))
     assert found is not None
