@@ -95,10 +95,12 @@ $(BIN)/python:
 
 # llama.cpp's own switches leave out the vision library and nothing else. Half of what is still
 # compiled is its `common` library, which the package forces on and does not install; a CMake
-# file that is included after llama.cpp's `project()` switches it off again.
+# file that is included after llama.cpp's `project()` switches it off again, and AMX too.
 $(VENV)/.$(LLAMA): | $(BIN)/python
 	@printf '%s\n' '# Half of the build time, and not part of the package that is installed.' \
-		'set(LLAMA_BUILD_COMMON OFF)' > $(VENV)/llama-build.cmake
+		'set(LLAMA_BUILD_COMMON OFF)' \
+		'# On virtual machines that offer AMX, its tiles end the process: the code for it is left out.' \
+		'add_compile_options(-U__AMX_INT8__)' > $(VENV)/llama-build.cmake
 	@sed -n '/^$(LLAMA) /,/[^\]$$/p' $(PINS) > $(VENV)/llama.txt
 	@echo "Building llama.cpp, once, about 2 minutes on two cores (pip keeps it for other clones)"
 	@set -o pipefail; \
