@@ -129,14 +129,14 @@ class AgentsSession:
 
     def unclear(self, text: str) -> Unclear | None:
         """Return what the words leave open; None if nothing."""
-        return self._station.unclear(text)
+        return self._station.proposals.unclear(text)
 
     def propose(
         self, agent: str, text: str, actions: Sequence[Action] = (), reason: str = ""
     ) -> MissionView:
         """Queue a mission that an agent proposes; raises ValueError when it is not taken."""
         plan = Plan(reason=reason, actions=tuple(actions)) if actions else None
-        return mission_view(self._trace(self._station.propose(agent, text, plan)))
+        return mission_view(self._trace(self._station.proposals.propose(agent, text, plan)))
 
     def status(self, mission_id: str) -> MissionDetail:
         """Return a mission with its plans, findings, decisions, outcome; raises ValueError."""
@@ -148,7 +148,7 @@ class AgentsSession:
 
     def withdraw(self, agent: str, mission_id: str) -> None:
         """Take back an agent's own proposal; raises ValueError for any other mission."""
-        self._station.withdraw_proposal(agent, mission_id)
+        self._station.proposals.withdraw(agent, mission_id)
 
     def stop(self, agent: str) -> None:
         """Make every asset hold; an agent cannot release that."""

@@ -67,7 +67,7 @@ class StationTime:
 
 
 @dataclass(frozen=True)
-class Moment:
+class MomentResult:
     """A moment that has come: the order to start, and how late; or the reason why not."""
 
     order: str = ""
@@ -132,7 +132,7 @@ class Agenda:
         self._number += 1
         return at
 
-    def look(self, now: datetime, grace_s: float, *, stopped: bool) -> Iterable[Moment]:
+    def look(self, now: datetime, grace_s: float, *, stopped: bool) -> Iterable[MomentResult]:
         """Take every moment that has come, and yield what becomes of it."""
         if self._back_at is not None and now >= self._back_at:
             at, order = self._back_at, self._back
@@ -146,26 +146,30 @@ class Agenda:
             self._number += 1
         if len(come) > 1:
             passed = f"{len(come) - 1} moments from {come[0]:%H:%M:%S} to {come[-2]:%H:%M:%S}"
-            yield Moment(reason=f"{passed} passed unseen: the clock jumped, or the machine slept")
+            yield MomentResult(
+                reason=f"{passed} passed unseen: the clock jumped, or the machine slept"
+            )
         if come:
             yield self._taken(come, now, grace_s, self.order.order, stopped=stopped)
 
     def _taken(
         self, come: Sequence[datetime], now: datetime, grace_s: float, order: str, *, stopped: bool
-    ) -> Moment:
+    ) -> MomentResult:
         at = come[-1]
         late_s = (now - at).total_seconds()
         if stopped:
-            return Moment(reason=f"{at:%H:%M:%S}: {STOPPED}")
+            return MomentResult(reason=f"{at:%H:%M:%S}: {STOPPED}")
         if self.paused:
-            return Moment(reason=f"{at:%H:%M:%S}: {PAUSED}")
+            return MomentResult(reason=f"{at:%H:%M:%S}: {PAUSED}")
         if late_s > grace_s:
             late, most = duration_words(late_s), duration_words(grace_s)
-            return Moment(reason=f"{at:%H:%M:%S} passed {late} ago, {most} late is allowed")
+            return MomentResult(reason=f"{at:%H:%M:%S} passed {late} ago, {most} late is allowed")
         if self._open or self._starting:
-            return Moment(reason=f"{at:%H:%M:%S}: {', '.join(sorted(self._open))} is not over")
+            return MomentResult(
+                reason=f"{at:%H:%M:%S}: {', '.join(sorted(self._open))} is not over"
+            )
         self._starting = True
-        return Moment(order, late_s)
+        return MomentResult(order, late_s)
 
     def started(self, mission: str) -> None:
         """Note the mission that a moment has started."""

@@ -1,4 +1,4 @@
-"""Which agents may propose missions, how often, and how many of theirs may wait.
+"""What agents propose: who may, how often, how many of theirs may wait, and what becomes of it.
 
 An agent is a program that proposes over MCP; a person decides. What an agent may never do is no
 matter of this module: it has no way to approve, release or sign.
@@ -7,11 +7,20 @@ matter of this module: it has no way to approve, release or sign.
 import re
 from collections import defaultdict, deque
 from collections.abc import Callable, Collection
+from dataclasses import replace
 from time import monotonic
 from unicodedata import category
 
+from pa_console.language.order_changes import read_change
+from pa_console.language.references.conversation import Unclear
+from pa_console.language.references.resolution import resolve
+from pa_console.mission.context import Services
+from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import MAX_REASON, Plan
+from pa_console.station.answering import IS_QUESTION
+from pa_console.station.intake import IS_STOPPED, ReadText
+from pa_console.station.worker import MissionWorker, StationParts
 
 MOST_A_MINUTE = 6
 """Proposals that one agent may make in a minute."""
@@ -64,3 +73,91 @@ def require_plain(*texts: str) -> None:
 def proposed_plan(agent: str, plan: Plan) -> Plan:
     """Return `plan` with a reason that names the agent and can be read as no order."""
     return plan.model_copy(update={"reason": f"agent {agent}: {plan.reason}"[:MAX_REASON]})
+
+
+class AgentProposals:
+    """The proposals of the agents at one station; the station's worker works on them."""
+
+    def __init__(  # noqa: PLR0917
+        self,
+        parts: StationParts,
+        worker: MissionWorker,
+        services: Callable[[], Services],
+        read: Callable[[str], ReadText],
+        require_writable: Callable[[], None],
+        muted: Collection[str] = (),
+    ) -> None:
+        """`read` reads a text as the station does; `muted` agents may propose nothing."""
+        self._intake, self._emit, self._worker = parts.intake, parts.emit, worker
+        self._services, self._read, self._require_writable = services, read, require_writable
+        self._desk = AgentDesk(muted)
+
+    def propose(self, agent: str, text: str, plan: Plan | None = None) -> Mission:
+        """Queue a mission that an agent proposes, with a plan of its own if it gives one.
+
+        The words are read like an operator's, and a person decides about the plan. Raises
+        ValueError when it is not taken.
+        """
+        self._require_writable()
+        services = self._services()
+        if services.gate.stopped:
+            raise ValueError(IS_STOPPED)
+        require_plain(text, plan.reason if plan is not None else "")
+        order = self._read(text)
+        if order.question is not None:
+            raise ValueError(IS_QUESTION)
+        if read_change(order.text, services.standing.orders) is not None:
+            raise ValueError("an agent changes no standing orders")
+        active = self._worker.active
+        worked_on = (active.mission,) if active is not None else ()
+        self._desk.admit(agent, (*worked_on, *self._intake.queue.missions))
+        proposed = proposed_plan(agent, plan) if plan is not None else None
+        busy = self._worker.busy
+        mission, received = self._intake.submit(order, busy, agent=agent, proposed=proposed)
+        self._emit(received, mission.id)
+        self._worker.queue_changed()
+        return mission
+
+    def withdraw(self, agent: str, mission_id: str) -> None:
+        """Take back an agent's own proposal that nobody has approved; raises ValueError else."""
+        self._require_writable()
+        reason = f"withdrawn by agent {agent}"
+        active = self._worker.active
+        if active is not None and active.mission.id == mission_id:
+            if active.mission.agent != agent:
+                raise ValueError(f"{mission_id} is no proposal of {agent}")
+            if active.moving:
+                raise ValueError(f"{mission_id} is approved and under way; stop ends everything")
+            self._worker.cancel(reason)
+            return
+        waiting = {mission.id: mission for mission in self._intake.queue.missions}
+        if mission_id not in waiting or waiting[mission_id].agent != agent:
+            raise ValueError(f"no proposal {mission_id} of {agent} waits")
+        self._worker.drop(self._intake.queue.remove(mission_id), reason)
+        self._worker.queue_changed()
+
+    def mute(self, agent: str, *, muted: bool = True, by: str = "operator") -> None:
+        """Mute an agent, or let it propose again; its undecided proposals end when it is muted.
+
+        Raises ValueError where that changes nothing.
+        """
+        self._require_writable()
+        known = self._desk.muted
+        if muted == (agent in known):
+            raise ValueError(f"{agent} {'is muted already' if muted else 'is not muted'}")
+        (known.add if muted else known.discard)(agent)
+        self._emit(ev.AgentMuted(agent=agent, muted=muted, by=by), None)
+        if not muted:
+            return
+        for mission in self._intake.queue.take(lambda one: one.agent == agent):
+            self._worker.drop(mission, f"agent {agent} was muted")
+        active = self._worker.active
+        if active is not None and active.mission.agent == agent and not active.moving:
+            self._worker.cancel(f"agent {agent} was muted")
+        self._worker.queue_changed()
+
+    def unclear(self, text: str) -> Unclear | None:
+        """Return what an agent's words leave open, and what it can answer; None if nothing."""
+        scene = replace(self._services().scene, past=(), pointer="")
+        found = resolve(scene, self._read(text).text, {})
+        return found if isinstance(found, Unclear) else None

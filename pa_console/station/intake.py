@@ -20,6 +20,7 @@ from pa_console.schema.world import World
 from pa_console.station.alarms import MOST_ALIKE, AlarmBook
 from pa_console.station.queue import MissionQueue
 
+IS_STOPPED = "everything is stopped: no mission is taken until the stop is released"
 MOST_FROM_ALARMS = 32
 """Most missions from alarms that wait at a time: hours of work for one operator. The other alarms
 get their missions once there is room, the most urgent first. At most MOST_ALIKE of the missions are

@@ -3,7 +3,6 @@
 import asyncio
 from collections.abc import AsyncGenerator, Callable
 from copy import deepcopy
-from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 
@@ -12,7 +11,6 @@ from pa_console.fleets.fleet import PlanCountersignature, Simulated
 from pa_console.language.order_changes import Change, OrderChange, read_change
 from pa_console.language.questions import Question
 from pa_console.language.references.conversation import Unclear
-from pa_console.language.references.resolution import resolve
 from pa_console.language.references.scene import ReferenceScene
 from pa_console.mission.agenda import TimingLimits
 from pa_console.mission.context import Services
@@ -30,12 +28,12 @@ from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
 from pa_console.session.log.writer import LogWriter
 from pa_console.session.state import SessionState
-from pa_console.station.agents import AgentDesk, proposed_plan, require_plain
+from pa_console.station.agents import AgentProposals
 from pa_console.station.alternatives import Alternative, rehearse_other_ways, rehearse_reading
 from pa_console.station.answering import IS_QUESTION, RecentRecord, answer
 from pa_console.station.clock import Clock, Ticking
 from pa_console.station.earlier_session import LeftMissions, ResumedSession, UnclosedSession
-from pa_console.station.intake import Intake, ReadText, read_text
+from pa_console.station.intake import IS_STOPPED, Intake, ReadText, read_text
 from pa_console.station.live_reading import LiveReading, ShowReading
 from pa_console.station.notices import Outside, pass_on
 from pa_console.station.read_ahead import ReadAhead
@@ -46,7 +44,6 @@ READ_ONLY = "this console is read-only: commands are refused"
 NOT_SIMULATED = "incidents can only be made to happen in a simulated fleet"
 INTERRUPTED = "the console ended while it was under way; give it again if it is still wanted"
 NOT_KEPT = "a standing order ends with its console; give it again if it is still wanted"
-IS_STOPPED = "everything is stopped: no mission is taken until the stop is released"
 
 
 class ControlStation:
@@ -81,7 +78,6 @@ class ControlStation:
         self._feed = StepFeed()
         self._events: asyncio.Queue[ev.Event | None] = asyncio.Queue()
         self._intake = Intake(self.world, started.session, respond=respond and not readonly)
-        self._agents = AgentDesk(resumed.before.state.muted_agents if resumed else ())
         self._gate = services.gate
         self._emergency_stop = EmergencyStop(self._fleet, self._gate)
         self._background = Background(self._broken)
@@ -98,6 +94,15 @@ class ControlStation:
         self._ahead = ReadAhead(services, unasked=read_unasked)
         self._reload = RulesReload(services, watch, self._emit, self._worker, self._ahead)
         self._live = LiveReading(lambda: self._reload.services, self._order_in, self._may_read_live)
+        self.proposals = AgentProposals(
+            parts,
+            self._worker,
+            lambda: self._reload.services,
+            self._read,
+            self._writable,
+            resumed.before.state.muted_agents if resumed else (),
+        )
+        """What agents propose."""
         self._ticking = Ticking(parts, clock, self._worker, self._stop_for)
         self._closed, self._resumed = False, resumed
         self._record = RecentRecord(deepcopy(resumed.before.state) if resumed else SessionState())
@@ -371,72 +376,9 @@ class ControlStation:
         self._emit(ended, mission.id)
         return mission
 
-    def propose(self, agent: str, text: str, plan: Plan | None = None) -> Mission:
-        """Queue a mission that an agent proposes, with a plan of its own if it gives one.
-
-        The words are read like an operator's, and a person decides about the plan. Raises
-        ValueError when it is not taken.
-        """
-        self._writable()
-        if self.stopped:
-            raise ValueError(IS_STOPPED)
-        require_plain(text, plan.reason if plan is not None else "")
-        order = self._read(text)
-        if order.question is not None:
-            raise ValueError(IS_QUESTION)
-        if read_change(order.text, self._services.standing.orders) is not None:
-            raise ValueError("an agent changes no standing orders")
-        worked_on = (self._worker.active.mission,) if self._worker.active is not None else ()
-        self._agents.admit(agent, (*worked_on, *self._intake.queue.missions))
-        proposed = proposed_plan(agent, plan) if plan is not None else None
-        mission, received = self._intake.submit(
-            order, self._worker.busy, agent=agent, proposed=proposed
-        )
-        self._emit(received, mission.id)
-        self._worker.queue_changed()
-        return mission
-
-    def withdraw_proposal(self, agent: str, mission_id: str) -> None:
-        """Take back an agent's own proposal that nobody has approved; raises ValueError else."""
-        self._writable()
-        reason = f"withdrawn by agent {agent}"
-        active = self._worker.active
-        if active is not None and active.mission.id == mission_id:
-            if active.mission.agent != agent:
-                raise ValueError(f"{mission_id} is no proposal of {agent}")
-            if active.moving:
-                raise ValueError(f"{mission_id} is approved and under way; stop ends everything")
-            self._worker.cancel(reason)
-            return
-        waiting = {mission.id: mission for mission in self._intake.queue.missions}
-        if mission_id not in waiting or waiting[mission_id].agent != agent:
-            raise ValueError(f"no proposal {mission_id} of {agent} waits")
-        self._reorder(lambda: self._worker.drop(self._intake.queue.remove(mission_id), reason))
-
     def mute_agent(self, agent: str, *, muted: bool = True, by: str = "operator") -> None:
-        """Mute an agent, or let it propose again; its undecided proposals end when it is muted.
-
-        Raises ValueError where that changes nothing.
-        """
-        self._writable()
-        if muted == (agent in self._agents.muted):
-            raise ValueError(f"{agent} {'is muted already' if muted else 'is not muted'}")
-        (self._agents.muted.add if muted else self._agents.muted.discard)(agent)
-        self._emit(ev.AgentMuted(agent=agent, muted=muted, by=by))
-        if not muted:
-            return
-        for mission in self._intake.queue.take(lambda one: one.agent == agent):
-            self._worker.drop(mission, f"agent {agent} was muted")
-        active = self._worker.active
-        if active is not None and active.mission.agent == agent and not active.moving:
-            self._worker.cancel(f"agent {agent} was muted")
-        self._worker.queue_changed()
-
-    def unclear(self, text: str) -> Unclear | None:
-        """Return what an agent's words leave open, and what it can answer; None if nothing."""
-        scene = replace(self._reload.services.scene, past=(), pointer="")
-        found = resolve(scene, self._read(text).text, {})
-        return found if isinstance(found, Unclear) else None
+        """Mute an agent, or let it propose again; raises ValueError where that changes nothing."""
+        self.proposals.mute(agent, muted=muted, by=by)
 
     async def examine(self, plan: Plan, text: str = "") -> Examination:
         """Check and rehearse a plan in the present picture; nothing is queued or decided by that.

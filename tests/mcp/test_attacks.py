@@ -173,7 +173,7 @@ def test_a_headless_run_carries_out_no_proposal(site: Site) -> None:
     def sink(event: ev.Event, _state: SessionState) -> None:
         told.append(event)
         if len(told) == 3:
-            station.propose("planner-7", ORDER)
+            station.proposals.propose("planner-7", ORDER)
 
     asyncio.run(run_missions(station, ["Watch the checkpoint."], standing_approver("auto"), sink))
     agents = {e.mission for e in told if isinstance(e.data, ev.MissionReceived)
