@@ -20,7 +20,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.incident import SpawnTrack
 from pa_console.schema.mission import Decision, DecisionKind, Mission, QueueEntry
 from pa_console.schema.plan import Action, Plan
-from pa_console.station import station as station_module
+from pa_console.station import agents as agents_module
 from pa_console.station.agents import AgentDesk
 from pa_console.station.assembly import Site, open_station
 from pa_console.station.clock import SteppedClock
@@ -176,7 +176,7 @@ class Session:
         self.random, self.books = random, Books()
         engine = ScriptedEngine(plans, verdicts).engine()
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(station_module, "AgentDesk", partial(AgentDesk, clock=self.time))
+            patch.setattr(agents_module, "AgentDesk", partial(AgentDesk, clock=self.time))
             self.station = open_station(site, engine, SteppedClock(), respond=True)
         self.seconds, self.muted = 0.0, set[str]()
         self.somebody_came = False

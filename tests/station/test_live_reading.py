@@ -223,7 +223,6 @@ async def test_a_picture_that_changes_withdraws_the_reading_and_the_order_is_rea
         "all home",
         "Why did Drone_T04 go there?",
         "What would you do instead?",
-        "revoke standing order S1",
     ],
 )
 async def test_a_short_text_and_a_question_are_not_read(rig: Rig, text: str) -> None:
