@@ -18,6 +18,7 @@ from pa_console.language.mentions import Mention, Sort, find_mentions
 from pa_console.language.name_linking import WORD, link_names
 from pa_console.language.order import KIND_FOR, TASK_OF, Ask, Reading, Task, Who
 from pa_console.language.reading import read_asked
+from pa_console.language.timed_orders import unread_times
 from pa_console.schema.command import Verb
 from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture
@@ -82,6 +83,8 @@ class MentionCheck(NamedTuple):
     """True if the plan moves an asset."""
     unfounded: bool = False
     """True if the order has no name in it, and no word supports the places of the reading."""
+    times: tuple[str, ...] = ()
+    """The times that the order names: a plan that moves somebody now keeps none of them."""
 
     @property
     def baseless(self) -> bool:
@@ -100,6 +103,7 @@ class MentionCheck(NamedTuple):
             f"not accounted for: {one.mention.said}" for one in self.mentions if not one.accounted
         ]
         gaps += [f"not in the order's words: {one.named}" for one in self.unsupported]
+        gaps += [f"no time is kept: {said}" for said in self.times]
         if self.empty and self.moves:
             gaps.append("no word of the order asks for anything")
         return tuple(dict.fromkeys(gaps))
@@ -134,7 +138,8 @@ def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
     lacking = tuple(dict.fromkeys((*found, *against)))
     names = any(one.sort in ("place", "asset", "track") for one in mentions)
     unfounded = made.is_unfounded(lacking) and not names and not _GATES.search(text.lower())
-    return MentionCheck(tuple(listed), lacking, moves, unfounded)
+    times = unread_times(world, text) if moves else ()
+    return MentionCheck(tuple(listed), lacking, moves, unfounded, times)
 
 
 def _dropped(excluded: Collection[str], linked: str, mentions: Sequence[Mention]) -> set[Mention]:

@@ -48,6 +48,9 @@ _BORDERS = frozenset((*STOPS, "?", "(", ")", *TIME_WORDS["borders"]))
 _FILLERS = frozenset((*TIME_WORDS["joints"], *TIME_WORDS["fillers"]))
 _TOLD = frozenset(TIME_WORDS["told"])
 _FREQUENT = {"hourly": 3600.0, "half-hourly": 1800.0, "quarter-hourly": 900.0, "daily": DAY_S}
+_PAST = frozenset(TIME_WORDS["past"])
+_ALONE = frozenset(TIME_WORDS["alone"])
+_FOUR_DIGITS = re.compile(r"(?:[01]\d|2[0-3])[0-5]\d(?:h|hrs|z)?")
 _TO_BASE = frozenset(("base", "home", "rtb", "return", "returns"))
 _REPEATS = {"twice": 2, "thrice": 3, "once": 1}
 _ON_THE = (("on the full hour", 0), ("on the hour", 0), ("on the half hour", 30),
@@ -116,6 +119,42 @@ def read_timed(
         return Unclear("", "What is to be done then? Only the time was given.")
     schedule = _schedule(said, now, shortest_s)
     return schedule if isinstance(schedule, Unclear) else ReadTimed(schedule, order)
+
+
+def unread_times(world: World, text: str) -> tuple[str, ...]:
+    """Return the times that the words of an order name, in an order of which no time was read.
+
+    A time of something else, *the guard changes in an hour*, is none of the order's.
+    """
+    tokens = read_tokens(text)
+    spans, at = list[tuple[int, int]](), 0
+    while at < len(tokens):
+        reader = Reader(tokens, at)
+        past = reader.word(-1) == "since"
+        if _names_time(reader) and not past and reader.word() not in _PAST:
+            spans.append((at, reader.at))
+        at = max(reader.at, at + 1)
+    return tuple(
+        text[tokens[first].start : tokens[end - 1].end]
+        for first, end in spans
+        if _of_order(world, tokens, spans, first)
+    )
+
+
+def _names_time(reader: Reader) -> bool:
+    """Read *ten minutes*, *16:45*, *1645*, *midnight*: words that mean a time wherever they stand.
+
+    *A second* may be another one, *a minute* no time at all, and *robot 3s* is robot 3's.
+    """
+    loose = reader.word() in ("a", "an") or reader.word()[-1:] == "s"
+    if not loose and read_duration(reader) > 0.0:
+        return True
+    if reader.word(1) == ":" and reader.word().isdecimal() and reader.word(2).isdecimal():
+        reader.at += 3
+        return True
+    alone = reader.word() in _ALONE or _FOUR_DIGITS.fullmatch(reader.word()) is not None
+    reader.at += alone
+    return alone
 
 
 def _phrases(world: World, text: str, tokens: tuple[WordToken, ...], now: datetime) -> _Said | None:
@@ -311,9 +350,15 @@ def _read_window(reader: Reader, said: _Said, now: datetime) -> bool:
     return True
 
 
-def _read_vague(reader: Reader, said: _Said, now: datetime) -> bool:  # noqa: ARG001
-    """Read *in a few minutes*, *at 25:00*: no moment, and not to be lost."""
+def _read_vague(reader: Reader, said: _Said, now: datetime) -> bool:
+    """Read *in a few minutes*, *by 16:45*, *at 25:00*: no moment to begin, and not to be lost."""
     first = reader.at
+    if reader.take("by", "before"):
+        latest = read_clock(reader, now, led=True)
+        if latest is None or latest.bare:
+            return False
+        said.vague = _words_from(said, reader, first)
+        return True
     led = bool(reader.take("in", "for", "every"))
     found = led and bool(reader.take(*TIME_WORDS["vague"], "0", "zero")) and read_unit(reader) > 0.0
     if not found and (reader.take(*TIME_WORDS["at"]) or first == 0):

@@ -211,6 +211,15 @@ async def ask_planner(
     return answered
 
 
+def without_planner(context: MissionContext, retrieved: RetrievedRules) -> PlannerAnswer:
+    """Return the question for a plan that is there already; no model is asked it."""
+    model = context.services.planners[0]
+    question = ask_for_plan(context.services, retrieved, model=model)
+    context.stopwatch.add("picture_s", question.picture_s)
+    context.emit(ev.PictureDigested(digest=question.digest, seconds=question.picture_s))
+    return PlannerAnswer(model, retrieved, question, Proposal("", None), 0)
+
+
 async def _served(
     context: MissionContext,
     model: RoleModel,

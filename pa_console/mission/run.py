@@ -24,7 +24,15 @@ from pa_console.mission.dispatch import StepFeed
 from pa_console.mission.execute import Execution
 from pa_console.mission.judge import judge
 from pa_console.mission.outcome import Results, WorkflowProgress, begun
-from pa_console.mission.plan import Candidate, PlanningFailure, plan, reexamine, take
+from pa_console.mission.plan import (
+    Candidate,
+    PlanForDecision,
+    PlanningFailure,
+    plan,
+    reexamine,
+    take,
+)
+from pa_console.mission.propose import without_planner
 from pa_console.mission.report import PlanFacts, ReportFacts, after_action_report
 from pa_console.mission.retrieve import RetrievedRules, retrieve
 from pa_console.mission.spelling import read_words
@@ -247,10 +255,13 @@ class MissionRun:
         that the situation has made void meanwhile.
         """
         context, voided = self._context, 0
-        planned = await plan(context, retrieved, reasons)
         proposed = self.mission.proposed if not self._facts.plans else None
-        if proposed is not None and not isinstance(planned, PlanningFailure):
-            planned = await take(context, planned.answered, proposed, author="agent")
+        planned: PlanForDecision | PlanningFailure
+        if proposed is None:
+            planned = await plan(context, retrieved, reasons)
+        else:
+            unasked = without_planner(context, retrieved)
+            planned = await take(context, unasked, proposed, author="agent")
         while not isinstance(planned, PlanningFailure):
             planned = await judge(context, planned)
             decided = await decide(context, planned, self._readings, self._station.decide)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pa_console.language.clock_words import duration_words
 from pa_console.language.order_changes import OrderChange, read_change
 from pa_console.language.references.conversation import Unclear
-from pa_console.language.timed_orders import ReadTimed, read_timed
+from pa_console.language.timed_orders import ReadTimed, read_timed, unread_times
 from pa_console.mission.spelling import read_words
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import existing_data
@@ -192,3 +192,38 @@ def test_orders_that_somebody_else_wrote_are_read_as_they_were_meant(
     assert schedule.every_s == (case["every_s"] or 0)
     assert (schedule.until or schedule.leave) == moment(case["until"])
     assert (schedule.times or None, schedule.stays) == (case["times"], case["kind"] == "stay")
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("iIn one minute send a drone to the east gate", "one minute"),
+        ("Send a drone to the east gate within ten minutes.", "ten minutes"),
+        ("Drone_T03 RTB 2130", "2130"),
+        ("Bring Ugv_T02 home midnite", "midnite"),
+    ],
+)
+def test_a_time_that_no_phrase_takes_up_is_found(text: str, named: str) -> None:
+    assert read_timed(WORLD, text, NOW) is None
+    assert unread_times(WORLD, text) == (named,)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Send two drones to the second gate.",
+        "I need a second guard at the west gate, when you have a minute.",
+        "A car came two minutes ago, send a robot to the east gate.",
+        "Drone_T02 has been up since noon, relieve it.",
+        "Robot_T01 has ten minutes of battery left, relieve it.",
+    ],
+)
+def test_what_tells_of_another_time_is_none_of_the_order(text: str) -> None:
+    assert unread_times(WORLD, text) == ()
+
+
+@pytest.mark.parametrize("way", ["by 16:45", "before half past four in the afternoon"])
+def test_the_latest_moment_is_no_moment_to_begin(way: str) -> None:
+    found = read_timed(WORLD, f"Send Drone_T04 to the north gate {way}.", NOW)
+    assert isinstance(found, Unclear)
+    assert way in found.question

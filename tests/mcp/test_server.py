@@ -93,6 +93,7 @@ async def test_a_plan_of_the_agent_s_own_is_what_the_person_decides_about(site: 
             ("Robot_T01", "move_to EastGate")
         ]
         assert request.plan.reason.startswith("agent planner-7: ")
+        assert [one.author for one in running.state.missions[given["id"]].attempts] == ["agent"]
         running.approve(request)
         await running.ended(given["id"])
         assert {sent.command.agent for sent in running.sent} == {"Robot_T01"}

@@ -83,6 +83,13 @@ def test_a_wrong_reading_is_told_by_what_does_not_match(
     assert any(gap.lower() in said.lower() for said in check(site, text, asked).gaps)
 
 
+def test_a_time_that_the_plan_does_not_keep_is_a_gap(site: Site) -> None:
+    plan = Plan(reason="", actions=(Action(agent="Drone_T04", command="move_to EastGate"),))
+    text, asked = "iIn one minute send Drone_T04 to the east gate.", "Drone_T04 to EastGate"
+    assert check(site, text, asked, plan).gaps == ("no time is kept: one minute",)
+    assert check(site, text.removeprefix("iIn one minute "), asked, plan).gaps == ()
+
+
 def test_who_is_sent_from_a_place_does_not_account_for_an_order_to_go_there(site: Site) -> None:
     plan = Plan(reason="", actions=(Action(agent="Robot_T02", command="move_to WestGate"),))
     found = check(site, "Send all assets to base.", "all free to WestGate", plan)
