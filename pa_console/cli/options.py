@@ -1,6 +1,7 @@
 """Options that several verbs share, those of a session as one value, and their help."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, signature
@@ -87,6 +88,18 @@ def one_of(**given: bool) -> None:
     if sum(given.values()) > 1:
         names = [f"--{name}" for name in given]
         raise ValueError(f"give one of {', '.join(names[:-1])} and {names[-1]}")
+
+
+@contextmanager
+def naming_what_is_missing(extra: str, what: str = "this needs") -> Generator[None]:
+    """Raise ValueError with the `extra` to install when an import in the block fails."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise ValueError(
+            f"{what} a library that is not installed ({error.name}): "
+            f"pip install 'pa-console[{extra}]'"
+        ) from error
 
 
 def dask_workers(where: int | str) -> "Workers":

@@ -4,6 +4,7 @@ import json
 import re
 import socket
 import stat
+import sys
 from pathlib import Path
 
 import httpx
@@ -92,3 +93,16 @@ def test_a_port_that_is_taken_is_named_with_a_remedy(keys: Path, call: Call) -> 
         refused = call("serve", "--port", str(taken.getsockname()[1]))
     assert refused.code == 2
     assert "choose another port" in refused.said
+
+
+@pytest.mark.parametrize("verb", ["serve", "mcp"])
+def test_without_its_extra_an_agent_is_told_what_to_install(
+    call: Call, monkeypatch: pytest.MonkeyPatch, verb: str
+) -> None:
+    for name in [name for name in sys.modules if name.startswith("pa_console.mcp.")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.delitem(sys.modules, "pa_console.cli.sessions.agents", raising=False)
+    monkeypatch.setitem(sys.modules, "mcp.server", None)
+    done = call(verb, *(["--agents", "8766"] if verb == "serve" else []))
+    assert (done.code, done.out) == (2, "")
+    assert "pip install 'pa-console[mcp]'" in done.err

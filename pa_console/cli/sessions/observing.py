@@ -5,6 +5,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 from pa_console import __version__
+from pa_console.cli.options import naming_what_is_missing
 from pa_console.observability import Observer, Observing, observed
 from pa_console.settings.schema import Settings
 from pa_console.station.notices import Outside
@@ -36,7 +37,7 @@ def observing(settings: Settings, world: str = "", *, live: bool = False) -> Gen
         with ExitStack() as stack:
             also, outside = list[Observer](), None
             if world and settings.tak:
-                with naming_what_is_missing():
+                with naming_what_is_missing("tak", "TAK maps need"):
                     from pa_console.cli.sessions.on_map import on_map  # noqa: PLC0415 - then only
                 shown = stack.enter_context(
                     on_map(settings, world, problems.append, _say if live else _nothing)
@@ -55,15 +56,3 @@ def _say(line: str) -> None:
 
 def _nothing(_: str) -> None:
     pass
-
-
-@contextmanager
-def naming_what_is_missing() -> Generator[None]:
-    """Raise ValueError with the package to install when an import in the block fails."""
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        raise ValueError(
-            f"TAK maps need a library that is not installed ({error.name}): "
-            "pip install 'pa-console[tak]'"
-        ) from error

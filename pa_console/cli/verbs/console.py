@@ -7,12 +7,13 @@ from collections.abc import Generator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
+from importlib import import_module
 from threading import Event
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pa_console.cli.options import AgentsOption, SessionOptions
+from pa_console.cli.options import AgentsOption, SessionOptions, naming_what_is_missing
 from pa_console.cli.settings_defaults import OBSERVED, settings_of
 from pa_console.end_signals import exit_code_of
 from pa_console.llm.local.engine import Engine
@@ -76,6 +77,9 @@ def console(
         raise ValueError(
             "the console needs a terminal; use 'pa-console mission' in scripts, or --plain"
         )
+    if options.agents:
+        with naming_what_is_missing("mcp", "agents need"):
+            import_module("pa_console.cli.sessions.agents")
     settings = settings_of(context, "world", "rules", "model", "alarms", "mouse", *OBSERVED)
     if join:
         if options.fleet or options.scenario or options.readonly or options.agents:

@@ -11,6 +11,7 @@ from pa_console.cli.options import (
     SeedOption,
     SessionOptions,
     WorldOption,
+    naming_what_is_missing,
 )
 from pa_console.cli.settings_defaults import settings_of
 
@@ -42,9 +43,6 @@ def mcp(
     """
     settings = settings_of(context, "world", "rules", "model")
     options = SessionOptions(world, rules, model, scenario, seed, alarms=False)
-    try:
+    with naming_what_is_missing("mcp"):
         from pa_console.cli.sessions.agents import join_agent, serve_agent  # noqa: PLC0415
-    except ModuleNotFoundError as error:
-        needed = f"this needs a library that is not installed ({error.name})"
-        raise ValueError(f"{needed}: pip install 'pa-console[mcp]'") from error
     raise typer.Exit(join_agent(join) if join else serve_agent(options, settings, name))

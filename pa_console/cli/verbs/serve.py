@@ -1,13 +1,19 @@
 """`pa-console serve`: the session as an HTTP interface on loopback, or the console in a browser."""
 
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 
 from pa_console.child_processes import python_command
-from pa_console.cli.options import AgentsOption, JsonOption, SessionOptions
+from pa_console.cli.options import (
+    AgentsOption,
+    JsonOption,
+    SessionOptions,
+    naming_what_is_missing,
+)
 from pa_console.cli.settings_defaults import OBSERVED, given_words, settings_of
 
 PORT = 8765
@@ -71,7 +77,10 @@ def serve(
         token_verbs.revoke(revoke_token, json=json)
         return
     settings = settings_of(context, "world", "rules", "model", "alarms", *OBSERVED)
-    try:
+    if options.agents:
+        with naming_what_is_missing("mcp", "agents need"):
+            import_module("pa_console.cli.sessions.agents")
+    with naming_what_is_missing("serve"):
         if web:
             from pa_console.cli.sessions.web import serve_console  # noqa: PLC0415 - aiohttp
 
@@ -80,9 +89,6 @@ def serve(
             from pa_console.cli.sessions.served import serve_session  # noqa: PLC0415 - FastAPI
 
             code = serve_session(options, settings, port)
-    except ModuleNotFoundError as error:
-        needed = f"this needs a library that is not installed ({error.name})"
-        raise ValueError(f"{needed}: pip install 'pa-console[serve]'") from error
     raise typer.Exit(code)
 
 

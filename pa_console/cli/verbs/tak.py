@@ -2,8 +2,7 @@
 
 import typer
 
-from pa_console.cli.options import FollowOptions
-from pa_console.cli.sessions.observing import naming_what_is_missing
+from pa_console.cli.options import FollowOptions, naming_what_is_missing
 from pa_console.cli.settings_defaults import settings_of
 
 
@@ -17,7 +16,7 @@ def tak(context: typer.Context, options: FollowOptions) -> None:
             "give --join URL for a live session, or --replay SESSION for a recorded one"
         )
     settings = settings_of(context)
-    with naming_what_is_missing():
+    with naming_what_is_missing("tak", "TAK maps need"):
         from pa_console.cli.sessions.followed import show  # noqa: PLC0415 - no help waits for it
     if code := show(options, settings):
         raise typer.Exit(code)
