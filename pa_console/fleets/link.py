@@ -1,0 +1,175 @@
+"""The link protocol: what connects robots of one kind, such as ROS 2 or MAVLink, to a fleet.
+
+A package adds a kind of robots by an entry point in the group `pa_console.fleets`, named after the
+scheme of its addresses: `--fleet SCHEME:ADDRESS`. `LinkedFleet` makes one fleet of several links.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import Protocol, runtime_checkable
+
+from pa_console.schema.base import Point
+from pa_console.schema.command import DeviceCommand, ReplyStatus
+from pa_console.schema.events.event import Level
+from pa_console.schema.telemetry import AssetStatus, Task
+from pa_console.schema.world import AssetKind, World
+from pa_console.settings.schema import Settings
+
+
+@dataclass(frozen=True)
+class AssetReport:
+    """What an asset reports of itself; the station concludes from `sent` how old that is."""
+
+    agent: str
+    sent: datetime
+    """When the asset sent it, with a time zone; the arrival for an asset without a clock."""
+    position: Point
+    """Metres in the world's frame."""
+    heading_deg: float
+    """0 east, 90 north."""
+    speed_mps: float
+    status: AssetStatus
+    task: Task
+    battery_pct: float
+    command_id: str | None = None
+    """The command that it carries out, None for none."""
+    manual: bool = False
+    """True while a person steers it: it is not available, and only holds are sent to it."""
+
+
+@dataclass(frozen=True)
+class DeviceAnswer:
+    """An asset's answer to a command; `detail` gives the asset's own reason where it has one."""
+
+    command_id: str
+    agent: str
+    status: ReplyStatus
+    detail: str = ""
+
+
+@dataclass(frozen=True)
+class LinkNotice:
+    """A line for the operator about `subject`, an asset or the link."""
+
+    level: Level
+    subject: str
+    text: str
+
+
+LinkNews = AssetReport | DeviceAnswer | LinkNotice
+
+
+@dataclass(frozen=True)
+class FoundRobot:
+    """A robot that a link has discovered; `name` is what its asset would be called."""
+
+    name: str
+    kind: AssetKind
+    position: Point | None = None
+    """Metres in the world's frame, None while unknown."""
+    detail: str = ""
+    """What it is by its own account, such as its type or its namespace."""
+
+
+class Link(Protocol):
+    """A connection to some assets of a world, with threads of its own.
+
+    No member raises, and only `wait` and `close` take time. A command id is carried out at most
+    once, and its last answer is given again if it is sent again; a hold is carried out each time.
+    Without a connection nothing is kept to be sent later. `acknowledged` or `refused` come first,
+    then `done` or `failed`; a hold is `done` once the asset reports that it stands.
+    """
+
+    @property
+    def name(self) -> str:
+        """The name on the screen, such as `ros2:tcp/10.0.0.4:7447`."""
+        ...
+
+    @property
+    def agents(self) -> frozenset[str]:
+        """The assets of the world that are commanded over this link; they do not change."""
+        ...
+
+    @property
+    def problem(self) -> str:
+        """The reason why there is no connection, '' while there is one."""
+        ...
+
+    def send(self, command: DeviceCommand) -> None:
+        """Send `command` to its asset; returns at once and raises nothing."""
+        ...
+
+    def take(self) -> Sequence[LinkNews]:
+        """Return what came in since the last call, in order of arrival."""
+        ...
+
+    def wait(self, seconds: float) -> bool:
+        """Wait until there is news, for `seconds` at most; return whether there is."""
+        ...
+
+    def close(self) -> None:
+        """End the connection; no further member is called."""
+        ...
+
+
+@runtime_checkable
+class Discovering(Link, Protocol):
+    """A link that finds robots which the world does not have."""
+
+    def discover(self) -> Sequence[FoundRobot]:
+        """Return every robot on the link so far, those of the world among them."""
+        ...
+
+
+OpenLink = Callable[[str, World, Settings], Link]
+"""The function of an entry point: returns the link to an ADDRESS, for the assets of a world.
+
+It raises ValueError with a remedy for an address it cannot use, and if nothing answers there.
+"""
+
+GROUP = "pa_console.fleets"
+OWN = (
+    EntryPoint("ros2", "pa_console.fleets.ros2.link:open_link", GROUP),
+    EntryPoint("mavlink", "pa_console.fleets.mavlink.link:open_link", GROUP),
+)
+"""The console's own links; each needs the extra of its name."""
+
+BUS = ("mqtt", "mqtts")
+"""The schemes of robots on a message bus (VDA 5050), which have a fleet of their own."""
+
+
+@cache
+def link_schemes() -> dict[str, EntryPoint]:
+    """Return the entry point of each scheme; no package takes the place of the console's own."""
+    return {point.name: point for point in (*entry_points(group=GROUP), *OWN)}
+
+
+def open_link(url: str, world: World, settings: Settings) -> Link:
+    """Return the link at `url`, SCHEME:ADDRESS, for the assets of `world`.
+
+    Raises ValueError with the remedy for an unknown scheme, a missing library, and what the link's
+    own package finds wrong.
+    """
+    scheme, _, address = url.partition(":")
+    point = link_schemes().get(scheme)
+    if point is None:
+        known = ", ".join(
+            [f"{bus}://HOST/SITE" for bus in BUS] + [f"{s}:..." for s in link_schemes()]
+        )
+        raise ValueError(
+            f"--fleet {url}: there is no link {scheme!r}; give one of {known}, or install the "
+            f"package that adds it (entry point {GROUP!r})"
+        )
+    try:
+        opener: OpenLink = point.load()
+    except ModuleNotFoundError as error:
+        remedy = f": pip install 'pa-console[{scheme}]'" if point in OWN else ""
+        raise ValueError(
+            f"--fleet {url} needs a library that is not installed ({error.name}){remedy}"
+        ) from error
+    except (ImportError, AttributeError) as error:
+        raise ValueError(f"--fleet {url}: {point.value} cannot be loaded: {error}") from error
+    return opener(address, world, settings)
