@@ -175,7 +175,7 @@ def _gates(facts: ReportFacts, picture: Picture) -> Iterator[str]:
 
 
 def _open(picture: Picture, alarms: Sequence[Alarm]) -> Iterator[str]:
-    """Yield what still needs an eye: tracks, alarms, assets that nobody knows anything of."""
+    """Yield what stays open: tracks, alarms, assets without a recent report."""
     tracks = sorted(picture.tracks.values(), key=lambda track: (track.distance_m, track.id))
     for track in tracks[:MOST_NAMED]:
         age = f", last seen {picture.time_s - track.stamp_s:.0f} s ago" if track.stale else ""

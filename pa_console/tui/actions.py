@@ -222,7 +222,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("pan_down", "shift+down", "South", "Look further south", "Map", palette=False),
     ConsoleAction("filter", "f", "Filter", "Filter assets, tracks and cameras by any words",
                   "View", opens_field=True),
-    ConsoleAction("problems", "F", "Problems", "Show only what needs an eye, or all again", "View"),
+    ConsoleAction("problems", "F", "Problems", "Show only what is urgent, or all again", "View"),
     ConsoleAction("prompt", "i,slash", "Mission", "Type a mission", "Mission",
                   needs=("live", "types"), opens_field=True),
     ConsoleAction("history", "ctrl+r", "Earlier orders",

@@ -132,7 +132,7 @@ class Reliance:
         return mark
 
     def rank(self, asset: AssetTelemetry) -> int:
-        """Return how urgently an asset needs an eye; the most urgent is 0."""
+        """Return how urgent an asset is; the most urgent is 0."""
         state = self.report(asset)
         if asset.status == "failed" or (state == "fresh" and not asset.available):
             return 0
@@ -154,7 +154,7 @@ class Reliance:
 
 
 def track_rank(track: Track) -> tuple[int, float]:
-    """Return how urgently a track needs an eye: hostile, defiant, unidentified, then by distance.
+    """Return how urgent a track is: hostile, defiant, unidentified, then by distance.
 
     WF-04 has threat and proximity go first.
     """

@@ -259,7 +259,13 @@ def _judge(attempt: Attempt | None, request: ApprovalRequested) -> WrappedRow:
     if given is not None and given.verdict == "Success":
         style = GOOD if request.state == "approve" else QUIET
         sign = f"{mark.glyph} " if style == GOOD else "· "
-        return row((sign, style), ("Judge, on the rules: no objection", style))
+        broken = request.blocked_by or request.acknowledge
+        said = (
+            "The judge does not object"
+            if broken
+            else "No rule is broken, the judge does not object"
+        )
+        return row((sign, style), (said, style))
     if given is None:
         said, why = "Judge: no verdict  ", attempt.judge_error
     else:

@@ -32,7 +32,7 @@ _DIGITS = 9
 def schedule_lines(preview: PlanPreview, width: int, now_s: float | None = None) -> list[Content]:
     """Return the chart, `width` cells wide: a time axis, a bar an agent, a line a gate.
 
-    A bar is thick while its agent goes and thin while it works at the place. A gate's line tells
+    A bar is thick while its agent goes and thin while it works there. A gate's line tells
     the number of its guards. With `now_s` the axis points at that moment.
     """
     agents = [a for a in dict.fromkeys(preview.plan.agents) if a in preview.ways]
@@ -110,7 +110,7 @@ def _runs(counts: Sequence[int]) -> Iterator[tuple[str, str]]:
         yield f"{digit}{line * (length - 1)}", "" if count else f"bold {BAD}"
 
 
-TITLE = "Schedule: ━ under way  ─ at the place  1 2 3 guards"
+TITLE = "Schedule: ━ on the way  ─ at work there  1 2 3 guards"
 
 LEAST_WIDTH = 40
 """A chart is never narrower."""

@@ -187,7 +187,7 @@ class _Item(NamedTuple):
 
 
 class RowCount(NamedTuple):
-    """The numbers of rows, of shown ones, and of all that need an eye."""
+    """The numbers of rows, of shown ones, and of all that need attention."""
 
     total: int = 0
     shown: int = 0
@@ -278,7 +278,7 @@ class AssetTable(VirtualRows):
 
 
 PROBLEMS = "problem"
-"""The word by which a filter finds what needs an eye."""
+"""The word by which a filter finds what needs attention."""
 
 
 class AssetPane(Vertical):
@@ -316,7 +316,7 @@ class AssetPane(Vertical):
         self.screen.set_focus(self._field)
 
     def toggle_problems(self) -> None:
-        """Show only what needs an eye, or everything again."""
+        """Show only what needs attention, or everything again."""
         self._set("" if self._text == PROBLEMS else PROBLEMS)
 
     @on(Input.Changed, "#asset-filter")

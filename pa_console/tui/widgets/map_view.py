@@ -78,7 +78,7 @@ LEGEND = (
     ("?", "not seen now", "track-stale"), ("◌", "TAK, unverified", "contact"),
     ("?", "stale report", "stale"),
     ("≠", "suspect", "suspect"), ("✘", "down", "down"), ("▿✘", "camera failed", "camera-failed"),
-    ("▿?", "camera unknown", "camera-unknown"), ("3", "so many here", "crowd"),
+    ("▿?", "camera unknown", "camera-unknown"), ("3", "assets here", "crowd"),
     ("◆", "covered", "gate-covered"), ("⠤", "route", "route"), ("⠂", "way so far", "trail"),
     ("▿", "camera", "camera"), ("╱", "restricted", "zone"),
 )  # fmt: skip
