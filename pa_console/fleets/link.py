@@ -6,38 +6,16 @@ scheme of its addresses: `--fleet SCHEME:ADDRESS`. `LinkedFleet` makes one fleet
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from datetime import datetime
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Protocol, runtime_checkable
 
+from pa_console.fleets.reports import AssetReport, SensorReport
 from pa_console.schema.base import Point
 from pa_console.schema.command import DeviceCommand, ReplyStatus
 from pa_console.schema.events.event import Level
-from pa_console.schema.telemetry import AssetStatus, Task
 from pa_console.schema.world import AssetKind, World
 from pa_console.settings.schema import Settings
-
-
-@dataclass(frozen=True)
-class AssetReport:
-    """What an asset reports of itself; the station concludes from `sent` how old that is."""
-
-    agent: str
-    sent: datetime
-    """When the asset sent it, with a time zone; the arrival for an asset without a clock."""
-    position: Point
-    """Metres in the world's frame."""
-    heading_deg: float
-    """0 east, 90 north."""
-    speed_mps: float
-    status: AssetStatus
-    task: Task
-    battery_pct: float
-    command_id: str | None = None
-    """The command that it carries out, None for none."""
-    manual: bool = False
-    """True while a person steers it: it is not available, and only holds are sent to it."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +37,7 @@ class LinkNotice:
     text: str
 
 
-LinkNews = AssetReport | DeviceAnswer | LinkNotice
+LinkNews = AssetReport | SensorReport | DeviceAnswer | LinkNotice
 
 
 @dataclass(frozen=True)

@@ -131,6 +131,11 @@ class Picture(StrictModel):
     gates: dict[Name, GateCover]
     cameras: dict[Name, CameraReport] = {}
     weather: Weather = "clear"
+    links: dict[Name, str] = Field(
+        default={},
+        exclude_if=lambda links: not links,
+        description="asset -> the link that it is on; empty in a fleet that has no links",
+    )
 
 
 class Selection(StrictModel):

@@ -19,10 +19,10 @@ from typing import NoReturn
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from pa_console.fleets.authorization import RefusedError, sign_approval
+from pa_console.fleets.reports import Notices
 from pa_console.fleets.simulated import ShownPicture
 from pa_console.fleets.station_authority import StationAuthority, approval_of
 from pa_console.fleets.vda5050.additions import Countersignature, StopAsked
-from pa_console.fleets.vda5050.station_link import Notices
 from pa_console.fleets.vda5050.vehicle import EXPIRY_S
 from pa_console.language.questions import Question
 from pa_console.language.references.scene import ReferenceScene

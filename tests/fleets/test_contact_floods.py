@@ -9,15 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.fleets.vda5050.additions import MANUFACTURER, Detections, SeenContact
-from pa_console.fleets.vda5050.broker import BrokerAddress
-from pa_console.fleets.vda5050.reported_picture import (
+from pa_console.fleets.reported_picture import (
     MOST_ALONE,
     MOST_CONTACTS,
     MOST_TRACKS,
     ReportedPicture,
     SetAside,
 )
+from pa_console.fleets.vda5050.additions import MANUFACTURER, Detections, SeenContact
+from pa_console.fleets.vda5050.broker import BrokerAddress
 from pa_console.resources import find_data
 from pa_console.schema.events.event import Noticed
 from pa_console.schema.mission import Alarm
@@ -83,7 +83,7 @@ class Desk:
             stamped = said.model_copy(update={"stamp_s": self.tick * WORLD.dt_s})
             self.known.report(name, self.tick, stamped)
         for each in detections:
-            self.aside += self.known.detect(each.serial_number, self.tick, each)
+            self.aside += self.known.detect(self.tick, each.report())
         self.known.show()
         found = self.known.picture()
         self.intake.look(found, ())
@@ -197,7 +197,7 @@ def test_a_sensor_whose_place_is_not_known_opens_no_track() -> None:
     known = ReportedPicture(WORLD)
     x, y = place_of("Drone_T03")
     contact = HONEST.model_copy(update={"x": x, "y": y})
-    (aside,) = known.detect("Drone_T03", 0, seen("Drone_T03", contact))
+    (aside,) = known.detect(0, seen("Drone_T03", contact).report())
     known.show()
     assert (known.picture().tracks, aside.sensor) == ({}, "Drone_T03")
 

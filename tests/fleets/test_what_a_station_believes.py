@@ -1,18 +1,19 @@
 """What comes from the bus and is wrong is told, and changes nothing that the station believes."""
 
 import json
-from datetime import datetime, timedelta
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from random import Random
 from typing import Any
 
 import pytest
 
 from pa_console.fleets.fleet import Simulated
+from pa_console.fleets.reported_picture import ReportedPicture
+from pa_console.fleets.reports import ContactReport, SensorReport
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.fleets.vda5050.additions import Detections, SeenContact
 from pa_console.fleets.vda5050.broker import BrokerAddress
 from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
-from pa_console.fleets.vda5050.reported_picture import ReportedPicture
 from pa_console.fleets.vda5050.wire import MOST_BYTES
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events.event import Noticed
@@ -24,6 +25,7 @@ from tests.fleets.hostile import draw
 from tests.fleets.intruder import Intruder, intruder
 from tests.fleets.schemas import TOPICS, problems
 
+NOW = datetime(2026, 3, 1, 12, 0, tzinfo=UTC)
 STATE = ("Drone_T01", "state")
 
 
@@ -198,15 +200,15 @@ def test_a_message_with_which_no_picture_can_be_made_is_left_out_and_its_sender_
     world: World,
 ) -> None:
     known, camera = ReportedPicture(world), next(iter(world.cameras))
-    contact = SeenContact(signature="x", kind="vehicle", x=0.0, y=60.0, sigma_m=1.0)
-    unheard = contact.model_copy(update={"signature": "y", "kind": "tank"})
+    contact = ContactReport("x", "vehicle", (0.0, 60.0), sigma_m=1.0)
+    unheard = replace(contact, signature="y", kind="tank")  # pyright: ignore[reportArgumentType]
     known.advance(5)
     for contacts in ((contact,), (unheard,)):
-        known.detect(camera, 5, Detections.model_construct(contacts=contacts))
+        known.detect(5, SensorReport(camera, NOW, contacts))
     assert known.show() == (camera,)
     assert [track.kind for track in known.picture().tracks.values()] == ["vehicle"]
     known.advance(10)
-    known.detect(camera, 10, Detections.model_construct(contacts=(contact,)))
+    known.detect(10, SensorReport(camera, NOW, (contact,)))
     assert known.show() == ()
     assert [track.stamp_s for track in known.picture().tracks.values()] == [1.0]
 

@@ -14,6 +14,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, StringConstraints
 
+from pa_console.fleets.reports import ContactReport, SensorReport
 from pa_console.fleets.vda5050.wire import (
     MOST_BYTES,
     MOST_ITEMS,
@@ -57,6 +58,19 @@ class SeenContact(Wire):
     noncombatants: bool = False
     warned_s: Metres | None = None
 
+    def report(self) -> ContactReport:
+        """Return it as the picture takes it in."""
+        return ContactReport(
+            signature=self.signature,
+            kind=self.kind,
+            position=None if self.x is None or self.y is None else (self.x, self.y),
+            sigma_m=self.sigma_m,
+            identity=self.identity,
+            opinion=self.opinion,
+            noncombatants=self.noncombatants,
+            warned_s=self.warned_s,
+        )
+
 
 class SeenRobot(Wire):
     """A robot of the team that a sensor recognises, where it sees it."""
@@ -73,6 +87,16 @@ class Detections(Header):
     works: bool = True
     contacts: Items[SeenContact] = Field(default=(), max_length=MOST_ITEMS)
     team: Items[SeenRobot] = Field(default=(), max_length=MOST_ITEMS)
+
+    def report(self) -> SensorReport:
+        """Return it as the picture takes it in."""
+        return SensorReport(
+            sensor=self.serial_number,
+            sent=self.timestamp,
+            contacts=[contact.report() for contact in self.contacts],
+            team={robot.name: (robot.x, robot.y) for robot in self.team},
+            works=self.works,
+        )
 
 
 class SiteDescription(Header):

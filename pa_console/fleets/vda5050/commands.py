@@ -3,7 +3,6 @@
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import datetime
 from typing import Literal, NamedTuple
 
 from pa_console.fleets.vda5050.messages import (
@@ -175,8 +174,6 @@ class Robot:
     factsheet: Factsheet | None = None
     connection: ConnectionState = "OFFLINE"
     state: RobotState | None = None
-    latest: datetime | None = None
-    """When the state that was taken in last was sent."""
     held: bool = False
     """True if the robot got a hold after its last order."""
     waiting: DeviceCommand | None = None

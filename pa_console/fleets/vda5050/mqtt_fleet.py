@@ -4,14 +4,16 @@ The clock is the station's own. A report is as old as its own time says, and nev
 arrival; one from the future, or of a time before the last, is not believed.
 """
 
-import math
 import secrets
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
 from pa_console.fleets.fleet import Forecast, PlanCountersignature, Received
+from pa_console.fleets.reported_picture import ReportedPicture
+from pa_console.fleets.reports import Belief, Notices
 from pa_console.fleets.vda5050 import additions, commands, messages
 from pa_console.fleets.vda5050.additions import Countersignature, RecordsAsked, StopAsked
 from pa_console.fleets.vda5050.asset_state import telemetry_of
@@ -19,9 +21,8 @@ from pa_console.fleets.vda5050.broker import OutgoingMessage
 from pa_console.fleets.vda5050.commands import Robot
 from pa_console.fleets.vda5050.joining import JoinedBus
 from pa_console.fleets.vda5050.messages import Factsheet
-from pa_console.fleets.vda5050.reported_picture import ReportedPicture
 from pa_console.fleets.vda5050.sharing import CommandAuthority, SharedSession, signed_messages
-from pa_console.fleets.vda5050.station_link import Delivery, Notices
+from pa_console.fleets.vda5050.station_link import Delivery
 from pa_console.fleets.vda5050.vehicle import EXPIRY_S, STATE_REQUEST
 from pa_console.fleets.vda5050.wire import Header, Identity, Numbers, Topic, UnreadableError
 from pa_console.schema.command import CommandReply, DeviceCommand
@@ -29,12 +30,6 @@ from pa_console.schema.events.event import IncidentHappened, Level, Noticed
 from pa_console.schema.telemetry import Picture, Weather
 from pa_console.schema.world import World
 from pa_console.sim import picture as station_side
-
-AHEAD_S = 2.0
-"""A message that claims to be from so far in the future comes from a wrong clock."""
-
-BEHIND_S = 10.0
-"""Older detections, in real seconds, are set aside: a track is of what sensors see now."""
 
 RETAIN_AGAIN_S = 1.0
 """An older roster, revocation or takeover is replaced on the bus so soon, and no more often."""
@@ -52,6 +47,8 @@ class MqttFleet:
     def __init__(
         self, world: World, joined: JoinedBus, keys: CommandAuthority | None = None
     ) -> None:
+        self._elsewhere: Mapping[str, str] = {}
+        """The assets that are on other links, with their names."""
         self._link, self._keys = joined.link, keys
         self._rate = joined.site.rate if joined.site is not None else 1.0
         self._known = ReportedPicture(world)
@@ -61,6 +58,7 @@ class MqttFleet:
         self._session, self._asked_states = secrets.token_hex(8), 0
         """Begins every action id of this connection, so that no other sender can use one up."""
         self._told, self._dropped = Notices(), 0
+        self._belief = Belief(world.dt_s, self._say)
         self._replies: list[CommandReply] = []
         self._shared: SharedSession | None = None
         self._countersigned: list[PlanCountersignature] = []
@@ -81,6 +79,33 @@ class MqttFleet:
     def world(self) -> World:
         """The world of the fleet."""
         return self._known.world
+
+    @property
+    def known(self) -> ReportedPicture:
+        """The picture that its reports go into; reports of other links may go into it as well."""
+        return self._known
+
+    @property
+    def name(self) -> str:
+        """The name on the screen: the address of the bus."""
+        return str(self._link.address)
+
+    @property
+    def joined(self) -> frozenset[str]:
+        """The assets that have joined the bus."""
+        return frozenset(self._robots)
+
+    def reserve(self, elsewhere: Mapping[str, str]) -> None:
+        """Let no robot on the bus be an asset that is on another link, named by `elsewhere`.
+
+        Raises ValueError for one that has joined the bus already.
+        """
+        if twice := sorted(self.joined & elsewhere.keys()):
+            name, other = twice[0], elsewhere[twice[0]]
+            raise ValueError(
+                f"{name} is on two links, {self.name} and {other}: take it off one of them"
+            )
+        self._elsewhere = elsewhere
 
     @property
     def tick(self) -> int:
@@ -395,6 +420,9 @@ class MqttFleet:
     def _robot(self, identity: Identity) -> Robot | None:
         """Return the robot of this identity, None when the world has none of its name."""
         name = identity.serial_number
+        if (other := self._elsewhere.get(name)) is not None:
+            self._say("alarm", name, f"joins the bus, but is commanded over {other}: not believed")
+            return None
         robot = self._robots.get(name)
         if robot is not None and robot.identity != identity:
             text = f"a second robot calls itself so, of {identity.manufacturer}: not believed"
@@ -438,11 +466,8 @@ class MqttFleet:
         stamp = self._stamp(delivery, state, robot.name)
         if stamp is None:
             return
-        if robot.latest is not None and state.timestamp < robot.latest:
-            text = "its state is older than the one before: not believed"
-            self._say("warning", robot.name, text, "old")
+        if not self._belief.is_latest(robot.name, state.timestamp):
             return
-        robot.latest = state.timestamp
         for command, answer in robot.answers(state):
             self._reply(command, answer)
         if robot.waiting is not None and not robot.busy:
@@ -466,12 +491,9 @@ class MqttFleet:
         stamp = self._stamp(delivery, seen, name)
         if stamp is None:
             return
-        age_s = (self._tick - stamp) * self.world.dt_s
-        if age_s > BEHIND_S * self._rate:
-            text = f"its detections are {age_s:.0f} s old, or its clock is behind: set aside"
-            self._say("alarm", name, text, "behind")
-        elif stamp >= 0:  # what sensors saw before the session began, they report again by now
-            for aside in self._known.detect(name, stamp, seen):
+        if self._belief.is_recent(name, self._tick - stamp, self._rate) and stamp >= 0:
+            # what sensors saw before the session began, they report again by now
+            for aside in self._known.detect(stamp, seen.report()):
                 self._say("alarm", aside.sensor, aside.text, aside.kind)
 
     def _stamp(self, delivery: Delivery, message: Header, name: str) -> int | None:
@@ -482,16 +504,12 @@ class MqttFleet:
             return None
         stamp = self._tick_of(message.timestamp, delivery.at)
         if stamp is None:
-            text = "its clock is ahead of ours: what it reports is not believed"
-            self._say("alarm", name, text, "ahead")
+            self._belief.ahead(name)
         return stamp
 
     def _tick_of(self, sent: datetime, arrived: datetime) -> int | None:
         """Return the tick on the station's clock of a time; None for one in the future."""
-        if (sent - arrived).total_seconds() > AHEAD_S:
-            return None
-        age_s = (self.now() - sent).total_seconds() * self._rate
-        return self._tick - max(0, math.ceil(age_s / self.world.dt_s))
+        return self._belief.tick_of(sent, arrived, self.now(), self._tick, self._rate)
 
 
 def zone_set(world: World, header: dict[str, Any]) -> messages.ZoneSet:

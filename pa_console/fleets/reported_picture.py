@@ -1,4 +1,4 @@
-"""The picture that the messages of a fleet on a bus add up to; nothing here knows any truth.
+"""The picture that the reports of a fleet's robots add up to; nothing here knows any truth.
 
 It concludes as the station of a simulated fleet does: whether a report is stale, a link lost, a
 position doubtful, and what the detections of all sensors make of a contact.
@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import NamedTuple, TypeVar
 
-from pa_console.fleets.vda5050.additions import Detections, SeenContact
+from pa_console.fleets.reports import ContactReport, SensorReport
 from pa_console.schema.base import Point
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Weather
 from pa_console.schema.text import count
@@ -160,6 +160,8 @@ class ReportedPicture:
 
     def __init__(self, world: World) -> None:
         self.terrain = Terrain.of(world)
+        self.links: dict[str, str] = {}
+        """The link that each asset is on, by name; empty in a fleet that has only one."""
         self.begin(0)
 
     @property
@@ -209,7 +211,7 @@ class ReportedPicture:
         station_side.receive(self.terrain, scene, (Report(name, stamp, SelfReport.of(said)),))
 
     def break_link(self, name: str) -> None:
-        """Note that the broker reports asset `name` as disconnected."""
+        """Note that there is no connection to asset `name`."""
         self._take(name, partial(self._break_link, name))
 
     def _break_link(self, name: str) -> None:
@@ -217,15 +219,15 @@ class ReportedPicture:
         lost = self._scene.tick - math.ceil(self.world.link_lost_s / self.world.dt_s)
         self._scene.station.heard[name] = heard._replace(stamp=min(heard.stamp, lost))
 
-    def detect(self, sensor: str, stamp: int, seen: Detections) -> tuple[SetAside, ...]:
+    def detect(self, stamp: int, seen: SensorReport) -> tuple[SetAside, ...]:
         """Take in what an asset or a camera detected at tick `stamp`; return what was set aside.
 
         Detections of a suspect asset are ignored: it may not be where it says it is.
         """
-        return self._take(sensor, partial(self._detect, sensor, stamp, seen))
+        return self._take(seen.sensor, partial(self._detect, stamp, seen))
 
-    def _detect(self, sensor: str, stamp: int, seen: Detections) -> tuple[SetAside, ...]:
-        scene, world = self._scene, self.world
+    def _detect(self, stamp: int, seen: SensorReport) -> tuple[SetAside, ...]:
+        scene, world, sensor = self._scene, self.world, seen.sensor
         if sensor in world.cameras:
             if stamp < self._cameras.get(sensor, (stamp, True))[0]:
                 return ()
@@ -241,10 +243,10 @@ class ReportedPicture:
                 text = "reports contacts but not where it is: set aside"
                 return (SetAside(sensor, text, "no place"),) if seen.contacts else ()
             reach = Reach.of_asset(world, sensor, heard, stamp)
-        team = [robot for robot in seen.team if reach.covers((robot.x, robot.y))]
-        for robot in team:
-            if robot.name in scene.assets and robot.name != sensor:
-                self._recognised[robot.name] = (stamp, (robot.x, robot.y))
+        team = {name: at for name, at in seen.team.items() if reach.covers(at)}
+        for name, at in team.items():
+            if name in scene.assets and name != sensor:
+                self._recognised[name] = (stamp, at)
         found = [_detection(contact, stamp, world.dt_s) for contact in seen.contacts]
         near = [each for each in found if each.position is None or reach.covers(each.position)]
         taken, aside = within_share(scene.sensing.files, sensor, near)
@@ -329,7 +331,8 @@ class ReportedPicture:
             or known[0] < silent_since
         )
         integrity.compare(self.terrain, scene, self._seen())
-        self._picture = station_side.build(self.terrain, scene, scene.assets).picture()
+        picture = station_side.build(self.terrain, scene, scene.assets).picture()
+        self._picture = picture.model_copy(update={"links": dict(self.links)})
 
     def picture(self) -> Picture:
         """Return the picture as it was made last."""
@@ -368,12 +371,12 @@ def _unheard(name: str, terrain: Terrain) -> AssetTelemetry:
     )
 
 
-def _detection(seen: SeenContact, stamp: int, dt_s: float) -> Detection:
+def _detection(seen: ContactReport, stamp: int, dt_s: float) -> Detection:
     warned = None if seen.warned_s is None else stamp - round(seen.warned_s / dt_s)
     return Detection(
         contact=seen.signature,
         kind=seen.kind,
-        position=None if seen.x is None or seen.y is None else (seen.x, seen.y),
+        position=seen.position,
         sigma_m=seen.sigma_m,
         identity=seen.identity,
         opinion=seen.opinion,

@@ -1,0 +1,434 @@
+"""One fleet of robots on several links, and on a message bus beside them.
+
+It has one picture and one clock, the station's own. A command goes to the link of its asset. What a
+link reports is checked before it is believed; whatever a link does, the session goes on.
+"""
+
+import secrets
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from math import isfinite
+from time import monotonic
+from typing import TYPE_CHECKING
+
+from pydantic import ValidationError
+
+from pa_console.fleets.fleet import Forecast, Received
+from pa_console.fleets.link import DeviceAnswer, Link, LinkNews, LinkNotice
+from pa_console.fleets.reported_picture import ReportedPicture
+from pa_console.fleets.reports import AssetReport, Belief, Notices, SensorReport
+from pa_console.fleets.simulated import Authorize, Verify
+from pa_console.schema.command import COMMANDS, FINAL_REPLIES, CommandReply, DeviceCommand
+from pa_console.schema.events.event import Level
+from pa_console.schema.telemetry import AssetTelemetry, Picture
+from pa_console.schema.world import World
+from pa_console.sim import picture as station_side
+from pa_console.sim.worlds.terrain import Terrain
+
+if TYPE_CHECKING:
+    from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
+
+MOST_SENT = 4096
+"""The number of commands whose answers are followed; the oldest are forgotten first."""
+
+MOST_NEWS = 20_000
+"""The number of reports and answers that are taken in at one step; the rest is set aside."""
+
+MOST_DETAIL = 500
+"""The longest detail of an answer, characters."""
+
+POLL_S = 0.05
+
+
+@dataclass
+class _SentCommand:
+    """A command as the station knows it, and its asset's last answer."""
+
+    command: DeviceCommand
+    reply: CommandReply | None = None
+
+    @property
+    def ended(self) -> bool:
+        """True once its asset has carried it out, failed at it or refused it."""
+        return self.reply is not None and self.reply.status in FINAL_REPLIES
+
+
+class LinkedFleet:
+    """Drives the assets of `world` that are on `links`, and those on `bus` where one is given.
+
+    With `use`, a command is checked in place of its asset before it goes to a link: only one that
+    people have approved is sent.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        links: Sequence[Link],
+        bus: "MqttFleet | None" = None,
+        now: Callable[[], datetime] = lambda: datetime.now(UTC),
+    ) -> None:
+        """`now` is the clock of the assets; raises ValueError for an asset on two links."""
+        self._links, self._bus, self._now = tuple(links), bus, now
+        self._link_of = _links_of_assets(self._links, world)
+        self._known = bus.known if bus is not None else ReportedPicture(world)
+        self._known.links = {name: link.name for name, link in self._link_of.items()}
+        if bus is not None:
+            bus.reserve(dict(self._known.links))
+            self._note_bus(bus)
+        self._period, self._tick = station_side.period_ticks(world), 0
+        self._told = Notices()
+        self._belief = Belief(world.dt_s, self._say)
+        self._session = secrets.token_hex(8)
+        """Begins every command id on a link, so that ids of an earlier session are not repeated."""
+        self._sent: OrderedDict[str, _SentCommand] = OrderedDict()
+        self._replies: list[CommandReply] = []
+        self._down: set[str] = set()
+        self._manual: set[str] = set()
+        self._authorize: Authorize | None = None
+        self._verify: Verify = lambda _token, _command: ""
+        self._take_news()
+        self._show()
+
+    def use(self, authorize: Authorize, verify: Verify) -> None:
+        """Check every command to a link from now on; `verify` is given the token of `authorize`."""
+        self._authorize, self._verify = authorize, verify
+
+    @property
+    def world(self) -> World:
+        """The world of the fleet."""
+        return self._known.world
+
+    @property
+    def links(self) -> tuple[Link, ...]:
+        """The links, without the bus."""
+        return self._links
+
+    @property
+    def tick(self) -> int:
+        """Steps taken since the session began."""
+        return self._tick
+
+    @property
+    def time_s(self) -> float:
+        """Seconds on the station's clock since the session began."""
+        return self._known.terrain.seconds(self._tick)
+
+    def picture(self) -> Picture:
+        """Return the picture as it was made last, every `world.telemetry_period_s`."""
+        return self._known.picture()
+
+    def forecast(self) -> Forecast:
+        """Return a simulation of what the picture shows, built from it and the world alone."""
+        return self._known.forecast()
+
+    def wait_for_reports(self, seconds: float) -> None:
+        """Wait for a first report of every asset on a link that works, for `seconds` at most."""
+        until = monotonic() + seconds
+        while (left_s := until - monotonic()) > 0.0:
+            assets = self.picture().assets
+            silent = [
+                link
+                for link in self._links
+                if not self._problem_of(link)
+                and any(assets[name].comms == "lost" for name in self._assets_on(link))
+            ]
+            if not silent:
+                return
+            silent[0].wait(min(left_s, POLL_S))
+            self._take_news()
+            self._show()
+
+    def send(self, command: DeviceCommand) -> None:
+        """Send `command` to its asset's link now; without a connection only a hold is tried.
+
+        A command that has ended is not sent again: its answer is repeated. A hold always is sent.
+        """
+        link = self._link_of.get(command.agent)
+        if link is not None:
+            if command.verb == "hold" or self._may_go(command, link):
+                self._transmit(command, link)
+        elif self._bus is not None:
+            self._bus.send(command)
+        else:
+            text = "is on no link: nothing can be sent to it"
+            self._say("alarm", command.agent, text, "absent")
+
+    def _may_go(self, command: DeviceCommand, link: Link) -> bool:
+        """Return whether `command` goes to its link now; a reply or a notice says why not."""
+        sent = self._sent.get(command.command_id)
+        if sent is None:
+            if why := self._refusal(command):
+                self._sent[command.command_id] = _SentCommand(command)
+                self._refuse(command, why)
+                return False
+        elif sent.command != command:
+            self._refuse(command, "its id was given to another command before")
+            return False
+        elif sent.reply is not None and sent.ended:
+            self._replies.append(sent.reply.model_copy(update={"tick": self._tick}))
+            return False
+        if problem := self._problem_of(link):
+            text = f"{command.verb} is not sent: no connection over {link.name}: {problem}"
+            self._say("alarm", command.agent, text, "unsent")
+            return False
+        return command.agent not in self._manual
+
+    def _refusal(self, command: DeviceCommand) -> str:
+        """Return why a new `command` may not go to its asset, '' when it may, and this once."""
+        if command.agent in self._manual:
+            return "a person steers it"
+        token = self._authorize(command) if self._authorize is not None else None
+        return self._verify(token, command)
+
+    def _transmit(self, command: DeviceCommand, link: Link) -> None:
+        """Put `command` on its link; one that is sent again, such as a hold, is answered anew."""
+        self._sent[command.command_id] = _SentCommand(command)
+        self._sent.move_to_end(command.command_id)
+        if len(self._sent) > MOST_SENT:
+            self._sent.popitem(last=False)
+        on_wire = command.model_copy(update={"command_id": f"{self._session}.{command.command_id}"})
+        try:
+            link.send(on_wire)
+        except Exception as error:  # a link that breaks its promise ends no session
+            self._fault(link, f"cannot send {command.verb} to {command.agent}", error)
+
+    def step(self) -> Received:
+        """Move the clock on by `world.dt_s`; return what came in since the last step."""
+        self._tick += 1
+        self._known.advance(self._tick)
+        self._take_news()
+        if self._bus is not None:  # it makes the picture anew as well
+            received = self._bus.step()
+            self._note_bus(self._bus)
+        else:
+            received = Received()
+            if self._tick % self._period == 0:
+                self._show()
+        replies, self._replies = tuple(self._replies), []
+        return Received(
+            (*replies, *received.replies),
+            (*self._told.take(), *received.told),
+            received.countersigned,
+            received.stop_asked,
+        )
+
+    def close(self) -> None:
+        """Let go of all links and of the bus; the robots do what they do without a station."""
+        for link in self._links:
+            try:
+                link.close()
+            except Exception as error:
+                self._fault(link, "cannot be closed", error)
+        if self._bus is not None:
+            self._bus.close()
+
+    def _note_bus(self, bus: "MqttFleet") -> None:
+        """Show the assets that have joined the bus as being on it."""
+        for name in bus.joined - self._known.links.keys():
+            self._known.links[name] = bus.name
+
+    def _take_news(self) -> None:
+        """Take in what has come over every link, and note which of them have no connection."""
+        for link in self._links:
+            self._note_problem(link)
+            for news in self._news_of(link):
+                try:
+                    self._take(link, news)
+                except Exception as error:  # no report ends the session that it reaches
+                    self._fault(link, f"{type(news).__name__} is set aside", error)
+
+    def _news_of(self, link: Link) -> Sequence[LinkNews]:
+        try:
+            news = link.take()
+        except Exception as error:
+            self._fault(link, "its news cannot be taken", error)
+            return ()
+        if len(news) > MOST_NEWS:
+            text = f"{len(news) - MOST_NEWS} messages came too fast and were set aside"
+            self._say("alarm", link.name, text, "flood")
+        return news[:MOST_NEWS]
+
+    def _note_problem(self, link: Link) -> None:
+        """Report a connection that breaks or is back; without one no asset of it is heard."""
+        problem = self._problem_of(link)
+        if bool(problem) == (link.name in self._down):
+            return
+        if problem:
+            self._down.add(link.name)
+            self._say("alarm", link.name, f"no connection: {problem}", "down")
+            for name in self._assets_on(link):
+                self._known.break_link(name)
+        else:
+            self._down.remove(link.name)
+            self._say("info", link.name, "connected again", "up")
+
+    def _take(self, link: Link, news: LinkNews) -> None:
+        match news:
+            case LinkNotice(level, subject, text):
+                self._say(level, subject, text)
+            case DeviceAnswer():
+                self._take_answer(link, news)
+            case AssetReport():
+                if self._is_on(link, news.agent) and link.name not in self._down:
+                    self._take_report(link, news)
+            case SensorReport():
+                if news.sensor in self.world.cameras or self._is_on(link, news.sensor):
+                    self._take_detections(news)
+
+    def _is_on(self, link: Link, name: str) -> bool:
+        """Return whether `name` is an asset of that link; else it is not believed."""
+        if self._link_of.get(name) is link:
+            return True
+        text = f"reports over {link.name}, which it is not on: set aside"
+        self._say("warning", name, text, "stranger")
+        return False
+
+    def _take_answer(self, link: Link, answer: DeviceAnswer) -> None:
+        """Pass on an answer to a command that was sent to that asset, until the command ends."""
+        sent = self._sent_as(answer.command_id)
+        is_its = sent is not None and sent.command.agent == answer.agent
+        if sent is None or not is_its or self._link_of.get(answer.agent) is not link:
+            text = "answers a command that was not sent to it in this session: set aside"
+            self._say("warning", answer.agent, text, "unknown command")
+        elif not sent.ended:
+            sent.reply = CommandReply(
+                command_id=sent.command.command_id,
+                agent=answer.agent,
+                status=answer.status,
+                tick=self._tick,
+                detail=answer.detail[:MOST_DETAIL],
+            )
+            self._replies.append(sent.reply)
+
+    def _take_report(self, link: Link, report: AssetReport) -> None:
+        name = report.agent
+        stamp = self._stamp(name, report.sent)
+        if stamp is None or not self._belief.is_latest(name, report.sent):
+            return
+        try:
+            said = self._telemetry(report, self._known.terrain, max(stamp, 0))
+        except (ValidationError, TypeError, ValueError) as error:
+            self._fault(link, f"the report of {name} is set aside", error)
+            return
+        if report.manual != (name in self._manual):
+            if report.manual:
+                self._manual.add(name)
+                text = "a person steers it: only a hold is sent to it"
+                self._say("warning", name, text, "manual")
+            else:
+                self._manual.remove(name)
+                self._say("info", name, "it can be commanded again", "automatic")
+        self._known.report(name, stamp, said)
+
+    def _take_detections(self, seen: SensorReport) -> None:
+        stamp = self._stamp(seen.sensor, seen.sent)
+        if stamp is None or stamp < 0:
+            return  # what sensors saw before the session began, they report again by now
+        if self._belief.is_recent(seen.sensor, self._tick - stamp):
+            for aside in self._known.detect(stamp, seen):
+                self._say("alarm", aside.sensor, aside.text, aside.kind)
+
+    def _stamp(self, name: str, sent: datetime) -> int | None:
+        """Return the tick at which a report was sent, None for one that is not believed."""
+        now = self._now()
+        stamp = self._belief.tick_of(sent, now, now, self._tick)
+        if stamp is None:
+            self._belief.ahead(name)
+        return stamp
+
+    def _telemetry(self, report: AssetReport, terrain: Terrain, tick: int) -> AssetTelemetry:
+        """Return `report` as telemetry of `tick`; raises ValueError for values that cannot be."""
+        world, (x, y) = terrain.world, report.position
+        if not (isfinite(x) and isfinite(y)):
+            raise ValueError(f"its position ({x}, {y}) is no place")
+        at = terrain.frame_at(x, y)
+        sent = self._sent_as(report.command_id or "")
+        command = sent.command if sent is not None else None
+        post = at
+        if report.task == "returning":
+            post = world.base
+        elif command is not None and COMMANDS[command.verb].takes_frame:
+            post = command.target
+        elif report.route:
+            post = terrain.frame_at(*report.route[-1])
+        return AssetTelemetry(
+            id=report.agent,
+            kind=world.assets[report.agent].kind,
+            at=at,
+            post=post,
+            position=(x, y),
+            heading_deg=report.heading_deg,
+            speed_mps=report.speed_mps,
+            status=report.status,
+            task=report.task,
+            battery_pct=report.battery_pct,
+            low_battery=report.battery_pct < world.low_battery_pct,
+            comms="ok",
+            available=report.status != "failed" and report.battery_pct > 0.0 and not report.manual,
+            route=tuple(report.route),
+            command_id=command.command_id if command is not None else None,
+            stamp_s=terrain.seconds(tick),
+        )
+
+    def _sent_as(self, on_wire: str) -> _SentCommand | None:
+        """Return the command of this session with that id on a link, None for no such one."""
+        session, _, own_id = on_wire.partition(".")
+        return self._sent.get(own_id) if session == self._session else None
+
+    def _refuse(self, command: DeviceCommand, why: str) -> None:
+        """Answer `command` in place of its asset."""
+        sent = self._sent.get(command.command_id)
+        reply = CommandReply(
+            command_id=command.command_id,
+            agent=command.agent,
+            status="refused",
+            tick=self._tick,
+            detail=why[:MOST_DETAIL],
+        )
+        if sent is not None and sent.command == command:
+            sent.reply = reply
+        self._replies.append(reply)
+
+    def _assets_on(self, link: Link) -> Iterator[str]:
+        return (name for name, other in self._link_of.items() if other is link)
+
+    def _problem_of(self, link: Link) -> str:
+        try:
+            return link.problem
+        except Exception as error:
+            return f"{type(error).__name__}: {error}"
+
+    def _show(self) -> None:
+        """Make the picture anew, and name those whose reports it had to be made without."""
+        for name in dict.fromkeys(self._known.show()):
+            text = "what it reports cannot be shown in any picture and is set aside"
+            self._say("alarm", name, text, "fault picture")
+
+    def _fault(self, link: Link, what: str, error: Exception) -> None:
+        text = f"{what}: {type(error).__name__}: {error}"
+        self._say("alarm", link.name, text, f"fault {what}")
+
+    def _say(self, level: Level, subject: str, text: str, kind: str = "") -> None:
+        self._told.say(level, subject, text, self.time_s, kind)
+
+
+def _links_of_assets(links: Sequence[Link], world: World) -> dict[str, Link]:
+    """Return the link of each asset; raises ValueError for one on two links, or on no world."""
+    found: dict[str, Link] = {}
+    names = [link.name for link in links]
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise ValueError(f"{twice} is given twice: give each link once")
+    for link in links:
+        for name in sorted(link.agents):
+            if name not in world.assets:
+                raise ValueError(
+                    f"{link.name} drives {name}, which is no asset of this world: "
+                    "add it to the world file, or take it off the link"
+                )
+            if (other := found.setdefault(name, link)) is not link:
+                raise ValueError(
+                    f"{name} is on two links, {other.name} and {link.name}: take it off one of them"
+                )
+    return found
