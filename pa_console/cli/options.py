@@ -56,6 +56,15 @@ ScenarioOption = Annotated[
     ),
 ]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the simulation.")]
+FleetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--fleet",
+        metavar="URL",
+        help="Drive robots: on a message bus (mqtts://host:8883/site), or over a link "
+        "(ros2:ADDRESS, mavlink:ADDRESS). Repeat it for a mixed team.",
+    ),
+]
 CertificatesOption = Annotated[
     Path | None,
     typer.Option("--certificates", help="The folder of 'pa-console site init', to be let in with."),
@@ -123,13 +132,7 @@ class SessionOptions:
     model: ModelOption = None
     scenario: ScenarioOption = None
     seed: SeedOption = 0
-    fleet: Annotated[
-        str,
-        typer.Option(
-            metavar="URL",
-            help="Drive the robots of a site on a message bus: mqtts://host:8883/site.",
-        ),
-    ] = ""
+    fleet: FleetOption = None
     certificates: CertificatesOption = None
     alarms: Annotated[
         bool | None,

@@ -177,6 +177,8 @@ class ReportedPicture:
         self._never = tick - math.ceil(max(world.link_lost_s, world.stale_s) / world.dt_s) - 1
         self._cameras: dict[str, tuple[int, bool]] = {}
         self._recognised: dict[str, tuple[int, Point]] = {}
+        self._watched: dict[str, int] = {}
+        """The tick of the latest detections of each asset that reports any."""
         self._taken: list[tuple[str, Callable[[], object]]] = []
         """The messages taken in since the last picture, by sender."""
         for index, (name, spec) in enumerate(world.assets.items()):
@@ -243,6 +245,7 @@ class ReportedPicture:
                 text = "reports contacts but not where it is: set aside"
                 return (SetAside(sensor, text, "no place"),) if seen.contacts else ()
             reach = Reach.of_asset(world, sensor, heard, stamp)
+            self._watched[sensor] = max(stamp, self._watched.get(sensor, stamp))
         team = {name: at for name, at in seen.team.items() if reach.covers(at)}
         for name, at in team.items():
             if name in scene.assets and name != sensor:
@@ -290,14 +293,20 @@ class ReportedPicture:
 
     def _keep(self) -> None:
         """Remember the present state, from which a picture can be made."""
-        self._good = self._scene.copy(), dict(self._cameras), dict(self._recognised)
+        self._good = (
+            self._scene.copy(),
+            dict(self._cameras),
+            dict(self._recognised),
+            dict(self._watched),
+        )
         self._taken.clear()
 
     def _restore(self) -> None:
         tick = self._scene.tick
-        scene, cameras, recognised = self._good
+        scene, cameras, recognised, watched = self._good
         self._scene = scene.copy()
-        self._scene.tick, self._cameras, self._recognised = tick, dict(cameras), dict(recognised)
+        self._scene.tick, self._cameras = tick, dict(cameras)
+        self._recognised, self._watched = dict(recognised), dict(watched)
 
     def _show_without_faults(self, weather: Weather) -> tuple[str, ...]:
         """Take in again, one by one, what has come since the last picture, and leave faults out."""
@@ -324,11 +333,15 @@ class ReportedPicture:
         scene = self._scene
         silent_since = scene.tick - round(self.world.stale_s / self.world.dt_s)
         scene.sensing.weather = weather
-        scene.sensing.broken = tuple(
-            name
-            for name in self.world.cameras
-            if not (known := self._cameras.get(name, (silent_since - 1, False)))[1]
-            or known[0] < silent_since
+        # a drone without detections sees nobody: an asset beside it is not thereby unseen
+        scene.sensing.broken = (
+            *(
+                name
+                for name in self.world.cameras
+                if not (known := self._cameras.get(name, (silent_since - 1, False)))[1]
+                or known[0] < silent_since
+            ),
+            *(name for name in scene.assets if self._watched.get(name, -math.inf) < silent_since),
         )
         integrity.compare(self.terrain, scene, self._seen())
         picture = station_side.build(self.terrain, scene, scene.assets).picture()

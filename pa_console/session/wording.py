@@ -1,7 +1,7 @@
 """Events, incidents, orders and decisions in words, one short line each."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from pa_console.language.plain_words import plain_reading
 from pa_console.schema.command import DeviceCommand
@@ -119,6 +119,31 @@ def unconfirmed_in_words(assets: Mapping[str, str]) -> str:
         return "every asset stands, as telemetry shows"
     each = ", ".join(f"{name} ({why})" for name, why in assets.items())
     return f"STOP not confirmed by {each}"
+
+
+def link_in_words(name: str, links: Mapping[str, str]) -> str:
+    """Return over which of the picture's `links` the asset `name` is driven, '' without links."""
+    if not links:
+        return ""
+    return f"over {links[name]}" if name in links else "on no link"
+
+
+def links_in_words(picture: Picture) -> list[str]:
+    """Return a line for each link, with the assets on it, and one for those that are on none."""
+    on: dict[str, list[str]] = {}
+    for name in picture.assets if picture.links else ():
+        on.setdefault(picture.links.get(name, ""), []).append(name)
+    none = on.pop("", [])
+    lines = [
+        f"{link}: {', '.join(names)}"
+        + (f"; nothing comes from {', '.join(lost)}" if (lost := _lost(names, picture)) else "")
+        for link, names in sorted(on.items())
+    ]
+    return [*lines, *([f"on no link: {', '.join(none)}"] if none else [])]
+
+
+def _lost(names: Sequence[str], picture: Picture) -> list[str]:
+    return [name for name in names if picture.assets[name].comms == "lost"]
 
 
 def command_taken_in_words(taken: ev.CommandTaken) -> str:

@@ -12,7 +12,7 @@ from pa_console.language.questions import Question
 from pa_console.schema.events import event as ev
 from pa_console.schema.text import clock_text, count
 from pa_console.session.state import MissionTrace, Notice, SessionState
-from pa_console.session.wording import order_in_words
+from pa_console.session.wording import link_in_words, links_in_words, order_in_words
 from pa_console.station.joined_station import JoinedStation
 from pa_console.station.station import ControlStation
 from pa_console.terminal.mission import step_line
@@ -31,6 +31,7 @@ def status_lines(state: SessionState) -> list[str]:
         lines.append(
             f"gates not covered: {', '.join(uncovered)}" if uncovered else "all gates covered"
         )
+        lines += links_in_words(picture)
     if state.stop is not None:
         held, open_ = state.stop.held, state.stop.unconfirmed
         named = [
@@ -67,6 +68,7 @@ def asset_lines(state: SessionState) -> list[str]:
     return [
         f"{asset.id}: {asset.task} {f'at {asset.at}' if asset.at else f'to {asset.post}'}, "
         f"{asset.status}, battery {asset.battery_pct:.0f} %, link {asset.comms}"
+        f"{f' {over}' if (over := link_in_words(asset.id, state.picture.links)) else ''}"
         f"{', report is old' if asset.stale else ''}"
         for asset in state.picture.assets.values()
     ]

@@ -1,14 +1,17 @@
-"""The fleet that `--fleet` names, and the keys that sign for it; a bus is imported only then."""
+"""The fleet that `--fleet` names, and the keys that sign for it; its links are imported then."""
 
 import hashlib
 import os
 import sys
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from time import time
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import typer
 
+from pa_console.schema.command import DeviceCommand
 from pa_console.schema.document import read_bytes
 from pa_console.session.log.writer import default_folder
 from pa_console.settings.schema import Settings
@@ -18,6 +21,9 @@ from pa_console.station.clock import Clock, DevicesClock, SteppedClock
 from pa_console.terminal.output import errors
 
 if TYPE_CHECKING:
+    from pa_console.fleets.link import Link
+    from pa_console.fleets.linked_fleet import LinkedFleet
+    from pa_console.fleets.simulated import Verify
     from pa_console.fleets.station_authority import StationAuthority
     from pa_console.fleets.vda5050.broker import BrokerAddress, Credentials
     from pa_console.fleets.vda5050.joining import JoinedBus
@@ -30,54 +36,138 @@ STATION, TELEMETRY, JOINED = "station", "telemetry", "joined"
 that joins its session."""
 
 
+FIRST_REPORTS_S = 5.0
+"""The longest wait for a first report of each asset on a link, seconds."""
+
+
+class DrivenFleet(NamedTuple):
+    """The fleet of a session, and the part of it on a message bus; None for a simulated one."""
+
+    fleet: "MqttFleet | LinkedFleet | None" = None
+    bus: "MqttFleet | None" = None
+
+
 @dataclass(frozen=True)
 class FoundFleet:
-    """The world to open, with the robots that joined it on a bus, if one was named."""
+    """The world to open, with the robots that joined it on a bus, and the links to others."""
 
     world: str
     joined: "JoinedBus | None" = None
     world_sha256: str = ""
     """The SHA-256 of the file before any robot joined."""
+    links: "tuple[Link, ...]" = ()
 
-    def drive(self, site: "Site", authority: "StationAuthority | None") -> "MqttFleet | None":
-        """Return the fleet of `site` on the bus, None without one; `authority` signs commands.
+    def drive(self, site: "Site", authority: "StationAuthority | None") -> DrivenFleet:
+        """Return the fleet of `site` on the bus and the links; `authority` signs commands.
 
-        Raises ValueError when the bus has another world.
+        Raises ValueError when the bus has another world, and for an asset on two links.
         """
+        try:
+            bus = self._bus(site, authority)
+            if not self.links:
+                return DrivenFleet(bus, bus)
+            from pa_console.fleets.linked_fleet import LinkedFleet  # noqa: PLC0415
+
+            fleet = LinkedFleet(site.world, self.links, bus)
+        except BaseException:
+            self.close()
+            raise
+        if authority is not None:
+            fleet.use(authority.authorize, _verify(fleet, authority))
+        fleet.wait_for_reports(FIRST_REPORTS_S)
+        return DrivenFleet(fleet, bus)
+
+    def _bus(self, site: "Site", authority: "StationAuthority | None") -> "MqttFleet | None":
         if self.joined is None:
             return None
         from pa_console.fleets.vda5050.site_fleet import fleet_of  # noqa: PLC0415
 
         return fleet_of(self.joined, site.world, self.world_sha256, authority)
 
+    def close(self) -> None:
+        """Let go of everything that no fleet has taken over."""
+        for link in self.links:
+            link.close()
+        if self.joined is not None:
+            self.joined.link.close()
+
     def clock(self, own: Clock) -> Clock:
-        """Return the clock of the robots on the bus, `own` without one.
+        """Return the clock of the robots, `own` without any.
 
         A site that is paced waits for the mission; nobody can hurry any other.
         """
         if self.joined is None:
-            return own
+            return DevicesClock() if self.links else own
         site = self.joined.site
         if site is not None and site.paced:
             return SteppedClock()
         return DevicesClock(site.rate if site is not None else 1.0)
 
 
+def _verify(fleet: "LinkedFleet", authority: "StationAuthority") -> "Verify":
+    """Return the check of tokens for the assets on links, which cannot check one themselves."""
+    from pa_console.fleets.station_authority import Vehicles  # noqa: PLC0415 - only with keys
+
+    keys = authority.keys
+    vehicles = Vehicles(fleet.world.assets, keys.owner, keys.messages, time)
+
+    def verify(token: str | None, command: DeviceCommand) -> str:
+        for message in authority.newest.values():
+            vehicles.take(message)
+        return vehicles.verify(token, command)
+
+    return verify
+
+
 def find_fleet(
-    url: str, certificates: Path | None, world: str, settings: Settings, scenario: str | None
+    urls: Sequence[str],
+    certificates: Path | None,
+    world: str,
+    settings: Settings,
+    scenario: str | None,
 ) -> FoundFleet:
-    """Join the bus at `url`, or none for ""; raises ValueError, or DocumentError for the world.
+    """Join the bus and open the links at `urls`; raises ValueError, or DocumentError for the world.
 
     A world that robots have joined is kept beside the folder of logs, where a replay finds it.
     """
-    if not url:
+    if not urls:
         return FoundFleet(world)
+    from pa_console.fleets.link import BUS, open_link  # noqa: PLC0415
+
+    buses = [url for url in urls if "://" in url and url.partition(":")[0] in BUS]
+    others = [url for url in urls if url not in buses]
+    if len(buses) > 1:
+        raise ValueError(f"--fleet takes one message bus at most, not {' and '.join(buses)}")
+    if scenario:
+        raise ValueError(
+            "robots play no situation, a site plays its own: 'pa-console site --scenario NAME'"
+        )
+    if certificates is not None and not buses:
+        raise ValueError("--certificates are for a message bus, and --fleet names none")
+    found = _join_bus(buses[0], certificates, world, settings) if buses else FoundFleet(world)
+    links: list[Link] = []
+    try:
+        if others:
+            site = found.joined.site if found.joined is not None else None
+            if site is not None and (site.paced or site.rate != 1.0):
+                raise ValueError(
+                    f"the site at {buses[0]} has a clock of its own, which other robots cannot "
+                    "follow: run 'pa-console site' without --paced and --rate"
+                )
+            loaded, _ = open_world(found.world)
+            links.extend(open_link(url, loaded, settings) for url in others)
+    except BaseException:
+        replace(found, links=tuple(links)).close()
+        raise
+    return replace(found, links=tuple(links))
+
+
+def _join_bus(url: str, certificates: Path | None, world: str, settings: Settings) -> FoundFleet:
+    """Join the bus at `url`; raises ValueError, or DocumentError for the world."""
     from pa_console.fleets.vda5050.broker import BrokerAddress  # noqa: PLC0415
     from pa_console.fleets.vda5050.joining import join, with_newcomers  # noqa: PLC0415
     from pa_console.sim.worlds.world_generator import world_yaml  # noqa: PLC0415
 
-    if scenario:
-        raise ValueError("a site plays its own situation: 'pa-console site --scenario NAME'")
     address = BrokerAddress.parse(url)
     loaded, path = open_world(world)
     own, receives = claim_credentials(address, certificates, STATION), None

@@ -103,9 +103,9 @@ class JoinedSession:
 
     def take_command(self, opened: LiveSession) -> None:
         """Take command for a session that is ready to begin; raises ValueError where that fails."""
-        if opened.fleet is None or not opened.fleet.connected:
+        if opened.bus is None or not opened.bus.connected:
             raise ValueError("there is no connection to the broker")
-        taken = self.succession.take(opened.fleet.publish_signed)
+        taken = self.succession.take(opened.bus.publish_signed)
         opened.station.succeed(taken, self.station.left_missions(self.succession.last))
 
     @property

@@ -56,8 +56,8 @@ class LiveSession:
     """Simulated seconds that its scenario lasts; 0 without one."""
     resumed_log: Path | None
     """The log of a session that goes on, None for a new one."""
-    fleet: "MqttFleet | None"
-    """The fleet on a message bus, if there is one."""
+    bus: "MqttFleet | None"
+    """The part of its fleet that is on a message bus, if there is one."""
     authority: "StationAuthority | None"
     """The keys that sign its approvals and commands, None where a site has none."""
 
@@ -76,12 +76,12 @@ class LiveSession:
         )
         authority = self.authority
         shares = authority is not None and authority.name and not self.options.stepped
-        if self.fleet is not None and authority is not None and shares:
+        if self.bus is not None and authority is not None and shares:
             from pa_console.fleets.vda5050.sharing import SharedSession  # noqa: PLC0415 - on a bus
 
             shared = SharedSession(writer.session, authority.name, writer.path, authority.vouch)
             writer.on_record = shared.add
-            self.fleet.share(shared)
+            self.bus.share(shared)
         return writer
 
     @contextmanager
@@ -105,11 +105,11 @@ def open_live(
     if they were loaded before. Rules that are refused, and a session that was not closed, are shown
     and asked about on the terminal.
     """
-    on_bus = find_fleet(
-        options.fleet, options.certificates, options.world, settings, options.scenario
+    found = find_fleet(
+        options.fleet or (), options.certificates, options.world, settings, options.scenario
     )
     pins, deadline_s = RulesPins(), settings.check_deadline_ms / 1000.0
-    site = _open_site(on_bus.world, options, pins, deadline_s)
+    site = _open_site(found.world, options, pins, deadline_s)
     watch = None
     if options.stepped:
         warn_of_altered(options.rules, site.rulebook.seal)
@@ -125,11 +125,11 @@ def open_live(
         chosen = choose_session(folder, site, model.model.sha256, scenario, options.resume)
     resumed, log = chosen if chosen is not None else (None, None)
     authority = authority or load_authority()
-    fleet = on_bus.drive(site, authority)
+    fleet, bus = found.drive(site, authority)
     station = open_station(
         site,
         model,
-        on_bus.clock(SteppedClock() if options.stepped else RealTimeClock()),
+        found.clock(SteppedClock() if options.stepped else RealTimeClock()),
         seed=options.seed,
         readonly=options.readonly,
         scenario=played,
@@ -144,7 +144,7 @@ def open_live(
     if not options.stepped:
         station.rate = settings.speed
     duration_s = played.scenario.duration_s if played is not None else 0.0
-    return LiveSession(options, settings, site, station, model, duration_s, log, fleet, authority)
+    return LiveSession(options, settings, site, station, model, duration_s, log, bus, authority)
 
 
 def _open_site(world: str, options: SessionOptions, pins: RulesPins, deadline_s: float) -> Site:

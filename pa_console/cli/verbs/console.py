@@ -93,7 +93,7 @@ def console(
             if not joined.show(settings, plain=plain):
                 return
             with joined.told_unless_taken():
-                _open(replace(options, fleet=join), settings, plain=plain, joined=joined)
+                _open(replace(options, fleet=[join]), settings, plain=plain, joined=joined)
         return
     _open(options, settings, plain=plain)
 

@@ -344,7 +344,8 @@ class ComposingController:
         picture, world = self._session.shown_state.picture, self._session.world
         lines: list[str] = []
         if picture is not None and name in picture.assets:
-            lines, choices = asset_lines(picture.assets[name]), asset_choices(picture.assets[name])
+            asset = picture.assets[name]
+            lines, choices = asset_lines(asset, picture.links), asset_choices(asset)
         elif picture is not None and name in picture.tracks:
             track = picture.tracks[name]
             lines, choices = track_lines(track), track_choices(track, world)

@@ -1,6 +1,6 @@
 """The card of a thing on the map: what is known of it, and what may be ordered or looked at."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from textual import events
@@ -15,6 +15,7 @@ from textual.widgets.option_list import Option
 
 from pa_console.schema.telemetry import AssetTelemetry, Track
 from pa_console.schema.world import PLAIN_KINDS, World
+from pa_console.session.wording import link_in_words
 from pa_console.tui.order_templates import forms_for
 from pa_console.tui.status_words import KIND_WORDS
 
@@ -77,12 +78,14 @@ def frame_choices(name: str, world: World) -> list[CardChoice]:
     return [*found, FOLLOW]
 
 
-def asset_lines(asset: AssetTelemetry) -> list[str]:
-    """Return the last report of an asset in lines."""
+def asset_lines(asset: AssetTelemetry, links: Mapping[str, str]) -> list[str]:
+    """Return the last report of an asset in lines; `links` are those of the picture."""
     where = f"at {asset.at}" if asset.at else f"to {asset.post}" if asset.post else "between posts"
+    over = link_in_words(asset.id, links)
     return [
         f"{KIND_WORDS[asset.kind]} {where}, {asset.task}",
         f"{asset.status}, battery {asset.battery_pct:.0f} %, link {asset.comms}",
+        *([over] if over else []),
     ]
 
 
