@@ -11,7 +11,14 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Literal, NamedTuple
 
 from pa_console.language.lexicon import any_of, find_verbs, word_lists
-from pa_console.language.name_linking import GATE, NUMBERS, WORD, WorldNames, link_names
+from pa_console.language.name_linking import (
+    GATE,
+    MEASURES,
+    NUMBERS,
+    WORD,
+    WorldNames,
+    link_names,
+)
 from pa_console.language.order import Task
 from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
 
@@ -39,6 +46,12 @@ _SPELT = {
         *("india", "juliet", "kilo", "lima", "mike", "november", "oscar", "papa"),
     )
 }
+_CONTACTS = frozenset(word for words in word_lists("contacts").values() for word in words)
+_AMOUNTS = frozenset(word_lists("names")["amounts"])
+"""The words before an amount: *battery 9*, *speed 4*."""
+_LEADS = frozenset(word_lists("mentions")["leads"])
+_OWN = frozenset(word_lists("mentions")["own"])
+"""The words that may stand between *the* and the name of a place of one word."""
 _CAR = re.compile(r"(?:cars?|trucks?|vehicles?)")
 _WORD = re.compile(r"[^\W_][\w-]*", re.UNICODE)
 _QUOTED = re.compile(r"\"[^\"]*\"|“[^”]*”|```.*?```|(?<!\w)'[^']{3,}'(?!\w)|<[^<>]*>")
@@ -132,6 +145,8 @@ class _Finder:
             self._sorts[name.lower()] = ("place", name)
         self._squashed = {_squashed(name): found for name, found in self._sorts.items()}
         self._parts = _own_words(places)
+        self._plain = {name.lower() for name in world.frames if len(WORD.findall(name)) == 1}
+        """The frames that have a common noun for a name: *base*, *checkpoint*."""
         self._compass = {
             word: self._parts[whole] for word, whole in _COMPASS.items() if whole in self._parts
         }
@@ -142,10 +157,14 @@ class _Finder:
 
     def _of(self, clause: _MentionClause) -> Iterator[Mention]:
         words = [(found[0], found.start()) for found in _WORD.finditer(clause.text)]
-        assets: set[int] = set()
+        assets, others = set[int](), set[int]()
         for at, (word, start) in enumerate(words):
             low = word.lower().removeprefix("frame_")
-            if found := self._sorts.get(low):
+            if low in self._plain and self._is_another(words, at):
+                said = f"{words[at - 1][0]} {word}"
+                yield Mention("place", said, said, clause.asks_about(start, "place"))
+                others.add(start)
+            elif found := self._sorts.get(low):
                 sort, means = found
                 yield Mention(sort, word, means, clause.asks_about(start, sort))
                 assets.update((at,) if sort == "asset" else ())
@@ -160,16 +179,28 @@ class _Finder:
                 yield Mention("place", word, self._compass[low], asked)
             elif low in self._parts:
                 yield Mention("place", word, self._parts[low], False)
-            elif (number := _numeral(low)) and not _counts(words, at):
+            elif (number := _numeral(low)) and not _counts(clause.text, words, at):
                 yield Mention("numeral", word, number, False)
         yield from _kinds(words, assets, clause)
         stays_on = {found.start("verb") for found in _STAYS_ON.finditer(clause.text)}
         sent = False
         for verb in find_verbs(clause.text):
+            if verb.start in others:
+                continue
             plain = verb.plain and clause.asks_about(verb.start, "verb")
             plain = plain and not (sent and verb.start in stays_on)
             sent = sent or "go" in verb.tasks
             yield Mention("verb", verb.word, verb.word, plain, verb.tasks, verb.means)
+
+    def _is_another(self, words: Sequence[tuple[str, int]], at: int) -> bool:
+        """Return whether a word that nobody here knows tells a place from ours: *the moon base*."""
+        if at < 2 or words[at - 2][0].lower() not in _LEADS:
+            return False
+        before = words[at - 1][0].lower()
+        known = _LEADS | _OWN | KINDS.keys() | ASSETS | self._sorts.keys() | self._parts.keys()
+        if before in known or before in _COMPASS or not before.isalpha() or before in NUMBERS:
+            return False
+        return not before.endswith(("est", "ly")) and not any(find_verbs(before))
 
     def _spelt(self, words: Sequence[tuple[str, int]], at: int) -> tuple[Sort, str] | None:
         """Return what a name is that is spelt in several words: `Gate Charlie`, `harpy-b`."""
@@ -268,10 +299,22 @@ def _numeral(word: str) -> str:
     return found[1] if found is not None else ""
 
 
-def _counts(words: Sequence[tuple[str, int]], at: int) -> bool:
-    """Return whether the word at `at` is the number of the next noun."""
-    after = [word.lower().removesuffix("s") for word, _ in words[at + 1 : at + 4]]
-    return words[at][0].isalpha() and any(word in KINDS or word in ASSETS for word in after)
+def _counts(text: str, words: Sequence[tuple[str, int]], at: int) -> bool:
+    """Return whether the word at `at` is a number that is no asset's.
+
+    It is the number of the next noun, an amount (*9 pct*, *battery 9*), or of a contact (*van 3*).
+    """
+    said, start = words[at]
+    if not said.isalpha() and not said.isdecimal():
+        return False
+    after = [word.lower() for word, _ in words[at + 1 : at + 4]]
+    before = words[at - 1][0].lower() if at else ""
+    if (after[:1] and after[0] in MEASURES) or text[start + len(said) :].lstrip().startswith("%"):
+        return True
+    if before in _AMOUNTS or before.removesuffix("s") in _CONTACTS - KINDS.keys() - {"vehicle"}:
+        return True
+    nouns = (word.removesuffix("s") for word in after)
+    return said.isalpha() and any(word in KINDS or word in ASSETS for word in nouns)
 
 
 def _is_name(word: str) -> bool:

@@ -225,7 +225,7 @@ def _is_said(word: str, said: list[str]) -> bool:
 _WORDS = word_lists("names")
 _BEFORE_NUMBER = frozenset(_WORDS["before_number"])
 _AND = frozenset((",", "and", "&", "/", "+", "or", "plus"))
-_MEASURES = frozenset(_WORDS["measures"])
+MEASURES = frozenset(_WORDS["measures"])
 _DETERMINERS = frozenset(_WORDS["determiners"])
 _TOKEN = re.compile(rf"{WORD.pattern}|[,&/+]")
 _ARTICLES = re.compile(r"\b(?:the )+$")
@@ -406,7 +406,8 @@ class _Linker:
             at, said = at + 1, str(NUMBERS.index(word))
         while self._word(at) in DIGITS and said in ("", "0") and not word.isdigit():
             at, said = at + 1, said + str(DIGITS.index(self._word(at)))
-        fits = 0 < len(said) <= _MOST_DIGITS and self._word(at) not in _MEASURES
+        amount = self._text[self._tokens[at - 1].end :].lstrip().startswith("%")
+        fits = not amount and 0 < len(said) <= _MOST_DIGITS and self._word(at) not in MEASURES
         return at, int(said) if fits else None
 
     def _counted(self, at: int) -> bool:

@@ -42,6 +42,9 @@ def check(site: Site, text: str, asked: str, plan: Plan = NOTHING) -> MentionChe
         ("Robot one to north... correction, south gate, I say again, south gate",
          "Robot_T01 to SouthGate"),
         ("Send a robot to the north gate, but not Robot_T01", "1 robot to NorthGate"),
+        ("Robot_T01 to the main base", "Robot_T01 home"),
+        ("Robot 1 to the checkpoint, drone 4 to the north gate",
+         "Robot_T01 to Checkpoint, Drone_T04 to NorthGate"),
     ],
 )  # fmt: skip
 def test_a_right_reading_has_no_gap(site: Site, text: str, asked: str) -> None:
@@ -52,6 +55,10 @@ def test_a_right_reading_has_no_gap(site: Site, text: str, asked: str) -> None:
     ("text", "asked", "gap"),
     [
         ("Send all assets to base.", "all free to WestGate", "not accounted for: base"),
+        ("Robot_T01 to the moon base", "Robot_T01 home", "not accounted for: moon base"),
+        ("van one is at the west gate, stop it", "Ugv_T01 to WestGate", "words: Ugv_T01"),
+        ("UGV BATT 9 PCT, get it home", "Ugv_T09 home", "not in the order's words: Ugv_T09"),
+        ("drone 3 % at the north gate, home", "Drone_T03 home", "words: Drone_T03"),
         ("Robot_T01 to the north gate. No wait, Robot_T02.", "Robot_T01 to NorthGate", "Robot_T02"),
         ("Robot one to north... correction, south gate", "Robot_T01 to NorthGate", "SouthGate"),
         (

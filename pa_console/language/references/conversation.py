@@ -10,7 +10,15 @@ from dataclasses import dataclass
 
 from pa_console.language.lexicon import find_verbs, word_lists
 from pa_console.language.plain_words import listed
-from pa_console.language.references.reader import Reader, asset_at, place_at, read_tokens
+from pa_console.language.references.reader import (
+    CONTACTS,
+    COPULA,
+    Reader,
+    WordToken,
+    asset_at,
+    place_at,
+    read_tokens,
+)
 from pa_console.language.references.scene import STILL, Move, PastMission, ReferenceScene
 from pa_console.schema.command import ENCOUNTERS
 
@@ -64,6 +72,16 @@ _THEM = _WORDS["them"]
 _THEY = _WORDS["they"]
 LEANING = frozenset((*_IT, *_THEM, *_THEY, *_THERE, *_SAME))
 """The words that stand for what was ordered before."""
+_HER = frozenset(_WORDS["her"])
+"""The words after an *her* that is no possessive."""
+_SOMEBODY = frozenset((*CONTACTS, *_WORDS["somebody"]))
+_ENCOUNTER = frozenset(_WORDS["encounter"])
+"""The verbs whose object is a contact, never one of the assets."""
+_SAME_ELSEWHERE = _WORDS["same_elsewhere"]
+_ONWARDS = _WORDS["onwards"]
+_DONE = frozenset(_WORDS["done"])
+_STEADY = frozenset(_WORDS["steady"])
+"""The words beside places, *next* and *done* in an order to go on."""
 _WELL = frozenset(_WORDS["well"])
 """The words that ask about an asset's condition."""
 _HOME = frozenset(_WORDS["home"])
@@ -100,7 +118,7 @@ class ResolvedOrder:
 
 def retell(scene: ReferenceScene, text: str) -> ResolvedOrder | Unclear | None:
     """Return an order that leans on the one before in full; None where it stands by itself."""
-    if (scene.last is None and not scene.pointer) or not text.strip():
+    if not (scene.last is not None or scene.pointer or scene.asked_about) or not text.strip():
         return None
     return _Turn(scene, text).retold()
 
@@ -120,6 +138,7 @@ class _Turn:
     def retold(self) -> ResolvedOrder | Unclear | None:
         for way in (
             self._undone,
+            self._continued,
             self._place_corrected,
             self._agent_corrected,
             self._same,
@@ -140,10 +159,16 @@ class _Turn:
             reader = Reader(self._tokens, at)
             if name := asset_at(self._scene, reader):
                 assets.append(_NameInOrder(name, at, reader.at, self._ruled_out(at)))
+                standing = Reader(self._tokens, reader.at)
+                if standing.take("at") and place_at(self._scene, standing) == self._at(name):
+                    reader.at = standing.at
             elif (name := place_at(self._scene, reader)) and self._words[at] != "home":
                 places.append(_NameInOrder(name, at, reader.at, self._ruled_out(at)))
             at = max(reader.at, at + 1)
         return assets, places
+
+    def _at(self, name: str) -> str:
+        return self._scene.place_of(name) or "nowhere"
 
     def _ruled_out(self, at: int) -> bool:
         before = [w for w in self._words[max(at - 3, 0) : at] if w not in ("the", "to", "at")]
@@ -255,15 +280,61 @@ class _Turn:
 
     def _same(self) -> ResolvedOrder | None:
         """Resolve *same for Robot_T02* and *same for north*."""
-        same = bool(_SAME & set(self._words)) or bool(self._has("as well"))
+        elsewhere = self._has(*_SAME_ELSEWHERE)
+        same = bool(_SAME & set(self._words)) or bool(self._has("as well")) or bool(elsewhere)
         if not same or not self._short or self._does or self._has(*_THERE):
             return None
         asked, wanted = self._asked, self._wanted
         if asked and not wanted and not self._own_verb():
             return self._whole(_sentence([self._order(name, self._moves[0]) for name in asked]))
-        if len(wanted) == 1 and not asked and self._has("same", "ditto", "likewise"):
+        if len(wanted) == 1 and elsewhere and asked and not self._own_verb():
+            orders = [self._order(name, self._moves[0], wanted[0]) for name in asked]
+            return self._whole(_sentence(orders))
+        if len(wanted) == 1 and elsewhere and not asked:
             return self._same_elsewhere(wanted[0])
         return None
+
+    def _continued(self) -> ResolvedOrder | Unclear | None:
+        """Resolve *done there, south next* and *on to west*: who was sent last goes on.
+
+        Every word has to be a place or one of these, and a place that is only said to be done is
+        no destination.
+        """
+        if self._assets or not (self._has(*_ONWARDS) or _DONE & set(self._words)):
+            return None
+        goals = list[str]()
+        for clause in self._clauses():
+            reader, said = Reader(clause), list[str]()
+            done = bool(_DONE & {token.word for token in clause})
+            while not reader.over:
+                at = reader.at
+                told = reader.take(*_ONWARDS) or reader.take_in(_DONE | _STEADY | COPULA)
+                if told:
+                    continue
+                place = place_at(self._scene, reader)
+                if not place:
+                    return None
+                after = Reader(clause, at).word(-1) in ("now", "next", "then")
+                if not done or after:
+                    said.append(place)
+            if not COPULA & {token.word for token in clause}:
+                goals += said
+        if len(dict.fromkeys(goals)) != 1:
+            return None
+        orders = [self._order(name, self._moves[0], goals[0]) for name in self._movers]
+        if len({self._target(move) for move in self._moves}) == 1:
+            return self._whole(_sentence(orders))
+        return Unclear(self._text.strip(), f"Who goes on to {goals[0]}?", tuple(orders))
+
+    def _clauses(self) -> list[list[WordToken]]:
+        """Return the words of the order between stops."""
+        clauses: list[list[WordToken]] = [[]]
+        for token in self._tokens:
+            if token.word[0].isalnum() or token.word.startswith("'"):
+                clauses[-1].append(token)
+            else:
+                clauses.append([])
+        return clauses
 
     def _own_verb(self) -> bool:
         verbs = find_verbs(self._text)
@@ -349,11 +420,11 @@ class _Turn:
 
     def _it(self) -> list[str] | Unclear:
         """Return who was moved last; of several it has to be asked which one is meant."""
-        pointer = self._scene.pointer
+        pointer, asked = self._scene.pointer, self._scene.asked_about
         marked = [pointer] if pointer in self._scene.world.assets else []
         if marked and self._has("that one", "this one"):
             return marked
-        who = list(dict.fromkeys((*marked, *self._movers)))
+        who = list(dict.fromkeys((*marked, *([asked] if asked else self._movers))))
         if len(who) < 2:
             return who
         found = re.search(rf"\b(?:{'|'.join(_IT)})\b", self._text, re.IGNORECASE)
@@ -404,12 +475,28 @@ class _Turn:
             they = self._they()
             return self._replaced(at, reader.at, listed(they)) if they else None
         reader.at = at
+        if self._is_contact(at):
+            return None
         if reader.take(*_IT) and not (_WEATHER & {reader.word(), reader.word(1), reader.word(2)}):
             who = self._it()
             if isinstance(who, Unclear):
                 return who
             return self._replaced(at, reader.at, who[0]) if who else None
         return None
+
+    def _is_contact(self, at: int) -> bool:
+        """Return whether the pronoun at token `at` is no asset, but who has come, or a possessive.
+
+        Somebody is spoken of before, and nobody is to come back, or the verb is for contacts only.
+        """
+        if self._words[at] == "her" and self._words[at + 1 : at + 2]:
+            after = self._words[at + 1]
+            if after[0].isalnum() and after not in _HER:
+                return True
+        if at and self._words[at - 1] in _ENCOUNTER:
+            return True
+        back = (_HOME | {"back"}) & set(self._words)
+        return not back and bool(_SOMEBODY & set(self._words[:at]))
 
     def _there_named(self, at: int, end: int) -> tuple[ResolvedReference, int] | Unclear | None:
         """Put the name for a word such as *there*; of several places it is asked which one."""

@@ -43,12 +43,36 @@ class Superlative:
                 return scene.asset(name).battery_pct
 
 
+@dataclass
+class Group:
+    """Assets or gates of which an order picks some, and those `picked` so far.
+
+    `members` are in the order of the words, which are the characters from `start` to `end`.
+    """
+
+    members: tuple[str, ...]
+    sort: Sort
+    start: int = 0
+    end: int = 0
+    leading: bool = False
+    """True if it begins a clause: *of the two robots,* is left out once something is picked."""
+    choice: bool = False
+    """True if any one of it will do: *Drone_T04 or Ugv_T02*, *a robot*."""
+    clear: bool = True
+    """False if its number does not fit the picture: *the two drones* where there are four."""
+    spoken: bool = True
+    """False for the assets that moved last, which the order does not speak of."""
+    picked: set[str] = field(default_factory=set[str])
+    bound: bool = False
+    """True if a description has picked from it."""
+
+
 @dataclass(frozen=True)
 class Description:
     """Words from the character `start` up to `end` that describe gates or assets.
 
     So many are meant as `number` says: 0 for all that fit. Of several that fit, `any_will_do`.
-    `place` is named inside of it.
+    `place` is named inside of it. Without a noun of its own it picks from `group`.
     """
 
     start: int
@@ -60,19 +84,24 @@ class Description:
     number: int = 1
     any_will_do: bool = False
     place: str = ""
-    partitive: bool = False
-    """True if it only gives the group for a later description."""
+    group: Group | None = None
+    selects: bool = False
+    """True if it only says which of the group is meant: *A or B, whichever is nearer*."""
 
 
 def fitting(scene: ReferenceScene, description: Description) -> tuple[str, ...]:
     """Return the names of what fits, in the order of the world; a superlative leaves the best.
 
-    Of several that are equally good all are returned.
+    Of several that are equally good all are returned. What picks from a group that the order does
+    not speak of may fit none of it, and then means any.
     """
     names: Sequence[str] = (
         scene.gates if description.sort == "gate" else tuple(scene.picture.assets)
     )
     fit = [name for name in names if all(trait(scene, name) for trait in description.traits)]
+    if (group := description.group) is not None:
+        within = [name for name in fit if name in group.members]
+        fit = within if within or group.spoken else fit
     ranking = description.ranking
     if ranking is None or not fit:
         return tuple(fit)

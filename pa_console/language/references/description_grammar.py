@@ -6,15 +6,18 @@ does not know end a description, and are never passed over.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from itertools import pairwise
 
+from pa_console.language.lexicon import find_verbs
 from pa_console.language.mentions import ASSETS
 from pa_console.language.references import reader as words
 from pa_console.language.references.description import (
     Description,
+    Group,
     PartialDescription,
     Superlative,
     Trait,
+    fitting,
     has_failed,
     is_bare,
     is_guard,
@@ -23,62 +26,85 @@ from pa_console.language.references.description import (
     is_silent,
     works,
 )
-from pa_console.language.references.reader import Reader, WordToken, asset_at, number_of
+from pa_console.language.references.groups import DETERMINERS, OF, ReadSet, SentenceGroups
+from pa_console.language.references.reader import (
+    Reader,
+    WordToken,
+    asset_at,
+    number_of,
+    place_at,
+)
 from pa_console.language.references.scene import ReferenceScene
 from pa_console.language.references.trait_clauses import AssetClauses, GateClauses, sent
 
-_OF = frozenset(("of", "among"))
 _DEALT_WITH = frozenset(("warn", "identify", "stop", "block", "unknown", "check", "approaching"))
 _MOST = 20
 """More things than these are not counted out in words."""
+_BESIDE = frozenset(
+    (",", ":", "to", "from", "at", "with", "and", "is", "'s", "should", "can", "of")
+)
+"""The words, beside verbs and stops, after *the other* or *the nearer* that has no noun."""
 
 
 def find_descriptions(
-    scene: ReferenceScene, tokens: Sequence[WordToken], text: str
+    scene: ReferenceScene,
+    tokens: Sequence[WordToken],
+    text: str,
+    groups: SentenceGroups | None = None,
 ) -> Iterator[Description]:
-    """Yield the descriptions in `text`, whose words are `tokens`, from left to right."""
-    at, of = 0, None
+    """Yield the descriptions in `text`, whose words are `tokens`, from left to right.
+
+    What a description means has to be noted in `groups` before the next one is read.
+    """
+    groups = SentenceGroups(scene, tokens) if groups is None else groups
+    at = 0
     while at < len(tokens):
-        parser = _DescriptionParser(scene, tokens, text, at, of)
-        found = parser.description()
-        reader = parser.reader
-        if found is not None and found.number == 0 and at and tokens[at - 1].word in _OF:
-            of = found
-            end = tokens[reader.at].end if reader.word() == "," else found.end
-            yield replace(found, start=tokens[at - 1].start, end=end, partitive=True)
-        elif found is not None:
-            yield found
-        at = reader.at if found is not None else at + 1
+        led = Reader(tokens, at)
+        if groups.begins_clause(at) and led.take(*OF) and (found := _set_at(groups, text, led.at)):
+            groups.introduce(found, at)
+            at = found.end
+            continue
+        parser = _DescriptionParser(groups, text, at)
+        if (described := parser.description()) is not None:
+            yield described
+            at = parser.reader.at
+        elif found := _set_at(groups, text, at):
+            groups.introduce(found, at)
+            at = found.end
+        else:
+            at = groups.read_name(at)
+
+
+def _set_at(groups: SentenceGroups, text: str, at: int) -> ReadSet | None:
+    """Read a set at token `at`: names, a plural noun, *them*; None where there is none."""
+    return groups.read_names(at) or _DescriptionParser(groups, text, at).plural()
 
 
 class _DescriptionParser:
-    """Reads one description from one place of an order.
+    """Reads one description from one place of an order, after the sets in `groups`."""
 
-    `of` is said before it: of whom or what *the one* is one.
-    """
-
-    def __init__(
-        self,
-        scene: ReferenceScene,
-        tokens: Sequence[WordToken],
-        text: str,
-        at: int,
-        of: Description | None = None,
-    ) -> None:
-        self._scene, self._text, self._first, self._of = scene, text, at, of
-        self.reader = Reader(tokens, at)
-        self._told = PartialDescription(scene, self.reader)
+    def __init__(self, groups: SentenceGroups, text: str, at: int) -> None:
+        self._scene, self._groups, self._text, self._first = groups.scene, groups, text, at
+        self.reader = Reader(groups.tokens, at)
+        self._told = PartialDescription(self._scene, self.reader)
         self._number = 1
         self._any = self._definite = False
         self._bare = False
         """True if there is no determiner."""
         self._vague = False
         """True if the noun is *one*, which may be a visitor as well as an asset."""
+        self._nameless = False
+        """True if the noun is *one*, or left out."""
+        self._other = False
+        """True if it leaves out what was picked or mentioned before."""
+        self._group: Group | None = None
+        """The set that it picks from; None if it has a noun of its own."""
 
     def description(self) -> Description | None:
         """Return the description that begins here, None where none does."""
-        reader, told = self.reader, self._told
-        if not (self._possessive() or self._pronoun() or self._noun_phrase()):
+        told = self._told
+        ways = (self._possessive, self._pronoun, self._one_of_two, self._noun_phrase)
+        if not any(way() for way in ways):
             return None
         if not told.describes or (not self._definite and told.ranking is None):
             return None
@@ -86,7 +112,37 @@ class _DescriptionParser:
             return None  # who is free is the planner's to choose
         if self._vague and any(track.gate == told.place for track in self._scene.visitors()):
             return None
-        start, end = reader.tokens[self._first].start, reader.tokens[reader.at - 1].end
+        return self._whole()
+
+    def plural(self) -> ReadSet | None:
+        """Return the set that a plural noun begins here: *the two robots*, *our drones*."""
+        reader, told = self.reader, self._told
+        choice = any(token.word == "whichever" for token in reader.tokens) and bool(
+            reader.take("a", "an", "any", "either")
+        )
+        both = reader.word() == "both"
+        if not choice:
+            reader.take(*DETERMINERS)
+        number = number_of(reader.word())
+        reader.at += number > 1
+        self._number, self._definite = 2 if both else max(number, 0), True
+        while self._adjective():
+            pass
+        if told.ranking is not None or self._other or not self._noun():
+            return None
+        if reader.word(-1).endswith("s") == choice:
+            return None
+        if not choice:
+            self._after()
+        fit = fitting(self._scene, self._whole())
+        if self._number not in (0, len(fit)) and told.sort == "asset":
+            fit = tuple(name for name in fit if works(self._scene, name)) or fit
+        clear = self._number in (0, len(fit))
+        return ReadSet(fit, told.sort, reader.at, clear, choice) if len(fit) > 1 else None
+
+    def _whole(self) -> Description:
+        told, tokens = self._told, self.reader.tokens
+        start, end = tokens[self._first].start, tokens[self.reader.at - 1].end
         return Description(
             start=start,
             end=end,
@@ -97,7 +153,16 @@ class _DescriptionParser:
             number=self._number,
             any_will_do=self._any,
             place=told.place,
+            group=self._group,
+            selects=self._selects,
         )
+
+    @property
+    def _selects(self) -> bool:
+        """Return whether it only says which of the alternatives before it is meant."""
+        reader = Reader(self.reader.tokens, self._first)
+        after = reader.word(-1) in (",", "-", "–", "(") and reader.word() == "whichever"
+        return after and self._group is not None and self._group.choice and not self._group.leading
 
     @property
     def _idle_only(self) -> bool:
@@ -139,6 +204,13 @@ class _DescriptionParser:
                 reader.at = start
                 return False
             self._any = self._definite = True
+            self._of_set()
+        elif reader.take("whichever"):
+            self._group = self._groups.open
+            if not self._of_set() and (self._group is None or not self._group.spoken):
+                reader.at, self._group = start, None
+                return False
+            self._definite = True
         elif reader.take_in(words.EVERYBODY) or (
             reader.word() == "all" and reader.word(1) in ("but", "except") and reader.take("all")
         ):
@@ -151,8 +223,42 @@ class _DescriptionParser:
         if told.describes and not (self._number == 0 and told.bare_location and led[0].isalnum()):
             return True
         reader.at = start
-        self._told = PartialDescription(self._scene, reader)
+        self._told, self._group = PartialDescription(self._scene, reader), None
         return False
+
+    def _of_set(self) -> bool:
+        """Read the set to pick from, *of the two robots*; False where there is none."""
+        start = self.reader.at
+        if self.reader.take(*OF):
+            found = _set_at(self._groups, self._text, self.reader.at)
+            if found is not None:
+                self._groups.introduce(found, start)
+                self._group, self.reader.at = self._groups.current, found.end
+                return True
+        self.reader.at = start
+        return False
+
+    def _one_of_two(self) -> bool:
+        """Read *one* before *the other*: any of a set that the order has introduced."""
+        reader, group = self.reader, self._groups.open
+        if group is None or reader.word() != "one" or reader.word(-1) in words.DETERMINED:
+            return False
+        left = [token.word for token in reader.tokens[reader.at :]]
+        if ("the", "other") not in pairwise(left) or not self._stands_alone(1):
+            return False
+        reader.at += 1
+        self._any = self._definite = True
+        self._group = group
+        return self._told.say(lambda _, name: name not in group.picked)
+
+    def _stands_alone(self, ahead: int = 0) -> bool:
+        """Return whether no noun is the word `ahead`: a verb, a stop, a place, or *to*."""
+        word = self.reader.word(ahead)
+        if not word or not word[0].isalnum() or word in _BESIDE:
+            return True
+        if any(verb.plain or word.endswith("s") for verb in find_verbs(word)):
+            return True
+        return bool(place_at(self._scene, Reader(self.reader.tokens, self.reader.at + ahead)))
 
     def _noun_phrase(self) -> bool:
         """Read a determiner, adjectives, a noun and its clauses."""
@@ -161,9 +267,11 @@ class _DescriptionParser:
         self._determiner()
         while self._adjective():
             pass
-        if not self._noun():
+        if not (self._noun() or self._headless()):
             reader.at = start
             return False
+        if self._other:
+            self._leave_out()
         self._after()
         return True
 
@@ -205,10 +313,15 @@ class _DescriptionParser:
         if reader.word() in words.NEAR | words.FAR:
             told.rank(Superlative("near" if reader.take_in(words.NEAR) else "far"))
             reader.take_in(words.FAR)
-        elif reader.take("freshest"):
-            told.of_assets = told.rank(Superlative("full"))
+        elif self._definite and reader.word() in words.FULLER | words.EMPTIER:
+            fuller = bool(reader.take_in(words.FULLER)) or not reader.take_in(words.EMPTIER)
+            told.of_assets = told.rank(Superlative("full" if fuller else "flat"))
         elif reader.take("other", "remaining"):
-            self._other()
+            self._other = told.describes = True
+        elif self._definite and (name := self._groups.in_order(reader.word())):
+            reader.at += 1
+            self._group = self._groups.current
+            told.say(lambda _, each: each == name)
         elif reader.take_in(words.BARE):
             told.sort = "gate"
             told.say(is_bare)
@@ -242,10 +355,19 @@ class _DescriptionParser:
             return self._gate(word)
         if told.sort == "gate":
             return bool(reader.take("one", "entrance"))
-        if word == "one" and self._of is not None:
+        group = self._groups.open
+        if word in ("one", "ones") and group is not None and not self._other:
+            self._group = self._group or group
+            if group.spoken:
+                reader.at += 1
+                told.sort = group.sort
+                return True
+        if self._definite and not self._other and reader.word() in ("others", "rest"):
+            rest = self._groups.rest
+            if rest is None or not rest.spoken or self.reader.word(-2) in words.LEAVING:
+                return False
             reader.at += 1
-            told.sort = self._of.sort
-            told.traits += self._of.traits
+            self._number, self._other, told.describes = 0, True, True
             return True
         team = self._scene.members(word)
         single = word.removesuffix("s")
@@ -254,7 +376,7 @@ class _DescriptionParser:
         if single == "vehicle" and self._means_contact():
             return False
         reader.at += 1
-        self._vague = single == "one"
+        self._vague = self._nameless = single == "one"
         if word.endswith("s") and self._number == 1:
             self._number = 0
         if team:
@@ -285,22 +407,56 @@ class _DescriptionParser:
         before = self.reader.word(-2) if self._definite else self.reader.word(-1)
         return before in _DEALT_WITH or bool(self._scene.visitors("vehicle"))
 
-    def _other(self) -> None:
-        """Leave out what the rest of the order names, or else what the last one was about.
+    def _headless(self) -> bool:
+        """Read no noun: *the other* goes north, *the nearer* of the two robots."""
+        told = self._told
+        if not self._definite or self._bare or told.sort == "gate" or not self._stands_alone():
+            return False
+        self._nameless = True
+        if told.ranking is not None and self._group is None:
+            return self._of_set() or self._from_open()
+        return self._group is not None or (self._other and bool(self._groups.latest))
+
+    def _from_open(self) -> bool:
+        """Pick from the set that the order has introduced; False without one."""
+        group = self._groups.open
+        self._group = group if group is not None and group.spoken else None
+        return self._group is not None
+
+    def _leave_out(self) -> None:
+        """Leave out what was picked before of a set, or what the order or the last one was about.
 
         Where two gates were spoken of, the other one is of these two.
         """
-        scene, last = self._scene, self._scene.last
+        told, scene, last = self._told, self._scene, self._scene.last
+        rest = self._groups.rest
+        if rest is not None and self._fits_one_of(rest):
+            self._group = rest
+            told.say(lambda _, name: name not in rest.picked)
+            return
         named = {token.said.lower() for token in self.reader.tokens}
         out = [n for n in (*scene.world.assets, *scene.gates) if n.lower() in named]
+        out += self._groups.named
         if not any(name in scene.world.assets for name in out) and last is not None:
             out += [move.agent for move in last.moves]
         if not any(name in scene.gates for name in out) and last is not None:
             out += [move.target for move in last.moves if move.target]
             spoken = [n for n in scene.gates if n in last.text and n not in out]
             if len(spoken) == 1:
-                self._told.say(lambda s, name: name in s.world.assets or name in spoken)
-        self._told.say(lambda _, name: name not in out)
+                told.say(lambda s, name: name in s.world.assets or name in spoken)
+        kinds = {scene.world.assets[name].kind for name in self._groups.latest}
+        if self._nameless and len(kinds) == 1:
+            told.say(lambda s, name: s.world.assets[name].kind in kinds)
+        told.say(lambda _, name: name not in out)
+
+    def _fits_one_of(self, rest: Group) -> bool:
+        """Return whether something that is left of a set has the traits read so far."""
+        told = self._told
+        return rest.sort == told.sort and any(
+            all(trait(self._scene, name) for trait in told.traits)
+            for name in rest.members
+            if name not in rest.picked
+        )
 
     # ------------------------------------------------------------------ after the noun
 
@@ -322,7 +478,7 @@ class _DescriptionParser:
 
     def _other_noun(self) -> list[Trait]:
         """Read another noun phrase here and return its traits."""
-        inner = _DescriptionParser(self._scene, self.reader.tokens, self._text, self.reader.at)
+        inner = _DescriptionParser(self._groups, self._text, self.reader.at)
         traits = inner.noun_traits()
         self.reader.at = inner.reader.at
         return traits

@@ -106,8 +106,10 @@ ANYBODY = frozenset(_WORDS["anybody"])
 EVERYBODY = frozenset(_WORDS["everybody"])
 NEAR = frozenset(_WORDS["near"])
 FAR = frozenset(_WORDS["far"])
-MOST = frozenset(_WORDS["most"])
-LEAST = frozenset(_WORDS["least"])
+FULLER = frozenset(_WORDS["fuller"])
+EMPTIER = frozenset(_WORDS["emptier"])
+MOST = FULLER | frozenset(_WORDS["most"])
+LEAST = EMPTIER | frozenset(_WORDS["least"])
 CHARGE = frozenset(_WORDS["charge"])
 BARE = frozenset(_WORDS["bare"])
 GUARDS = frozenset(_WORDS["guards"])
@@ -140,6 +142,9 @@ CONTACTS: Mapping[str, str] = {
     for word in words
 }
 """The words for contacts, and their sort of track; '' for either."""
+DETERMINED = frozenset((*DEFINITE, *INDEFINITE, *EVERY, *FREE_CHOICE, "number", "only"))
+"""The words after which *one* is no pronoun."""
+LEAVING = frozenset(_WORDS["leaving"])
 COMING = frozenset(_WORDS["coming"])
 
 

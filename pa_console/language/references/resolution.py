@@ -27,6 +27,7 @@ from pa_console.language.references.conversation import (
 )
 from pa_console.language.references.description import Description, Trait, fitting
 from pa_console.language.references.description_grammar import find_descriptions
+from pa_console.language.references.groups import SentenceGroups
 from pa_console.language.references.reader import Reader, WordToken, asset_at, place_at, read_tokens
 from pa_console.language.references.scene import ReferenceScene
 
@@ -200,17 +201,14 @@ def _described(
     """Return a text with names for its descriptions, and those with what they mean."""
     text = linked.text
     tokens = read_tokens(text)
-    found = [
-        replace(one, said=linked.said(one.start, one.end))
-        for one in find_descriptions(scene, tokens, text)
-    ]
+    groups = SentenceGroups(scene, tokens)
+    found: list[Description] = []
     meant: list[ResolvedReference] = []
     quoted = [span.span() for span in _QUOTED.finditer(text)]
-    for one in found:
+    for one in find_descriptions(scene, tokens, text, groups):
+        one = replace(one, said=linked.said(one.start, one.end))  # noqa: PLW2901
+        found.append(one)
         if any(start <= one.start < end for start, end in quoted):
-            continue
-        if one.partitive:
-            meant.append(ResolvedReference(one.start, one.end, "", "", " "))
             continue
         if _follows(tokens, one) in _STAYING and one.number != 1:
             continue
@@ -223,7 +221,13 @@ def _described(
         if isinstance(names, Unclear):
             return names
         if names:
-            meant.append(_written(scene, tokens, one, names))
+            groups.mention(one, names)
+            meant += _written(scene, tokens, one, names)
+    meant += [
+        ResolvedReference(group.start, group.end, "", "", " ")
+        for group in groups.opened
+        if group.leading and group.bound
+    ]
     if not meant:
         return text, []
     return (
@@ -258,8 +262,11 @@ def _meant_by(
     scene: ReferenceScene, one: Description, state: State | None
 ) -> tuple[str, ...] | Unclear:
     """Return the names that a description means, none where the planner may choose."""
-    asset = one.sort == "asset"
-    if asset and one.ranking is not None and one.ranking.distance:
+    asset, group = one.sort == "asset", one.group
+    if group is not None and not group.clear:
+        return _unclear(scene, one, group.members)
+    ranked = one.ranking is not None and (group is None or not group.spoken)
+    if asset and ranked and one.ranking is not None and one.ranking.distance:
         one = replace(one, traits=(*one.traits, _can_come(one.ranking.place)))
     names = fitting(scene, one)
     if asset:
@@ -296,6 +303,7 @@ def _unclear(scene: ReferenceScene, one: Description, names: Sequence[str]) -> U
     what = "gate" if one.sort == "gate" else "asset"
     if not names:
         every = scene.gates if one.sort == "gate" else ()
+        every = one.group.members if one.group is not None else every
         choices = tuple(every) if len(every) <= MOST_CHOICES else ()
         return Unclear(one.said, f"No {what} fits “{one.said}”. Which {what} is meant?", choices)
     many = f"{len(names)} {what}s fit" if len(names) > 1 else f"Only {names[0]} fits"
@@ -309,12 +317,22 @@ def _written(
     tokens: Sequence[WordToken],
     one: Description,
     names: tuple[str, ...],
-) -> ResolvedReference:
+) -> list[ResolvedReference]:
     """Return what to write for a description: its names, and where to, if only it says that.
 
     *Closest robot to the north gate, please* names the place to go to inside of the description.
-    An asset that is down keeps its place: the prompt does not say where it stood.
+    An asset that is down keeps its place: the prompt does not say where it stood. The name takes
+    the place of the alternatives that are named before *whichever is nearer*.
     """
+    if one.selects and one.group is not None:
+        first = max(n for n, token in enumerate(tokens) if token.start < one.start)
+        after = next((token for token in tokens if token.start >= one.end), None)
+        enclosed = after is not None and after.word in (",", "-", "–", ")")
+        end = after.end if after is not None and enclosed else one.end
+        return [
+            ResolvedReference(one.group.start, one.group.end, one.said, listed(names)),
+            ResolvedReference(tokens[first].start, end, "", "", " " if enclosed else ""),
+        ]
     means, becomes = listed(names), ""
     ranked = one.ranking is not None and one.ranking.distance and bool(one.place)
     if ranked and one.sort == "asset" and not _place_beside(scene, tokens, one):
@@ -326,7 +344,7 @@ def _written(
     down = len(names) == 1 and one.sort == "asset" and not scene.asset(names[0]).available
     if (beside or down) and one.sort == "asset" and one.place:
         becomes = f"{means} at {one.place}"
-    return ResolvedReference(one.start, one.end, one.said, means, becomes)
+    return [ResolvedReference(one.start, one.end, one.said, means, becomes)]
 
 
 def _there_named(

@@ -139,6 +139,12 @@ class ReferenceScene:
         moving = (p for p in self.past if any(m.verb not in STILL for m in p.moves))
         return next((p for p in reversed([*moving]) if not p.undid), None)
 
+    @property
+    def asked_about(self) -> str:
+        """The one asset that the latest mission asked about and moved no other; '' for none."""
+        moves = self.past[-1].moves if self.past else ()
+        return moves[0].agent if len(moves) == 1 and moves[0].verb == "report" else ""
+
     def in_order(self, names: Iterable[str]) -> tuple[str, ...]:
         """Return `names`, each once, in the order of the world."""
         found = set(names)

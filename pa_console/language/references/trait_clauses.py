@@ -90,7 +90,8 @@ class AssetClauses:
     def _guarding(self) -> bool:
         """Read the guarded gate: *guarding the west gate*, *cover a gate*."""
         reader, start = self._reader, self._reader.at
-        if not reader.take_in(words.GUARDING):
+        finite = not self._related and not reader.word().endswith("ing")
+        if finite or not reader.take_in(words.GUARDING):
             return False
         place = place_at(self._scene, reader)
         if place:

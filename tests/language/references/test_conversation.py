@@ -4,7 +4,7 @@ import pytest
 
 from pa_console.language.references.conversation import ResolvedOrder
 from pa_console.language.references.resolution import resolve
-from pa_console.language.references.scene import after
+from pa_console.language.references.scene import Move, PastMission, after
 from tests.language.references.scenes import asked, read, scene, sent, standing
 
 DRONE = sent("Send Drone_T04 to EastGate.", ("Drone_T04", "Checkpoint", "EastGate"))
@@ -30,6 +30,18 @@ ANY = sent("Put a robot at SouthGate.", ("Robot_T01", "Checkpoint", "SouthGate")
         ("Send another vehicle there.", "Ugv_T02 to EastGate."),
         ("The one I sent last reports.", "Drone_T04 reports."),
         ("Let it observe NorthGate.", "Let Drone_T04 observe NorthGate."),
+        ("Tell him to go on to the west gate.", "Tell Drone_T04 to go on to WestGate."),
+        ("She can come home.", "Drone_T04 can come home."),
+        ("Finished over there, now west.", "Drone_T04 to WestGate."),
+        ("East is clear. South next, please.", "Drone_T04 to SouthGate."),
+        ("On to the north gate.", "Drone_T04 to NorthGate."),
+        ("All done, home now.", "Drone_T04 home."),
+        ("Repeat that for the south gate with the robot at the base.", "Robot_T02 to SouthGate."),
+        ("Do the same at north with Ugv_T02.", "Ugv_T02 to NorthGate."),
+        ("Who is at the west gate? Warn him.", "Who is at the west gate? Warn him."),
+        ("East is clear now.", "East is clear now."),
+        ("Now the north gate is quiet and the south gate too.",
+         "Now the north gate is quiet and the south gate too."),
     ],
 )  # fmt: skip
 def test_what_was_ordered_last_is_meant(text: str, says: str) -> None:
@@ -68,6 +80,9 @@ def test_a_name_earlier_in_the_order_is_what_it_means() -> None:
         "Close the window, it is draughty.",
         "Knock knock. Who is there?",
         "Water the plants on the second floor.",
+        "A lady waits at the west gate, find out what she wants.",
+        "A van is coming to the south gate, block it.",
+        "Identify him.",
     ],
 )
 def test_what_points_at_nothing_stays_as_it_was(text: str) -> None:
@@ -105,6 +120,22 @@ def test_it_is_asked_whether_the_marked_one_is_meant_or_the_last() -> None:
         "Ugv_T02",
         "Drone_T04",
     )
+
+
+def test_it_is_asked_who_goes_on_where_two_went_to_two_places() -> None:
+    apart = sent(
+        "Robots apart.",
+        ("Robot_T01", "Checkpoint", "NorthGate"),
+        ("Robot_T02", "Base", "SouthGate"),
+    )
+    question = asked("Done there, west next.", scene(*standing(apart), past=[apart]))
+    assert question.choices == ("Robot_T01 to WestGate", "Robot_T02 to WestGate")
+
+
+def test_it_is_whom_the_last_question_was_about() -> None:
+    status = PastMission("How is Ugv_T02?", (Move("Ugv_T02", "report", before="Checkpoint"),))
+    where = scene(*standing(DRONE), past=[DRONE, status])
+    assert read("Then send it to the west gate.", where) == "Then send Ugv_T02 to WestGate."
 
 
 def test_it_is_asked_where_there_is_after_two_places() -> None:
