@@ -210,7 +210,7 @@ class _DescriptionParser:
             if not self._of_set() and (self._group is None or not self._group.spoken):
                 reader.at, self._group = start, None
                 return False
-            self._definite = True
+            self._any = self._definite = True
         elif reader.take_in(words.EVERYBODY) or (
             reader.word() == "all" and reader.word(1) in ("but", "except") and reader.take("all")
         ):
