@@ -144,6 +144,7 @@ def test_every_library_that_is_imported_is_asked_for() -> None:
     asked = [
         *project["dependencies"],
         *extras["hub"],
+        *extras["mavlink"],
         *extras["mcap"],
         *extras["mcp"],
         *extras["train"],

@@ -13,8 +13,9 @@ from pa_console.cli.sessions.on_map import on_map
 from pa_console.resources import find_data
 from pa_console.schema.world import Origin
 from pa_console.settings.schema import Settings
+from pa_console.sim.worlds.geography import Geography
 from pa_console.sim.worlds.world_file import load_world
-from pa_console.tak.site_on_map import Geography, SiteOnMap
+from pa_console.tak.site_on_map import SiteOnMap
 from tests.cli.inside import Call
 from tests.fleets.broker import free_port
 from tests.golden.sessions import played

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from pa_console.schema.world import Origin
-from pa_console.tak.site_on_map import Geography
+from pa_console.sim.worlds.geography import Geography
 
 CENTIMETRE = 0.01
 SEMI_MAJOR_M, FLATTENING = 6_378_137.0, 1 / 298.257223563

@@ -30,12 +30,13 @@ from pa_console.schema.incident import SpawnTrack
 from pa_console.schema.text import visible_line
 from pa_console.schema.world import Origin
 from pa_console.session.state import SessionState
+from pa_console.sim.worlds.geography import Geography
 from pa_console.station import notices as outside_reports
 from pa_console.station.assembly import Site, load_site, open_station
 from pa_console.station.clock import SteppedClock
 from pa_console.station.headless import run_missions
 from pa_console.tak.reports import TakReports
-from pa_console.tak.site_on_map import Geography, SiteOnMap
+from pa_console.tak.site_on_map import SiteOnMap
 from tests.scripted import ScriptedEngine, plan
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from pa_console.observability import Observer
 from pa_console.schema.world import World
 from pa_console.settings.schema import Settings
+from pa_console.sim.worlds.geography import geography_of
 from pa_console.station.assembly import open_world
 from pa_console.tak.connection import Certificate, TakConnection, TakServer
 from pa_console.tak.reports import TakReports
 from pa_console.tak.session_on_map import InBackground, SessionOnMap
-from pa_console.tak.site_on_map import Geography, SiteOnMap, origin_of
+from pa_console.tak.site_on_map import SiteOnMap
 
 
 @dataclass(frozen=True)
@@ -67,10 +68,5 @@ def placed(world: World, origin: str, name: str = "", *, replay: bool = False) -
 
     Raises ValueError for an origin or a name that is none, and for a world that is nowhere.
     """
-    at = origin_of(origin) if origin else world.origin
-    if at is None:
-        raise ValueError(
-            f"the world {world.name!r} does not say where on the earth it is: give its origin as "
-            "LATITUDE,LONGITUDE (--origin, --tak-origin), or 'origin' in its file"
-        )
-    return SiteOnMap(world, Geography(at), name or world.name, replay)
+    geography = geography_of(world, origin, "--origin, --tak-origin")
+    return SiteOnMap(world, geography, name or world.name, replay)

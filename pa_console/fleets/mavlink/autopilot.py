@@ -1,0 +1,285 @@
+"""One vehicle through mavsdk: its messages go to its `Flight`, and the flight's requests go out.
+
+mavsdk calls back on threads of its own. Nothing is decided there: each call is handed to `post`.
+"""
+
+import json
+import math
+import struct
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+from functools import partial
+from typing import Any, Protocol, cast
+
+from mavsdk.autopilot import Autopilot as Family
+from mavsdk.plugins.action import Action, ActionResult
+from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkDirectError, MavlinkMessage
+from mavsdk.plugins.mission_raw import MissionItem, MissionRaw, MissionRawResult
+from mavsdk.plugins.telemetry import LandedState, Telemetry
+from mavsdk.system import System
+
+from pa_console.fleets.mavlink.commands import ACCEPTED, RESULTS, Cmd, Kind, MavCommand, MavItem
+from pa_console.fleets.mavlink.flight import Flight
+
+Post = Callable[[Callable[[], object]], None]
+"""Has something done by the link's own thread."""
+
+AUTOPILOT = 1
+"""The component id of an autopilot: cameras and radios of the same vehicle are not heard."""
+
+FENCE, MISSION = 1, 0
+PX4_FENCE_ACTION = "GF_ACTION"
+LEAST_ACTION = 2
+"""PX4's hold at the fence; 0 does nothing, and 1 warns."""
+
+UNANSWERED = frozenset((ActionResult.TIMEOUT, ActionResult.BUSY, ActionResult.CONNECTION_ERROR))
+
+
+class _Arguments(Protocol):
+    def __call__(self, value: Any, _data: Any) -> None: ...
+
+
+class MavsdkAutopilot:
+    """A vehicle that mavsdk has found; `hears` is given what it says."""
+
+    def __init__(self, system: System, post: Post) -> None:
+        self._system, self._post = system, post
+        self._telemetry, self._action = Telemetry(system), Action(system)
+        self._mission, self._direct = MissionRaw(system), MavlinkDirect(system)
+        self.system_id: int = system.get_system_id()
+        self._flight: Flight | None = None
+
+    @property
+    def kind(self) -> Kind:
+        """The family of the autopilot, by its heartbeat."""
+        family = self._system.autopilot_type()
+        if family == Family.PX4:
+            return "px4"
+        return "ardupilot" if family == Family.ARDUPILOT else "other"
+
+    @property
+    def connected(self) -> bool:
+        """True while its heartbeats come."""
+        return bool(self._system.is_connected())
+
+    def listen(self, flight: Flight, rate_hz: float) -> None:
+        """Give `flight` what the vehicle reports, positions at `rate_hz`."""
+        self._flight, telemetry = flight, self._telemetry
+
+        def message(name: str, take: Callable[[dict[str, Any]], None]) -> None:
+            def heard(received: Any, _data: Any) -> None:
+                if received.component_id == AUTOPILOT:
+                    self._post(partial(_decoded, take, received.fields_json))
+
+            self._direct.subscribe_message(name, heard)
+
+        def positioned(received: Any, _data: Any) -> None:
+            if received.component_id == AUTOPILOT:
+                arrived = datetime.now(UTC)
+                take = partial(flight.positioned, arrived=arrived)
+                self._post(partial(_decoded, take, received.fields_json))
+
+        self._direct.subscribe_message("GLOBAL_POSITION_INT", positioned)
+        message("STATUSTEXT", flight.said)
+        message("COMMAND_ACK", lambda m: flight.acknowledged(int(m["command"]), int(m["result"])))
+        message("PARAM_VALUE", self._parameter)
+        message(
+            "HEARTBEAT", lambda m: flight.heartbeat(int(m["base_mode"]), int(m["system_status"]))
+        )
+        telemetry.subscribe_flight_mode(self._posts(self._mode))
+        telemetry.subscribe_battery(self._posts(self._battery))
+        telemetry.subscribe_landed_state(self._posts(self._landed))
+        telemetry.subscribe_health(self._posts(self._health))
+        telemetry.subscribe_home(self._posts(self._home))
+        self.ask_for_positions(rate_hz)
+
+    def ask_for_positions(self, rate_hz: float) -> None:
+        """Ask the vehicle for positions at `rate_hz`; not every autopilot can choose."""
+        self._telemetry.set_rate_position_async(rate_hz, _ignore)
+
+    def _posts(self, take: Callable[[Any], None]) -> _Arguments:
+        def heard(value: Any, _data: Any) -> None:
+            self._post(partial(take, value))
+
+        return heard
+
+    def _mode(self, mode: Any) -> None:
+        if self._flight is not None:
+            self._flight.mode_changed(mode.name)
+
+    def _battery(self, battery: Any) -> None:
+        remaining = float(battery.remaining_percent)
+        if self._flight is not None and 0.0 <= remaining <= 100.0 and battery.id == 0:
+            self._flight.state.battery_pct = remaining
+
+    def _landed(self, landed: Any) -> None:
+        known = {LandedState.ON_GROUND: True, LandedState.UNKNOWN: None}
+        if self._flight is not None:
+            self._flight.state.on_ground = known.get(landed, False)
+
+    def _health(self, health: Any) -> None:
+        if self._flight is not None:
+            self._flight.state.healthy = bool(
+                health.is_gyrometer_calibration_ok
+                and health.is_accelerometer_calibration_ok
+                and health.is_magnetometer_calibration_ok
+                and health.is_global_position_ok
+            )
+
+    def _home(self, home: Any) -> None:
+        if self._flight is not None:
+            self._flight.home_at(float(home.latitude_deg), float(home.longitude_deg))
+
+    def send(self, command: MavCommand, times: int) -> None:
+        """Send a command once; `times` says how often it was sent before."""
+        fields = self._addressed(command=int(command.command))
+        most = 7 if command.place is None else 4
+        params = (*command.params, *(0.0 for _ in range(most)))[:most]
+        for number, value in enumerate(params, 1):
+            fields[f"param{number}"] = None if math.isnan(value) else value  # mavsdk's NaN
+        if command.place is None:
+            name, fields["confirmation"] = "COMMAND_LONG", times
+        else:
+            name = "COMMAND_INT"
+            x, y = (round(degrees * 1e7) for degrees in command.place)
+            fields |= {"frame": command.frame, "current": 0, "autocontinue": 0}
+            fields |= {"x": x, "y": y, "z": command.altitude_m}
+        self._send(name, fields)
+
+    def _send(self, name: str, fields: dict[str, Any]) -> None:
+        try:
+            self._direct.send_message(self._message(name, fields))
+        except MavlinkDirectError:
+            return  # it is sent again, and in the end reported as unanswered
+
+    def _message(self, name: str, fields: dict[str, Any]) -> MavlinkMessage:
+        return MavlinkMessage(name, 0, 0, self.system_id, AUTOPILOT, json.dumps(fields))
+
+    def hold(self) -> None:
+        """Change to the mode in which it holds its place; mavsdk repeats it until an answer."""
+
+        def done(result: ActionResult, _data: Any) -> None:
+            problem = "" if result == ActionResult.SUCCESS else _word(result)
+            self._post(partial(self._held, problem, result not in UNANSWERED))
+
+        self._action.hold_async(done)
+
+    def _held(self, problem: str, answered: bool) -> None:
+        if self._flight is not None:
+            self._flight.held(problem, answered=answered)
+
+    def upload_mission(self, items: Sequence[MavItem]) -> None:
+        """Replace its mission."""
+
+        def done(result: MissionRawResult, _data: Any) -> None:
+            if self._flight is not None:
+                self._post(partial(self._flight.uploaded, _problem(result)))
+
+        self._mission.upload_mission_async(_raw(items, MISSION), done)
+
+    def cancel_upload(self) -> None:
+        """End the upload of a mission."""
+        self._mission.cancel_mission_upload()
+
+    def upload_fence(self, items: Sequence[MavItem]) -> None:
+        """Replace its geofence."""
+
+        def done(result: MissionRawResult, _data: Any) -> None:
+            self._post(partial(self._fence_uploaded, _problem(result)))
+
+        self._mission.upload_geofence_async(_raw(items, FENCE), done)
+
+    def _fence_uploaded(self, problem: str) -> None:
+        if self._flight is not None:
+            self._flight.fence_uploaded(problem)
+
+    def read_fence(self) -> None:
+        """Ask for its geofence."""
+
+        def done(result: MissionRawResult, items: Sequence[Any], _data: Any) -> None:
+            none = result == MissionRawResult.NO_MISSION_AVAILABLE
+            found = tuple(
+                MavItem(i.command, i.x, i.y, i.z, (i.param1, i.param2, i.param3, i.param4), i.frame)
+                for i in items
+            )
+            self._post(partial(self._fence_read, "" if none else _problem(result), found))
+
+        self._mission.download_geofence_async(done)
+
+    def _fence_read(self, problem: str, items: Sequence[MavItem]) -> None:
+        if self._flight is not None:
+            self._flight.fence_read(problem, items)
+
+    def enforce_fence(self) -> None:
+        """Have an ArduPilot act on its fence, and ask a PX4 whether it does."""
+        kind = self.kind
+        if kind == "px4":
+            asked = self._addressed(param_id=PX4_FENCE_ACTION, param_index=-1)
+            self._send("PARAM_REQUEST_READ", asked)
+        elif kind == "ardupilot":
+            enable = self._addressed(command=int(Cmd.FENCE_ENABLE), param1=1.0)
+            message = self._message("COMMAND_LONG", enable)
+            self._direct.send_command_async(message, self._ardupilot_enabled)
+        else:
+            self._enforced("")
+
+    def _parameter(self, message: dict[str, Any]) -> None:
+        """Take in a parameter: a PX4's whole numbers come as the bytes of a float."""
+        if message["param_id"] != PX4_FENCE_ACTION or self.kind != "px4":
+            return
+        (action,) = struct.unpack("<i", struct.pack("<f", float(message["param_value"])))
+        self._enforced(
+            ""
+            if action >= LEAST_ACTION
+            else f"its {PX4_FENCE_ACTION} is {action}; set it to 2 (hold) or to a stronger action"
+        )
+
+    def _ardupilot_enabled(self, _result: Any, ack: Any, _data: Any) -> None:
+        def taken() -> None:
+            result = int(json.loads(ack.fields_json or "{}").get("result", -1))
+            word = RESULTS.get(result, "no answer")
+            self._enforced("" if result == ACCEPTED else f"it does not enable its fence ({word})")
+
+        self._post(taken)
+
+    def _addressed(self, **fields: object) -> dict[str, Any]:
+        return {"target_system": self.system_id, "target_component": AUTOPILOT, **fields}
+
+    def _enforced(self, problem: str) -> None:
+        if self._flight is not None:
+            self._flight.fence.enforced(problem)
+
+
+def _decoded(take: Callable[[dict[str, Any]], Any], fields_json: str) -> None:
+    take(cast("dict[str, Any]", json.loads(fields_json)))
+
+
+def _raw(items: Sequence[MavItem], mission_type: int) -> list[MissionItem]:
+    return [
+        MissionItem(
+            number,
+            item.frame,
+            item.command,
+            int(number == 0 and mission_type == MISSION),
+            1,
+            *item.params,
+            item.x,
+            item.y,
+            item.z,
+            mission_type,
+        )
+        for number, item in enumerate(items)
+    ]
+
+
+def _problem(result: MissionRawResult) -> str:
+    return "" if result == MissionRawResult.SUCCESS else _word(result)
+
+
+def _word(result: Any) -> str:
+    """Return a result of mavsdk in words."""
+    return str(result.name).lower().replace("_", " ")
+
+
+def _ignore(_result: Any, _data: Any) -> None:
+    """Take no notice of how a request ended."""

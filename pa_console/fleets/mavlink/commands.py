@@ -1,0 +1,201 @@
+"""What is asked of an autopilot: commands, mission items, and the protocol that carries them.
+
+Numbers and their units are those of the MAVLink common message set: degrees times 10^7, metres.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Literal, Protocol
+
+Kind = Literal["px4", "ardupilot", "other"]
+Degrees = tuple[float, float]
+"""Latitude and longitude."""
+
+GLOBAL, RELATIVE = 5, 6
+"""Frames with integer degrees: altitude above sea level, and above the home position."""
+
+KEEP = math.nan
+"""A parameter that leaves the vehicle's own value, such as its yaw."""
+
+E7 = 10_000_000
+
+
+class Cmd(IntEnum):
+    """The commands that are sent, MAV_CMD."""
+
+    WAYPOINT = 16
+    LOITER = 17
+    RETURN_TO_LAUNCH = 20
+    TAKEOFF = 22
+    SET_MODE = 176
+    REPOSITION = 192
+    REGION_OF_INTEREST = 195
+    NO_REGION_OF_INTEREST = 197
+    FENCE_ENABLE = 207
+    SET_MISSION_CURRENT = 224
+    START_MISSION = 300
+    ARM = 400
+    FENCE_INSIDE = 5001
+    FENCE_OUTSIDE = 5002
+
+
+PLAINLY: dict[int, str] = {
+    Cmd.RETURN_TO_LAUNCH: "return to launch",
+    Cmd.TAKEOFF: "take off",
+    Cmd.SET_MODE: "change of mode",
+    Cmd.REPOSITION: "reposition",
+    Cmd.REGION_OF_INTEREST: "region of interest",
+    Cmd.NO_REGION_OF_INTEREST: "no region of interest",
+    Cmd.SET_MISSION_CURRENT: "first item of the mission",
+    Cmd.START_MISSION: "start of the mission",
+    Cmd.ARM: "arm",
+}
+
+ACCEPTED, IN_PROGRESS = 0, 5
+RESULTS: dict[int, str] = {
+    1: "temporarily rejected",
+    2: "denied",
+    3: "unsupported",
+    4: "failed",
+    6: "cancelled",
+}
+"""The results of a command that is not carried out, MAV_RESULT."""
+
+
+@dataclass(frozen=True)
+class MavCommand:
+    """A COMMAND_LONG, or with a place a COMMAND_INT, whose last parameters the place is."""
+
+    command: Cmd
+    params: tuple[float, ...] = ()
+    place: Degrees | None = None
+    altitude_m: float = 0.0
+    frame: int = GLOBAL
+    optional: bool = False
+    """True if the order goes on without it."""
+
+
+@dataclass(frozen=True)
+class MavItem:
+    """One item of a mission or of a geofence, as MISSION_ITEM_INT; x and y are degrees * 10^7."""
+
+    command: int
+    x: int
+    y: int
+    z: float = 0.0
+    params: tuple[float, float, float, float] = (0.0, 0.0, 0.0, KEEP)
+    frame: int = RELATIVE
+
+
+class Autopilot(Protocol):
+    """One vehicle on a link. No member waits or raises; its `Flight` is told what comes of it."""
+
+    @property
+    def kind(self) -> Kind:
+        """The family of the autopilot, by its heartbeat."""
+        ...
+
+    def send(self, command: MavCommand, times: int) -> None:
+        """Send a command once; `times` says how often it was sent before."""
+        ...
+
+    def hold(self) -> None:
+        """Change to the mode in which it holds its place; repeated until it is answered."""
+        ...
+
+    def upload_mission(self, items: Sequence[MavItem]) -> None:
+        """Replace its mission."""
+        ...
+
+    def cancel_upload(self) -> None:
+        """End the upload of a mission."""
+        ...
+
+    def upload_fence(self, items: Sequence[MavItem]) -> None:
+        """Replace its geofence."""
+        ...
+
+    def read_fence(self) -> None:
+        """Ask for its geofence."""
+        ...
+
+    def enforce_fence(self) -> None:
+        """Have it act on its geofence, or find out whether it does."""
+        ...
+
+
+def e7(degrees: float) -> int:
+    """Return degrees as MAVLink's integer."""
+    return round(degrees * E7)
+
+
+COPTER_GUIDED = 4
+"""ArduPilot's mode for commands from a station; a copter takes off from the ground in it only."""
+
+_CUSTOM_MODE = 1.0
+
+
+def start_flight(kind: Kind, altitude_m: float, home_msl_m: float) -> tuple[MavCommand, ...]:
+    """Return the commands that bring a drone from the ground to `altitude_m` above its home."""
+    # PX4 takes the altitude of this command above sea level, ArduPilot above home.
+    height = home_msl_m + altitude_m if kind == "px4" else altitude_m
+    take_off = MavCommand(Cmd.TAKEOFF, (0.0, 0.0, 0.0, KEEP, KEEP, KEEP, height))
+    if kind == "ardupilot":
+        take_off = MavCommand(Cmd.TAKEOFF, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, height))
+    return (*arm(kind), take_off)
+
+
+def arm(kind: Kind) -> tuple[MavCommand, ...]:
+    """Return the commands that arm a drone for a flight from the station."""
+    guided = MavCommand(Cmd.SET_MODE, (_CUSTOM_MODE, float(COPTER_GUIDED)))
+    return (*((guided,) if kind == "ardupilot" else ()), MavCommand(Cmd.ARM, (1.0,)))
+
+
+def reposition(place: Degrees, altitude_msl_m: float) -> MavCommand:
+    """Return the command to fly to a place and stay there."""
+    changes_mode = 1.0
+    return MavCommand(Cmd.REPOSITION, (-1.0, changes_mode, 0.0, KEEP), place, altitude_msl_m)
+
+
+def look_at(place: Degrees) -> MavCommand:
+    """Return the command to keep the camera, or the nose, on a place on the ground."""
+    return MavCommand(Cmd.REGION_OF_INTEREST, (0.0, 0.0, 0.0, 0.0), place, 0.0, RELATIVE)
+
+
+LOOK_AHEAD = MavCommand(Cmd.NO_REGION_OF_INTEREST, optional=True)
+GO_HOME = MavCommand(Cmd.RETURN_TO_LAUNCH)
+
+
+def mission_of(
+    kind: Kind,
+    way: Sequence[Degrees],
+    altitude_m: float,
+    interest: Degrees | None,
+    *,
+    on_ground: bool,
+) -> tuple[MavItem, ...]:
+    """Return a mission that flies `way`, looks at `interest` and stays at its end."""
+    (last_x, last_y) = (e7(degrees) for degrees in way[-1])
+    items: list[MavItem] = []
+    if kind == "ardupilot":  # its first item is the home position, whatever is sent
+        items.append(MavItem(Cmd.WAYPOINT, last_x, last_y, 0.0))
+    if on_ground:
+        items.append(MavItem(Cmd.TAKEOFF, last_x, last_y, altitude_m))
+    items += [MavItem(Cmd.WAYPOINT, e7(at[0]), e7(at[1]), altitude_m) for at in way]
+    if interest is not None:
+        looks = (0.0, 0.0, 0.0, 0.0)
+        items.append(MavItem(Cmd.REGION_OF_INTEREST, e7(interest[0]), e7(interest[1]), 0.0, looks))
+    items.append(MavItem(Cmd.LOITER, last_x, last_y, altitude_m))
+    return tuple(items)
+
+
+def start_mission(kind: Kind, *, on_ground: bool) -> tuple[MavCommand, ...]:
+    """Return the commands that fly the uploaded mission from its first item."""
+    first = 1.0 if kind == "ardupilot" else 0.0
+    return (
+        MavCommand(Cmd.SET_MISSION_CURRENT, (first,), optional=True),
+        *(arm(kind) if on_ground else ()),
+        MavCommand(Cmd.START_MISSION, (0.0, 0.0)),
+    )

@@ -1,0 +1,184 @@
+"""What one drone reports of itself over MAVLink, in the world's metres and the station's time."""
+
+import math
+from collections import deque
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+from typing import Any
+
+from pa_console.schema.base import Point
+from pa_console.schema.telemetry import AssetStatus
+from pa_console.sim.worlds.geography import Geography
+
+FAR_M = 10_000.0
+"""A position farther than this from the world's origin is of another place, or of no receiver."""
+
+STANDS_MPS = 0.3
+"""A hovering drone drifts and measures noise: up to this speed it stands."""
+
+DRIFT = 1e-4
+"""Clocks of autopilots run apart by less than this part of the time."""
+
+REBOOT_S = 5.0
+"""A drone whose time since its start goes back by more than this has started again."""
+
+MOST_TEXT = 200
+PILOT_MODES = frozenset(("MANUAL", "ALTCTL", "POSCTL", "ACRO", "STABILIZED", "RATTITUDE"))
+"""The flight modes in which a pilot's stick steers."""
+
+CRITICAL, EMERGENCY, TERMINATING = 5, 6, 8
+"""System states of a heartbeat, MAV_STATE."""
+
+
+class BootClock:
+    """Turns a drone's time since its start into the station's time.
+
+    The least delayed message tells when the drone started: of those that come later than that,
+    the age is known, whatever buffer held them up.
+    """
+
+    def __init__(self) -> None:
+        self._began: datetime | None = None
+        self._latest_s = 0.0
+        self._moved: datetime | None = None
+
+    def sent(self, boot_s: float, arrived: datetime) -> datetime | None:
+        """Return when a message was sent, None for one from before the last; see `restarted`."""
+        began = arrived - timedelta(seconds=boot_s)
+        if self._began is None or self._moved is None or boot_s < self._latest_s - REBOOT_S:
+            self._began = began
+        elif boot_s < self._latest_s:
+            return None
+        else:
+            drift_s = (arrived - self._moved).total_seconds() * DRIFT
+            self._began = min(began, self._began + timedelta(seconds=max(drift_s, 0.0)))
+        self._latest_s, self._moved = boot_s, arrived
+        return min(arrived, self._began + timedelta(seconds=boot_s))
+
+    def restarted(self, boot_s: float) -> bool:
+        """Return whether a message of this time shows that the drone has started again."""
+        return self._began is not None and boot_s < self._latest_s - REBOOT_S
+
+
+@dataclass(frozen=True)
+class Fix:
+    """Where a drone is: `altitude_m` above its home, `msl_m` above sea level."""
+
+    at: Point
+    sent: datetime
+    altitude_m: float
+    msl_m: float
+    heading_deg: float
+    speed_mps: float
+
+    @property
+    def home_msl_m(self) -> float:
+        """The height of its home above sea level."""
+        return self.msl_m - self.altitude_m
+
+
+@dataclass(frozen=True)
+class StatusText:
+    """A line that the drone said, at the station's clock; severity 0 is the gravest."""
+
+    at_s: float
+    severity: int
+    text: str
+
+
+@dataclass
+class DroneState:
+    """The latest reports of one drone."""
+
+    geography: Geography
+    clock: BootClock = field(default_factory=BootClock)
+    fix: Fix | None = None
+    mode: str = "UNKNOWN"
+    mode_s: float = 0.0
+    """When its mode was last reported."""
+    beats: bool = False
+    """True if a heartbeat has come."""
+    armed: bool = False
+    system_state: int = 0
+    on_ground: bool | None = None
+    healthy: bool = True
+    battery_pct: float | None = None
+    home: Point | None = None
+    texts: deque[StatusText] = field(default_factory=lambda: deque[StatusText](maxlen=32))
+    _chunks: dict[int, str] = field(default_factory=dict[int, str])
+
+    @property
+    def manual(self) -> bool:
+        """True while a pilot flies it."""
+        return self.armed and self.mode in PILOT_MODES
+
+    @property
+    def landed(self) -> bool:
+        """True if it stands on the ground, or has never said that it flies."""
+        return self.on_ground is True or (self.on_ground is None and not self.armed)
+
+    @property
+    def status(self) -> AssetStatus:
+        """Its health as the picture has it."""
+        if self.system_state in (EMERGENCY, TERMINATING):
+            return "failed"
+        return "ok" if self.healthy and self.system_state != CRITICAL else "degraded"
+
+    def positioned(self, message: Mapping[str, Any], arrived: datetime) -> str:
+        """Take in a GLOBAL_POSITION_INT; return why it is set aside, '' if it is not."""
+        latitude, longitude = int(message["lat"]) / 1e7, int(message["lon"]) / 1e7
+        if not (-90.0 <= latitude <= 90.0 and -180.0 <= longitude <= 180.0):
+            return "reports a position that is not on the earth"
+        if latitude == 0.0 and longitude == 0.0:
+            return "does not know where it is"
+        at = self.geography.near(latitude, longitude)
+        if at is None or math.hypot(*at) > FAR_M:
+            return (
+                f"reports a position far from the world ({latitude:.5f}, {longitude:.5f}): "
+                "check the world's origin"
+            )
+        sent = self.clock.sent(int(message["time_boot_ms"]) / 1e3, arrived)
+        if sent is None:
+            return ""
+        vx, vy, vz = (int(message[name]) / 100.0 for name in ("vx", "vy", "vz"))
+        speed = math.hypot(vx, vy, vz)
+        course = int(message["hdg"])
+        known = self.fix.heading_deg if self.fix is not None else 0.0
+        heading = self.geography.heading(course / 100.0) if 0 <= course < 36_000 else known
+        self.fix = Fix(
+            at,
+            sent,
+            int(message["relative_alt"]) / 1e3,
+            int(message["alt"]) / 1e3,
+            round(heading, 1),
+            round(speed, 2) if speed >= STANDS_MPS else 0.0,
+        )
+        return ""
+
+    def said(self, message: Mapping[str, Any], now_s: float) -> StatusText | None:
+        """Take in a STATUSTEXT; a long one comes in parts. Return it where it is new."""
+        part = "".join(c if c.isprintable() else " " for c in str(message["text"])).strip()
+        number, sequence = int(message.get("id", 0)), int(message.get("chunk_seq", 0))
+        if number and sequence:
+            part = f"{self._chunks.get(number, '')}{part}"
+        if number:
+            self._chunks.clear()
+            self._chunks[number] = part[:MOST_TEXT]
+        severity = int(message["severity"])
+        if not part or not 0 <= severity <= 7:
+            return None
+        line = StatusText(now_s, severity, part[:MOST_TEXT])
+        if sequence and self.texts:
+            self.texts.pop()
+        self.texts.append(line)
+        return line
+
+    def reasons(self, since_s: float) -> Iterator[str]:
+        """Yield what the drone gave as reasons since then, the latest first."""
+        notice = 5
+        for line in reversed(self.texts):
+            if line.at_s < since_s:
+                return
+            if line.severity <= notice:
+                yield line.text

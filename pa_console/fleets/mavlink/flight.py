@@ -1,0 +1,664 @@
+"""One drone's orders: what is asked of its autopilot for each, and how each ends.
+
+A command that starts a motion is sent by this module and by nothing below it, so that a stop
+withdraws it: a library that repeats it by itself would have the drone fly on after the stop. An
+order is done when telemetry shows it, never because the autopilot has accepted it.
+"""
+
+import math
+from collections import OrderedDict, deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any, cast
+
+from pa_console.fleets.link import AssetReport, DeviceAnswer, LinkNews, LinkNotice
+from pa_console.fleets.mavlink import commands
+from pa_console.fleets.mavlink.commands import Autopilot, Degrees, MavCommand, MavItem
+from pa_console.fleets.mavlink.drone_state import DroneState
+from pa_console.fleets.mavlink.geofence import FenceWatch, fence_of
+from pa_console.fleets.mavlink.vehicles_file import FlownVerb, MavlinkVehicles
+from pa_console.schema.base import Point
+from pa_console.schema.command import COMMANDS, DeviceCommand, ReplyStatus
+from pa_console.schema.events.event import Level
+from pa_console.schema.telemetry import Task
+from pa_console.sim.worlds.geography import Geography
+from pa_console.sim.worlds.terrain import Terrain
+
+ACK_S, TRIES = 1.0, 4
+"""A command is sent so often, so far apart, until it is answered."""
+
+REASON_S = 0.4
+"""A vehicle's words on a refusal may come so long after it, or as long before it."""
+
+ARRIVED_M = 1.5
+HEIGHT_M = 2.0
+"""How near a drone is to its place when it has arrived, across and in height."""
+
+CLIMBED = 0.9
+"""The part of its altitude at which a drone has taken off."""
+
+STALL_S = 25.0
+"""An order ends as failed when its drone has not come nearer for so long."""
+
+NEARER_M = 0.5
+PROGRESS_S = 5.0
+HOLD_S = 1.0
+"""A hold is asked for again after this time in another mode."""
+
+REPEAT_TEXT_S = 30.0
+COMPLETE_S = 5.0
+"""A drone that does not report its battery, or whether it flies, is taken as it is after that."""
+
+KNOWN = 512
+"""The number of command ids that are remembered."""
+
+_HERE = ("HOLD", "OFFBOARD", "TAKEOFF", "MISSION", "READY", "UNKNOWN")
+
+
+@dataclass(frozen=True)
+class _Upload:
+    items: tuple[MavItem, ...]
+
+
+@dataclass(frozen=True)
+class _Climb:
+    altitude_m: float
+
+
+_Step = MavCommand | _Upload | _Climb
+
+
+@dataclass
+class _Order:
+    """An order on its way; the first of `steps` is the one that is being carried out."""
+
+    command: DeviceCommand
+    steps: deque[_Step]
+    target: Point | None
+    """Where it ends; None for home, wherever the drone has that."""
+    altitude_m: float
+    since_s: float
+    step_s: float | None = None
+    """When the step was asked for, last; None if it has not been."""
+    tries: int = 0
+    refused: tuple[str, float] | None = None
+    acknowledged: bool = False
+    nearest_m: float = math.inf
+    nearest_s: float = 0.0
+    told_s: float = 0.0
+    started_s: float = 0.0
+    """When the autopilot had accepted all of it."""
+
+    @property
+    def arming(self) -> bool:
+        """True while the drone is to be armed for it."""
+        return any(isinstance(s, MavCommand) and s.command == commands.Cmd.ARM for s in self.steps)
+
+
+@dataclass
+class _Hold:
+    command: DeviceCommand
+    since_s: float
+    accepted_s: float | None = None
+    accepted_at: datetime | None = None
+    asked: bool = True
+    """True while the autopilot has not answered."""
+    refused: tuple[str, float] | None = None
+    done: bool = False
+
+
+@dataclass
+class _Said:
+    """The last answers by command id, and texts that were told a while ago."""
+
+    answers: OrderedDict[str, DeviceAnswer | None] = field(
+        default_factory=OrderedDict[str, DeviceAnswer | None]
+    )
+    texts: dict[str, float] = field(default_factory=dict[str, float])
+
+
+class Flight:
+    """Carries out the orders of one drone, the asset `agent`.
+
+    `tell` is given its news. Nothing here waits: `step` is called a few times a second.
+    """
+
+    def __init__(
+        self,
+        agent: str,
+        autopilot: Autopilot,
+        *,
+        terrain: Terrain,
+        geography: Geography,
+        vehicles: MavlinkVehicles,
+        tell: Callable[[LinkNews], None],
+        now: Callable[[], float],
+        others: Callable[[], Sequence[Point]] = tuple,
+    ) -> None:
+        """`now` is a monotonic clock, seconds; `others` are places that other drones have."""
+        self.agent, self.place = agent, cast("Point | None", None)
+        """The place that it has, or is on its way to."""
+        self._terrain, self._geography, self._vehicles = terrain, geography, vehicles
+        self._autopilot, self._tell, self._now, self._others = autopilot, tell, now, others
+        self.state = DroneState(geography)
+        areas = fence_of(terrain.world, geography)
+        self.fence = FenceWatch(areas, geography, autopilot, self._say, vehicles.fence_check_s)
+        self._order: _Order | None = None
+        self._hold: _Hold | None = None
+        self._said = _Said()
+        self._task: Task = "idle"
+        self._looks_at = False
+        self._busy_until: dict[int, float] = {}
+        self._first_s: float | None = None
+
+    # What the station asks for
+
+    def take(self, command: DeviceCommand) -> None:
+        """Carry out a command, once for each id; a hold is carried out each time it comes."""
+        if command.verb == "hold":
+            self._stop(command)
+            return
+        answers = self._said.answers
+        if command.command_id in answers:
+            known, order = answers[command.command_id], self._order
+            if order is not None and order.command.command_id == command.command_id:
+                order.tries = 0
+            if known is not None:
+                self._tell(known)
+            return
+        answers[command.command_id] = None
+        if len(answers) > KNOWN:
+            answers.popitem(last=False)
+        if why := self._objection(command):
+            self._answer(command, "refused", why)
+        elif command.verb == "report":
+            self._answer(command, "acknowledged")
+            self._answer(command, "done", self._words())
+        else:
+            self._begin(command)
+
+    def may_arm(self) -> bool:
+        """Return whether an order from the station needs the drone armed now."""
+        return self._order is not None and self._order.arming
+
+    # What the autopilot answers
+
+    def acknowledged(self, command: int, result: int) -> None:
+        """Take in a COMMAND_ACK."""
+        self._busy_until.pop(command, None)
+        order = self._order
+        step = order.steps[0] if order is not None and order.steps else None
+        if order is None or not isinstance(step, MavCommand) or step.command != command:
+            return
+        if order.step_s is None or order.refused is not None:
+            return
+        if result == commands.IN_PROGRESS:
+            order.step_s = self._now()
+        elif result == commands.ACCEPTED or step.optional:
+            self._next(order)
+        else:
+            name = commands.PLAINLY.get(command, str(command))
+            word = commands.RESULTS.get(result, f"result {result}")
+            order.refused = (f"{name} {word}", self._now())
+
+    def uploaded(self, problem: str) -> None:
+        """Take in how the upload of a mission ended."""
+        order = self._order
+        if order is None or not order.steps or not isinstance(order.steps[0], _Upload):
+            return
+        if order.step_s is None:
+            return
+        if problem:
+            order.refused = (f"it does not take the mission ({problem})", self._now())
+        else:
+            self._next(order)
+
+    def held(self, problem: str, *, answered: bool) -> None:
+        """Take in how a request to hold ended; an unanswered one is repeated by the station."""
+        hold = self._hold
+        if hold is None:
+            return
+        hold.asked = False
+        if not problem:
+            hold.accepted_s, hold.accepted_at = self._now(), datetime.now(UTC)
+            self._answer(hold.command, "acknowledged")
+        elif answered and not (self.state.landed and not self.state.armed):
+            hold.refused = (f"hold {problem}", self._now())
+        elif answered:
+            self._answer(hold.command, "done", "stands on the ground, disarmed")
+            hold.done = True
+
+    def fence_read(self, problem: str, items: Sequence[MavItem]) -> None:
+        """Take in its geofence, or why it could not be read."""
+        self.fence.read(problem, items, self._now())
+
+    def fence_uploaded(self, problem: str) -> None:
+        """Take in how the upload of its geofence ended."""
+        self.fence.uploaded(problem, self._now())
+
+    # What the drone reports
+
+    def home_at(self, latitude: float, longitude: float) -> None:
+        """Take in its home, where it lands when it returns; one away from the base is told."""
+        home = self._geography.near(latitude, longitude)
+        if home is None:
+            return
+        self.state.home, world = home, self._terrain.world
+        if self._terrain.frame_at(*home) != world.base:
+            away = math.dist(home, world.frames[world.base].at)
+            text = f"has its home {away:.0f} m from {world.base}, and returns there"
+            self._say_now_and_then("warning", text)
+
+    def positioned(self, message: Mapping[str, Any], arrived: datetime) -> None:
+        """Take in a GLOBAL_POSITION_INT and report the drone to the station."""
+        if self.state.clock.restarted(int(message["time_boot_ms"]) / 1e3):
+            self._say("alarm", "has started again")
+            self.fence.start_again()
+            if self._order is not None:
+                self._end(self._order, "failed", "it has started again")
+        state, before = self.state, self.state.fix
+        if problem := state.positioned(message, arrived):
+            self._say_now_and_then("alarm", f"{problem}: not believed")
+        elif state.fix is not None and state.fix is not before and self._complete():
+            self._look()
+            self._tell(self._report())
+
+    def mode_changed(self, mode: str) -> None:
+        """Take in its flight mode, by mavsdk's name; it comes with every heartbeat."""
+        was_manual, self.state.mode, self.state.mode_s = self.state.manual, mode, self._now()
+        self._look_for_pilot(was_manual)
+
+    def heartbeat(self, base_mode: int, system_state: int) -> None:
+        """Take in the flags of a heartbeat."""
+        was_manual, armed_flag = self.state.manual, 128
+        self.state.armed, self.state.beats = bool(base_mode & armed_flag), True
+        self.state.system_state = system_state
+        self._look_for_pilot(was_manual)
+
+    def said(self, message: Mapping[str, Any]) -> None:
+        """Take in a STATUSTEXT; warnings go to the operator."""
+        line, warning = self.state.said(message, self._now()), 4
+        if line is not None and line.severity <= warning:
+            level = "alarm" if line.severity < warning else "warning"
+            self._say_now_and_then(level, f"says: {line.text}")
+
+    # The passing of time
+
+    def step(self) -> None:
+        """Go on with the order: send again, notice arrival and what does not come about."""
+        now, state = self._now(), self.state
+        if state.fix is not None:
+            self.fence.step(now, self._why_no_fence(state.fix.at))
+        self._step_hold(now)
+        order = self._order
+        if order is None:
+            if state.landed and not state.armed:
+                home = self._task == "charging" and self._at_base()
+                self._task = "charging" if home else "idle"
+            elif self._task in ("idle", "charging"):
+                self._task = "holding"
+            return
+        if self.fence.differs and order.command.verb != "return_to_base":
+            self._end(order, "failed", self.fence.problem)
+            self._autopilot.hold()
+        elif order.refused is not None:
+            what, since_s = order.refused
+            if now - since_s >= REASON_S:
+                self._give_reason(order.command, what, since_s, order.acknowledged)
+                self._order = None
+        elif not order.steps:
+            self._follow(order, now)
+        elif self._hold is None or not self._hold.asked:
+            self._step(order, order.steps[0], now)
+
+    def _begin(self, command: DeviceCommand) -> None:
+        """Replace the order there is by `command`, which has no objection against it."""
+        state, world = self.state, self._terrain.world
+        fix = state.fix
+        assert fix is not None
+        if command.verb == "return_to_base":
+            if state.landed and not state.armed and self._at_base():
+                self._replace(None)
+                self._task = "charging"
+                self._answer(command, "acknowledged")
+                self._answer(command, "done", f"at {world.base}")
+                return
+            altitude, route = max(fix.altitude_m, self._vehicles.floor_m), ()
+        else:
+            verb = cast("FlownVerb", command.verb)
+            altitude = self._vehicles.altitude(self.agent, verb)
+            place = self._terrain.free_place(command.target or "", "uav", self._others())
+            found = self._terrain.planner.route("uav", fix.at, place) if place else None
+            if place is None or found is None:
+                why = "there is no free place for a drone" if place is None else "cannot be reached"
+                self._answer(command, "refused", f"{command.target}: {why}")
+                return
+            route = found
+        steps = self._steps(command, fix.home_msl_m, altitude, route)
+        target = route[-1] if route else None
+        order = _Order(command, deque(steps), target, altitude, self._now())
+        self._replace(order)
+        self.place = target or world.frames[world.base].at
+        self._task = "returning" if command.verb == "return_to_base" else "moving"
+        self.step()
+
+    def _steps(
+        self, command: DeviceCommand, home_msl_m: float, altitude: float, route: Sequence[Point]
+    ) -> list[_Step]:
+        kind, ground = self._autopilot.kind, self.state.landed
+        steps: list[_Step] = []
+        if self._looks_at:
+            steps.append(commands.LOOK_AHEAD)
+        interest = self._interest(command.target or "") if command.verb == "observe" else None
+        self._looks_at = interest is not None
+        way: list[Degrees] = [self._geography.degrees(at) for at in route]
+        if route and (command.verb in self._vehicles.survives_lost_link or len(route) > 1):
+            items = commands.mission_of(kind, way, altitude, interest, on_ground=ground)
+            steps += [_Upload(items), *commands.start_mission(kind, on_ground=ground)]
+            return steps
+        if ground:
+            steps += [*commands.start_flight(kind, altitude, home_msl_m), _Climb(altitude)]
+        if not way:
+            return [*steps, commands.GO_HOME]
+        if interest is not None:
+            steps.append(commands.look_at(interest))
+        return [*steps, commands.reposition(way[-1], home_msl_m + altitude)]
+
+    def _interest(self, gate: str) -> Degrees:
+        """Return where to look at a gate: at the end of its lane, where contacts wait."""
+        lanes = self._terrain.lanes_to(gate)
+        at = (
+            self._terrain.lanes[lanes[0]].waiting_point
+            if lanes
+            else self._terrain.world.frames[gate].at
+        )
+        return self._geography.degrees(at)
+
+    def _objection(self, command: DeviceCommand) -> str:
+        """Return why a command cannot be carried out, '' when it can."""
+        spec, state, frames = COMMANDS[command.verb], self.state, self._terrain.world.frames
+        if "uav" not in spec.kinds:
+            return f"a drone cannot {command.verb}"
+        if spec.takes_frame and command.target not in frames:
+            return f"unknown frame {command.target!r}; known: {', '.join(frames)}"
+        if command.verb == "report":
+            return ""
+        if state.manual:
+            return f"a pilot flies it ({state.mode}): it takes orders again in another mode"
+        if not self._complete():
+            return "it has not reported everything yet: where it is, its mode, whether it flies"
+        if state.status == "failed":
+            return "it reports an emergency"
+        goes_home = command.verb == "return_to_base" and not state.landed
+        if self.fence.problem and not goes_home:
+            return f"{self.fence.problem}: it starts no flight"
+        return ""
+
+    def _why_no_fence(self, at: Point) -> str:
+        """Return why the fence of a drone `at` a place may not be replaced, '' when it may."""
+        if self.state.manual:
+            return f"a pilot flies it ({self.state.mode})"
+        if not self.state.landed and self._terrain.depth(at) < 0.0:
+            return "it flies outside the perimeter"
+        return ""
+
+    def _replace(self, order: _Order | None) -> None:
+        """Let `order` take the place of the one there is, which has failed by that."""
+        old, self._order, self._hold = self._order, order, self._kept_hold()
+        if old is not None:
+            self._withdraw(old)
+            self._answer(old.command, "failed", "superseded")
+
+    def _kept_hold(self) -> _Hold | None:
+        """Return the hold that the autopilot has not answered: nothing is sent before it does."""
+        hold = self._hold
+        if hold is None:
+            return None
+        if not hold.done:
+            self._answer(hold.command, "failed", "superseded")
+        hold.done = True
+        return hold if hold.asked else None
+
+    def _withdraw(self, order: _Order) -> None:
+        if order.steps and isinstance(order.steps[0], _Upload) and order.step_s is not None:
+            self._autopilot.cancel_upload()
+
+    # Orders under way
+
+    def _step(self, order: _Order, step: _Step, now: float) -> None:
+        """Ask for the first of the steps, again where it was not answered."""
+        match step:
+            case MavCommand():
+                if order.step_s is None and now < self._busy_until.get(step.command, 0.0):
+                    return
+                due = order.step_s is None or now - order.step_s >= ACK_S
+                if due and order.tries < TRIES:
+                    self._autopilot.send(step, order.tries)
+                    order.step_s, order.tries = now, order.tries + 1
+                    self._busy_until[step.command] = now + ACK_S
+            case _Upload():
+                if order.step_s is None:
+                    order.step_s = now
+                    self._autopilot.upload_mission(step.items)
+            case _Climb():
+                self._climb(order, step, now)
+
+    def _climb(self, order: _Order, step: _Climb, now: float) -> None:
+        order.step_s = order.step_s or now
+        fix = self.state.fix
+        if fix is not None and fix.altitude_m >= CLIMBED * step.altitude_m:
+            self._next(order)
+        elif now - order.step_s > STALL_S:
+            height = f"{fix.altitude_m:.0f} m" if fix is not None else "an unknown height"
+            reason = f"it does not take off: at {height} after {STALL_S:.0f} s"
+            self._end(order, "failed", self._with_words(reason, order.step_s))
+
+    def _next(self, order: _Order) -> None:
+        """Go on to the next step; the first that succeeded acknowledges the order."""
+        now = self._now()
+        order.steps.popleft()
+        order.step_s, order.tries = None, 0
+        if not order.acknowledged:
+            order.acknowledged = True
+            self._answer(order.command, "acknowledged")
+        order.nearest_m, order.nearest_s, order.told_s, order.started_s = math.inf, now, now, now
+        if order.steps:
+            self._step(order, order.steps[0], now)
+
+    def _follow(self, order: _Order, now: float) -> None:
+        """Look whether an order that the autopilot carries out has come to its end, or to none."""
+        fix, state = self.state.fix, self.state
+        if fix is None:
+            return
+        target = (
+            order.target or state.home or self._terrain.world.frames[self._terrain.world.base].at
+        )
+        gap = math.dist(fix.at, target) + abs(
+            (0.0 if order.target is None else order.altitude_m) - fix.altitude_m
+        )
+        if gap < order.nearest_m - NEARER_M:
+            order.nearest_m, order.nearest_s = gap, now
+        told_since = state.mode_s > order.started_s + HOLD_S
+        if order.target is not None and state.mode not in _HERE and told_since:
+            words = f"it has changed to {state.mode} by itself"
+            self._end(order, "failed", self._with_words(words, order.since_s))
+        elif now - order.nearest_s > STALL_S:
+            words = f"it has not come nearer for {STALL_S:.0f} s, {gap:.0f} m to go"
+            self._end(order, "failed", self._with_words(words, order.since_s))
+        elif now - order.told_s >= PROGRESS_S:
+            order.told_s = now
+            self._answer(order.command, "progress", f"{gap:.0f} m to go")
+
+    def _look(self) -> None:
+        """End the order, or the hold, that the position just reported shows to be done."""
+        order, fix, state = self._order, self.state.fix, self.state
+        if fix is None:
+            return
+        hold = self._hold
+        if hold is not None and not hold.done and hold.accepted_at is not None:
+            if fix.speed_mps == 0.0 and fix.sent > hold.accepted_at:
+                hold.done = True
+                at = self._terrain.frame_at(*fix.at) or "its place"
+                self._answer(hold.command, "done", f"holding at {at}")
+            return
+        if order is None or order.steps or order.refused is not None:
+            return
+        if order.target is None:
+            if state.landed and not state.armed and fix.speed_mps == 0.0:
+                self._landed_home(order, fix.at)
+        elif (
+            math.dist(fix.at, order.target) <= ARRIVED_M
+            and abs(fix.altitude_m - order.altitude_m) <= HEIGHT_M
+            and fix.speed_mps == 0.0
+        ):
+            self._task = COMMANDS[order.command.verb].task or "holding"
+            self._end(order, "done", f"at {order.command.target}", keeps_task=True)
+
+    def _landed_home(self, order: _Order, at: Point) -> None:
+        world = self._terrain.world
+        if self._at_base():
+            self._task = "charging"
+            self._end(order, "done", f"at {world.base}", keeps_task=True)
+        else:
+            away = math.dist(at, world.frames[world.base].at)
+            why = f"it landed {away:.0f} m from {world.base}: it has its home elsewhere"
+            self._end(order, "failed", why)
+
+    def _look_for_pilot(self, was_manual: bool) -> None:
+        """End the order of a drone that a pilot has taken over."""
+        if was_manual is self.state.manual:
+            return
+        if self.state.manual:
+            self._say("warning", f"is flown by a pilot ({self.state.mode})")
+            if self._order is not None:
+                why = f"a pilot has taken over ({self.state.mode})"
+                self._end(self._order, "failed", why)
+        else:
+            self._say("info", f"is no longer flown by a pilot ({self.state.mode})")
+
+    # Stopping
+
+    def _stop(self, command: DeviceCommand) -> None:
+        """Withdraw everything and have the drone hold its place."""
+        self._said.answers.setdefault(command.command_id, None)
+        if self.state.manual:
+            mode = self.state.mode
+            self._answer(command, "refused", f"a pilot flies it ({mode}) and keeps it")
+            return
+        old, before = self._order, self._hold
+        self._order, self.place, self._task = None, None, "holding"
+        if old is not None:
+            self._withdraw(old)
+            self._answer(old.command, "failed", "superseded")
+        again = before is not None and before.command.command_id == command.command_id
+        if before is not None and not before.done and not again:
+            self._answer(before.command, "failed", "superseded")
+        asked = before is not None and before.asked
+        self._hold = _Hold(command, self._now())
+        if not asked:
+            self._autopilot.hold()
+
+    def _step_hold(self, now: float) -> None:
+        hold, state = self._hold, self.state
+        if hold is None:
+            return
+        if hold.refused is not None:
+            what, since_s = hold.refused
+            if now - since_s >= REASON_S:
+                self._give_reason(hold.command, what, since_s, hold.accepted_s is not None)
+                self._hold = None
+            return
+        if hold.asked or hold.accepted_s is None or state.manual or state.landed:
+            return
+        elsewhere = state.mode != "HOLD" and state.mode_s > hold.accepted_s
+        if elsewhere and now - hold.accepted_s > HOLD_S and self._order is None:
+            hold.asked, hold.accepted_s = True, None
+            self._autopilot.hold()
+
+    # Words
+
+    def _end(
+        self, order: _Order, status: ReplyStatus, detail: str, *, keeps_task: bool = False
+    ) -> None:
+        self._order = None
+        self._withdraw(order)
+        if not keeps_task:
+            self._task, self.place = "holding", None
+        self._answer(order.command, status, detail)
+
+    def _answer(self, command: DeviceCommand, status: ReplyStatus, detail: str = "") -> None:
+        answer = DeviceAnswer(command.command_id, command.agent, status, detail)
+        self._said.answers[command.command_id] = answer
+        self._tell(answer)
+
+    def _give_reason(
+        self, command: DeviceCommand, what: str, since_s: float, acknowledged: bool
+    ) -> None:
+        """Answer a refusal with the drone's own words, which come about the same time."""
+        self._task, self.place = "holding", None
+        status: ReplyStatus = "failed" if acknowledged else "refused"
+        self._answer(command, status, self._with_words(what, since_s - REASON_S))
+
+    def _with_words(self, what: str, since_s: float) -> str:
+        words = "; ".join(list(dict.fromkeys(self.state.reasons(since_s)))[:2])
+        return f"{what}: {words}" if words else what
+
+    def _say_now_and_then(self, level: Level, text: str) -> None:
+        """Tell the operator, unless the same was told a short while ago."""
+        now, told = self._now(), self._said.texts
+        for old in [old for old, at_s in told.items() if now - at_s > REPEAT_TEXT_S]:
+            del told[old]
+        if text not in told and len(told) < KNOWN:
+            told[text] = now
+            self._say(level, text)
+
+    def _complete(self) -> bool:
+        """Return whether the drone is known: its mode, whether it flies, and its battery."""
+        state, now = self.state, self._now()
+        if state.fix is None or not state.mode_s or not state.beats:
+            return False
+        self._first_s = now if self._first_s is None else self._first_s
+        if state.battery_pct is not None and state.on_ground is not None:
+            return True
+        if now - self._first_s < COMPLETE_S:
+            return False
+        if state.battery_pct is None:
+            self._say_now_and_then("warning", "does not report its battery, which counts as empty")
+        return True
+
+    def _say(self, level: Level, text: str) -> None:
+        self._tell(LinkNotice(level, self.agent, text))
+
+    def _at_base(self) -> bool:
+        fix, world = self.state.fix, self._terrain.world
+        return fix is not None and self._terrain.frame_at(*fix.at) == world.base
+
+    def _words(self) -> str:
+        """Return the brief report of the drone: place, height, mode, battery."""
+        fix, state = self.state.fix, self.state
+        if fix is None:
+            return "it has not reported where it is"
+        at = self._terrain.frame_at(*fix.at)
+        battery = f"{state.battery_pct:.0f} %" if state.battery_pct is not None else "unknown"
+        fence = self.fence.problem or "geofence as the world's"
+        return (
+            f"{f'at {at}' if at else 'between frames'}, {fix.altitude_m:.0f} m up, {state.mode}, "
+            f"{'armed' if state.armed else 'disarmed'}, battery {battery}, {fence}"
+        )
+
+    def _report(self) -> AssetReport:
+        fix, state, order = self.state.fix, self.state, self._order
+        assert fix is not None
+        return AssetReport(
+            self.agent,
+            fix.sent,
+            fix.at,
+            fix.heading_deg,
+            fix.speed_mps,
+            state.status,
+            self._task if order is not None or state.manual is False else "none",
+            state.battery_pct if state.battery_pct is not None else 0.0,
+            order.command.command_id if order is not None else None,
+            state.manual,
+        )

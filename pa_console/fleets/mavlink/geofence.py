@@ -1,0 +1,191 @@
+"""The geofence of a drone: uploaded from the world, read back, compared, and watched.
+
+The perimeter is the area that the drone stays in, and closed zones are areas that it stays out of.
+A drone whose fence is not the world's gets no order that starts a flight.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+from pa_console.fleets.mavlink.commands import GLOBAL, Autopilot, Cmd, MavItem, e7
+from pa_console.schema.events.event import Level
+from pa_console.schema.text import count
+from pa_console.schema.world import World
+from pa_console.sim.worlds.geography import Geography
+
+SAME_E7 = 2
+"""Corners are the same within so many 10^-7 degrees, 2 cm: autopilots round."""
+
+ANSWER_S = 30.0
+"""The longest time that a transfer takes; then it is tried again."""
+
+RETRY_S = 3.0
+VERTICES = (Cmd.FENCE_INSIDE, Cmd.FENCE_OUTSIDE)
+
+
+@dataclass(frozen=True)
+class FenceArea:
+    """An area of a geofence; corners are latitude and longitude, degrees * 10^7."""
+
+    name: str
+    inside: bool
+    corners: tuple[tuple[int, int], ...]
+
+    @property
+    def items(self) -> tuple[MavItem, ...]:
+        """The area as items of a geofence."""
+        command = Cmd.FENCE_INSIDE if self.inside else Cmd.FENCE_OUTSIDE
+        params = (float(len(self.corners)), 0.0, 0.0, 0.0)
+        return tuple(MavItem(command, x, y, 0.0, params, GLOBAL) for x, y in self.corners)
+
+
+def fence_of(world: World, geography: Geography) -> tuple[FenceArea, ...]:
+    """Return the geofence of a world: its perimeter, and its restricted zones."""
+    areas = [("the perimeter", True, world.perimeter)]
+    areas += [(f"zone {name}", False, zone.polygon) for name, zone in world.zones.items()]
+    return tuple(
+        FenceArea(name, inside, tuple((e7(a), e7(b)) for a, b in map(geography.degrees, corners)))
+        for name, inside, corners in areas
+    )
+
+
+def difference(areas: Sequence[FenceArea], found: Sequence[MavItem], geography: Geography) -> str:
+    """Return the first difference of a geofence from `areas`, '' if it is the same."""
+    if not found:
+        return "it has none"
+    strange = next((item for item in found if item.command not in VERTICES), None)
+    if strange is not None:
+        return f"it has an item of another kind (MAV_CMD {strange.command})"
+    polygons = [
+        polygon
+        for (_, corners), group in groupby(found, lambda item: (item.command, item.params[0]))
+        for polygon in _split(list(group), round(corners))
+    ]
+    for area, polygon in zip(areas, polygons, strict=False):
+        if (polygon[0].command == Cmd.FENCE_INSIDE) is not area.inside:
+            return f"{area.name} is an area to stay {'out of' if area.inside else 'in'}"
+        if len(polygon) != len(area.corners):
+            return f"{area.name} has {count(len(polygon), 'corner')}, not {len(area.corners)}"
+        for number, (item, (x, y)) in enumerate(zip(polygon, area.corners, strict=True), 1):
+            if abs(item.x - x) > SAME_E7 or abs(item.y - y) > SAME_E7:
+                return (
+                    f"corner {number} of {area.name} is at {_place(geography, item.x, item.y)}, "
+                    f"not at {_place(geography, x, y)}"
+                )
+    if len(polygons) < len(areas):
+        return f"{areas[len(polygons)].name} is missing"
+    if len(polygons) > len(areas):
+        return f"it has {count(len(polygons) - len(areas), 'area')} more than the world"
+    return ""
+
+
+def _split(items: list[MavItem], corners: int) -> list[list[MavItem]]:
+    """Return polygons of so many corners each; a last one with fewer is as it is."""
+    step = max(corners, 1)
+    return [items[start : start + step] for start in range(0, len(items), step)]
+
+
+def _place(geography: Geography, x: int, y: int) -> str:
+    try:
+        east, north = geography.metres(x / 1e7, y / 1e7)
+    except ValueError:
+        return f"{x / 1e7:.7f}, {y / 1e7:.7f}"
+    return f"({east:.1f}, {north:.1f})"
+
+
+class FenceWatch:
+    """Brings one drone's geofence into line once, and watches it from then on.
+
+    What somebody else changes later is reported and not put right: they had a reason, and two
+    stations that overwrite each other leave no fence at all.
+    """
+
+    def __init__(
+        self,
+        areas: tuple[FenceArea, ...],
+        geography: Geography,
+        autopilot: Autopilot,
+        say: Callable[[Level, str], None],
+        every_s: float,
+    ) -> None:
+        """`say` tells the operator; the fence is read again every `every_s` seconds."""
+        self._areas, self._geography, self._autopilot = areas, geography, autopilot
+        self._say, self._every_s = say, every_s
+        self._waits_until: float | None = None
+        self._why_not_upload = ""
+        self._next_s = 0.0
+        self._uploaded = self._shown = False
+        self.differs = False
+        """True if it was read and is not the world's."""
+        self.problem = "its geofence has not been read yet"
+        """The reason why the drone may not start a flight, '' if its geofence is the world's."""
+
+    def start_again(self) -> None:
+        """Read the fence anew: the drone has started again, and may have lost it."""
+        self._uploaded, self._waits_until, self._next_s = False, None, 0.0
+        self._refuse("its geofence has not been read since it started", "info")
+
+    def step(self, now_s: float, why_not_upload: str) -> None:
+        """Ask for the fence when it is time; `why_not_upload` keeps it from being replaced."""
+        self._why_not_upload = why_not_upload
+        if self._waits_until is not None:
+            if now_s < self._waits_until:
+                return
+            self._waits_until = None
+            self._refuse("it does not answer when its geofence is read", "alarm")
+        if now_s >= self._next_s:
+            self._waits_until, self._next_s = now_s + ANSWER_S, now_s + self._every_s
+            self._autopilot.read_fence()
+
+    def read(self, problem: str, items: Sequence[MavItem], now_s: float) -> None:
+        """Take in the fence that was read, or why it could not be read."""
+        self._waits_until = None
+        if problem:
+            self._next_s = min(self._next_s, now_s + RETRY_S)
+            self._refuse(f"its geofence cannot be read ({problem})", "alarm")
+            return
+        differs = difference(self._areas, items, self._geography)
+        self.differs = bool(differs)
+        if not differs:
+            self._waits_until = now_s + ANSWER_S
+            self._autopilot.enforce_fence()
+        elif self._uploaded:
+            self._refuse(f"its geofence is not the world's: {differs}", "alarm")
+        elif self._why_not_upload:
+            self._next_s = min(self._next_s, now_s + RETRY_S)
+            self._refuse(f"it has no geofence of this world: {self._why_not_upload}", "alarm")
+        else:
+            self._waits_until = now_s + ANSWER_S
+            self._autopilot.upload_fence([item for area in self._areas for item in area.items])
+
+    def uploaded(self, problem: str, now_s: float) -> None:
+        """Take in how an upload ended; a fence that was taken is read back."""
+        self._waits_until = None
+        if problem:
+            self._next_s = min(self._next_s, now_s + RETRY_S)
+            self._refuse(f"it does not take the geofence ({problem})", "alarm")
+            return
+        self._uploaded, self._waits_until = True, now_s + ANSWER_S
+        self._autopilot.read_fence()
+
+    def enforced(self, problem: str) -> None:
+        """Take in whether the drone acts on its fence."""
+        self._waits_until = None
+        if problem:
+            self._refuse(f"it would not act on its geofence: {problem}", "alarm")
+            return
+        self._uploaded = True
+        if self.problem or not self._shown:
+            self.problem, self._shown = "", True
+            first, *zones = self._areas
+            self._say(
+                "info",
+                f"its geofence was read back and is the world's: {first.name} of "
+                f"{count(len(first.corners), 'corner')}, {count(len(zones), 'closed zone')}",
+            )
+
+    def _refuse(self, problem: str, level: Level) -> None:
+        if problem != self.problem:
+            self.problem = problem
+            self._say(level, f"{problem}: it starts no flight")

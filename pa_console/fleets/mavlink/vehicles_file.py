@@ -1,0 +1,89 @@
+"""The file that says which drones a MAVLink link has, and how high they fly.
+
+connection: udp://0.0.0.0:14540
+floor_m: 10
+ceiling_m: 60
+altitude_m: 20
+vehicles:
+  Drone_T01: {system_id: 1}
+  Drone_T02: {system_id: 2, altitude_m: 25, altitudes_m: {observe: 40}}
+"""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from pa_console.schema.base import Name, Positive, StrictModel
+from pa_console.schema.document import Document
+from pa_console.schema.world import Origin, World
+
+FlownVerb = Literal["move_to", "observe"]
+"""The orders whose altitude is ours; the way home is flown at the autopilot's own."""
+
+Altitude = Annotated[float, Field(gt=0.0, le=500.0)]
+"""Metres above the place where the drone was armed."""
+
+MOST_VEHICLES = 200
+
+
+class VehicleSpec(StrictModel):
+    """One drone: the MAVLink system id that it has, and altitudes of its own."""
+
+    system_id: int = Field(ge=1, le=244)
+    altitude_m: Altitude | None = None
+    altitudes_m: dict[FlownVerb, Altitude] = {}
+
+
+class MavlinkVehicles(StrictModel):
+    """The drones of one link; altitudes are metres above the place of arming."""
+
+    connection: str = Field(default="", description="used when the file itself is the address")
+    origin: Origin | None = Field(default=None, description="for a world that has none")
+    floor_m: Altitude = 5.0
+    ceiling_m: Altitude = 100.0
+    altitude_m: Altitude = 20.0
+    altitudes_m: dict[FlownVerb, Altitude] = {}
+    survives_lost_link: tuple[FlownVerb, ...] = Field(
+        default=("observe",), description="orders that are flown as an uploaded mission"
+    )
+    fence_check_s: Positive = Field(default=10.0, ge=1.0, le=600.0)
+    vehicles: dict[Name, VehicleSpec] = Field(min_length=1, max_length=MOST_VEHICLES)
+
+    def altitude(self, agent: str, verb: FlownVerb) -> float:
+        """Return how high `agent` carries `verb` out: the most particular altitude counts."""
+        own = self.vehicles[agent]
+        fallback = self.altitudes_m.get(verb, self.altitude_m)
+        return own.altitudes_m.get(verb, own.altitude_m or fallback)
+
+
+def read_vehicles(path: Path, world: World) -> MavlinkVehicles:
+    """Read the file at `path`; raises DocumentError, which is a ValueError, with the remedy."""
+    document = Document.read(path)
+    found = document.parse(MavlinkVehicles)
+    if found.floor_m > found.ceiling_m:
+        problem = f"{found.floor_m:g} m is above ceiling_m, {found.ceiling_m:g} m: lower it"
+        raise document.error(("floor_m",), problem)
+    owners: dict[int, str] = {}
+    for agent, vehicle in found.vehicles.items():
+        field = ("vehicles", agent)
+        asset = world.assets.get(agent)
+        if asset is None:
+            known = ", ".join(n for n, spec in world.assets.items() if spec.kind == "uav")
+            problem = f"the world {world.name!r} has no such asset; its drones: {known or 'none'}"
+            raise document.error(field, problem)
+        if asset.kind != "uav":
+            problem = f"is a {asset.kind} in the world {world.name!r}: only drones fly over MAVLink"
+            raise document.error(field, problem)
+        if (other := owners.setdefault(vehicle.system_id, agent)) != agent:
+            problem = f"{vehicle.system_id} is the system id of {other} too: each has its own"
+            raise document.error((*field, "system_id"), problem)
+        for verb in ("move_to", "observe"):
+            height = found.altitude(agent, verb)
+            if not found.floor_m <= height <= found.ceiling_m:
+                raise document.error(
+                    field,
+                    f"{verb} at {height:g} m is outside {found.floor_m:g} to {found.ceiling_m:g} m:"
+                    " change the altitude, or floor_m and ceiling_m",
+                )
+    return found

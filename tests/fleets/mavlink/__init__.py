@@ -1,0 +1,1 @@
+"""Tests of drones over MAVLink."""
