@@ -1,6 +1,7 @@
 """Wires the verbs together and turns every failure into one clear line and an exit code."""
 
 import contextlib
+import errno
 import gc
 import os
 import sys
@@ -113,6 +114,14 @@ def run(commands: typer.Typer, name: str) -> NoReturn:
     sys.exit(code if isinstance(code, int) else 0)
 
 
+_REMEDIES = {
+    errno.ENOSPC: "; free some space on that disk",
+    errno.EDQUOT: "; free some space on that disk",
+    errno.EROFS: "; let XDG_STATE_HOME and XDG_CONFIG_HOME name folders that can be written to",
+}
+"""The way out of a fault of the file system, where there is one that all commands share."""
+
+
 def _explain(error: Exception) -> int:
     """Report the mistake in the input, or the program's own fault."""
     from pa_console.llm.backend import EngineError, ModelError  # noqa: PLC0415 - only when it failed
@@ -127,7 +136,8 @@ def _explain(error: Exception) -> int:
             return _fail(str(error), FAILED)
         case OSError():
             place = error.filename or "input/output"
-            return _fail(f"{place}: {error.strerror or error}", FAILED)
+            remedy = _REMEDIES.get(error.errno or 0, "")
+            return _fail(f"{place}: {error.strerror or error}{remedy}", FAILED)
         case _:
             return _fail(f"internal error: {error}; {_keep_traceback(error)}", FAILED)
 

@@ -1,5 +1,6 @@
 """Every verb as a user runs it: what it prints, its exit code, and that no traceback appears."""
 
+import errno
 import os
 import subprocess
 import sys
@@ -154,3 +155,20 @@ def test_the_verbs_work_from_any_folder(tmp_path: Path) -> None:
     assert run("rules", "list", cwd=tmp_path).returncode == 0
     wrong = run("nonsense", cwd=tmp_path)
     assert (wrong.returncode, wrong.stdout) == (2, "")
+
+
+@pytest.mark.parametrize(
+    ("fault", "remedy"),
+    [(errno.EROFS, "let XDG_STATE_HOME"), (errno.ENOSPC, "free some space on that disk")],
+)
+def test_a_folder_that_takes_no_file_is_named_with_the_way_out(
+    call: Call, monkeypatch: pytest.MonkeyPatch, fault: int, remedy: str
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(fault, os.strerror(fault), "/state")
+
+    monkeypatch.setattr("pa_console.policy.pinned_rules.make_private_folder", full)
+    done = call("mission", "Send Drone_T04 to EastGate.", "--approve", "never")
+    assert done.code == 1
+    assert "error: /state: " in done.said
+    assert remedy in done.said.replace("\n", " ")

@@ -1,6 +1,7 @@
 """The checks of `doctor`: Python, libraries, model, settings, folders, terminal, memory."""
 
 import importlib
+import logging
 import os
 import re
 import shlex
@@ -116,6 +117,7 @@ def _check_library(name: str, asked: str, modules: list[str]) -> Check:
 
 def _problem_of(module: str) -> str:
     """Return why `module` cannot be imported, empty when it can."""
+    logging.getLogger(module).setLevel(logging.ERROR)  # matplotlib warns of folders it cannot make
     try:
         importlib.import_module(module)
     except Exception as error:  # whatever a broken library raises when it is loaded
