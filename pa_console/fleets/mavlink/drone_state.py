@@ -42,9 +42,13 @@ class BootClock:
         self._began: datetime | None = None
         self._latest_s = 0.0
         self._moved: datetime | None = None
+        self._sent: datetime | None = None
 
     def sent(self, boot_s: float, arrived: datetime) -> datetime | None:
-        """Return when a message was sent, None for one from before the last; see `restarted`."""
+        """Return when a message was sent, None for one from before the last; see `restarted`.
+
+        No time is before the one returned last.
+        """
         began = arrived - timedelta(seconds=boot_s)
         if self._began is None or self._moved is None or boot_s < self._latest_s - REBOOT_S:
             self._began = began
@@ -54,7 +58,9 @@ class BootClock:
             drift_s = (arrived - self._moved).total_seconds() * DRIFT
             self._began = min(began, self._began + timedelta(seconds=max(drift_s, 0.0)))
         self._latest_s, self._moved = boot_s, arrived
-        return min(arrived, self._began + timedelta(seconds=boot_s))
+        sent = min(arrived, self._began + timedelta(seconds=boot_s))
+        self._sent = sent if self._sent is None else max(sent, self._sent)
+        return self._sent
 
     def restarted(self, boot_s: float) -> bool:
         """Return whether a message of this time shows that the drone has started again."""

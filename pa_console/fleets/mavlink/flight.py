@@ -12,12 +12,13 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any, cast
 
-from pa_console.fleets.link import AssetReport, DeviceAnswer, LinkNews, LinkNotice
+from pa_console.fleets.link import DeviceAnswer, LinkNews, LinkNotice
 from pa_console.fleets.mavlink import commands
 from pa_console.fleets.mavlink.commands import Autopilot, Degrees, MavCommand, MavItem
 from pa_console.fleets.mavlink.drone_state import DroneState
 from pa_console.fleets.mavlink.geofence import FenceWatch, fence_of
 from pa_console.fleets.mavlink.vehicles_file import FlownVerb, MavlinkVehicles
+from pa_console.fleets.reports import AssetReport
 from pa_console.schema.base import Point
 from pa_console.schema.command import COMMANDS, DeviceCommand, ReplyStatus
 from pa_console.schema.events.event import Level
@@ -226,6 +227,7 @@ class Flight:
         elif answered and not (self.state.landed and not self.state.armed):
             hold.refused = (f"hold {problem}", self._now())
         elif answered:
+            self._answer(hold.command, "acknowledged")
             self._answer(hold.command, "done", "stands on the ground, disarmed")
             hold.done = True
 
@@ -650,6 +652,7 @@ class Flight:
     def _report(self) -> AssetReport:
         fix, state, order = self.state.fix, self.state, self._order
         assert fix is not None
+        target = order.target if order is not None else None
         return AssetReport(
             self.agent,
             fix.sent,
@@ -657,8 +660,9 @@ class Flight:
             fix.heading_deg,
             fix.speed_mps,
             state.status,
-            self._task if order is not None or state.manual is False else "none",
+            self._task if not state.manual else "none",
             state.battery_pct if state.battery_pct is not None else 0.0,
             order.command.command_id if order is not None else None,
             state.manual,
+            (target,) if target is not None else (),
         )

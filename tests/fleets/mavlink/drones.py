@@ -10,8 +10,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from pa_console.fleets.link import AssetReport, DeviceAnswer, LinkNotice
+from pa_console.fleets.link import DeviceAnswer, LinkNotice
 from pa_console.fleets.mavlink.link import MavlinkLink, open_link
+from pa_console.fleets.reports import AssetReport
 from pa_console.schema.command import FINAL_REPLIES, DeviceCommand, Verb
 from pa_console.schema.world import World
 from pa_console.settings.schema import Settings
@@ -113,6 +114,8 @@ class Driven:
                     self.answers.append(news)
                 case LinkNotice():
                     self.notices.append(news)
+                case _:
+                    pass
 
     def until(self, done: Callable[[], bool], limit_s: float = LIMIT_S) -> None:
         """Take news in until `done`; raises TimeoutError when that takes too long."""

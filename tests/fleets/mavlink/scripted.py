@@ -5,11 +5,12 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from pa_console.fleets.link import AssetReport, DeviceAnswer, LinkNews, LinkNotice
+from pa_console.fleets.link import DeviceAnswer, LinkNews, LinkNotice
 from pa_console.fleets.mavlink.commands import Cmd, Kind, MavCommand, MavItem, e7
 from pa_console.fleets.mavlink.flight import Flight
 from pa_console.fleets.mavlink.geofence import fence_of
 from pa_console.fleets.mavlink.vehicles_file import MavlinkVehicles
+from pa_console.fleets.reports import AssetReport
 from pa_console.schema.base import Point
 from pa_console.schema.command import DeviceCommand, Verb
 from pa_console.schema.world import Origin, World

@@ -337,3 +337,13 @@ def test_a_report_that_was_held_up_is_as_old_as_its_own_clock_says(world: World)
     arrived = fresh + timedelta(seconds=8.0)
     rig.flight.positioned(rig.message(), arrived)
     assert (arrived - rig.last().sent).total_seconds() == pytest.approx(7.5, abs=0.01)
+
+
+def test_no_report_is_older_than_the_one_before_it(world: World) -> None:
+    rig = Rig(world).ready()
+    began, sent = rig.arrival(), [rig.last().sent]
+    for boot_s, delay_s in ((20.5, 3.0), (20.7, 0.1), (20.9, 0.0)):
+        message = rig.message() | {"time_boot_ms": int((rig.now_s + boot_s) * 1e3)}
+        rig.flight.positioned(message, began + timedelta(seconds=boot_s + delay_s))
+        sent.append(rig.last().sent)
+    assert sent == sorted(sent)
