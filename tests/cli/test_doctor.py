@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
@@ -22,20 +23,26 @@ from pa_console.cli.verbs.doctor_checks import (
     check_build_tools,
     check_colours,
     check_folder,
+    check_link,
     check_memory,
     check_model,
+    check_schemes,
     check_size,
     check_unicode,
     load_or_default,
 )
+from pa_console.fleets import link
+from pa_console.fleets.link import GROUP, LinkNotice
 from pa_console.llm.backend import EngineDiedError, EngineError
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.llm.remote.address import KEY_VARIABLE
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Usage
+from pa_console.schema.world import World
 from pa_console.settings.schema import Settings
 from pa_console.terminal.mission import step_line
 from tests.cli.inside import Call
+from tests.fleets.scripted_link import Desk, ScriptedLink
 from tests.llm.servers.fault_proxy import FaultProxy
 from tests.scripted import ScriptedEngine, plan
 
@@ -54,6 +61,54 @@ def test_everything_is_looked_at(call: Call, monkeypatch: pytest.MonkeyPatch) ->
     assert checks["textual"]["state"] == "ok"
     assert "not measured" not in checks["model's speed"]["found"]
     assert (done.code == 0) == (not any(c["state"] == "missing" for c in checks.values()))
+
+
+def open_scripted(address: str, world: World, settings: Settings) -> ScriptedLink:
+    if address == "off":
+        raise ValueError("nothing answers there: switch it on")
+    link = ScriptedLink(f"own:{address}", {"Drone_T01"})
+    if address == "cut":
+        link.problem = "no carrier"
+    link.news.append(LinkNotice("info", link.name, "speaks version 3"))
+    link.news.append(Desk(world).report("Drone_T01", "Base"))
+    return link
+
+
+@pytest.mark.parametrize(
+    ("address", "state", "found"),
+    [
+        ("on", "ok", "own:on: connected; reports from Drone_T01; speaks version 3"),
+        ("cut", "missing", "no connection: no carrier"),
+        ("off", "missing", "nothing answers there: switch it on"),
+    ],
+)
+def test_a_link_is_looked_at(
+    address: str, state: str, found: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    point = EntryPoint("own", f"{__name__}:open_scripted", GROUP)
+    monkeypatch.setattr(link, "link_schemes", lambda: {"own": point})
+    check = check_link(f"own:{address}", Settings())
+    assert check.state == state
+    assert found in check.found
+
+
+def test_kinds_of_links_are_listed_and_a_broken_one_is_named(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    points = {
+        name: EntryPoint(name, value, GROUP)
+        for name, value in (
+            ("own", f"{__name__}:open_scripted"),
+            ("broken", f"{__name__}:no_such_function"),
+            ("ros2", "no_such_library:open_link"),
+        )
+    }
+    monkeypatch.setattr(doctor_checks, "link_schemes", lambda: points)
+    monkeypatch.setattr(doctor_checks, "OWN", (points["ros2"],))
+    checks = {check.name: check for check in check_schemes()}
+    assert [check.state for check in checks.values()] == ["ok", "ok", "warning", "ok"]
+    assert "no_such_function" in checks["link broken"].found
+    assert "pip install 'pa-console[ros2]'" in checks["link ros2"].found
 
 
 @pytest.mark.parametrize(("state", "code"), [("ok", 0), ("warning", 0), ("missing", 1)])

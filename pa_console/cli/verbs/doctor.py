@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from pa_console.cli.options import JsonOption
+from pa_console.cli.sessions.links import LOOK_S
 from pa_console.cli.verbs.doctor_checks import (
     Check,
     check_broker,
@@ -19,9 +20,11 @@ from pa_console.cli.verbs.doctor_checks import (
     check_confinement,
     check_folders,
     check_libraries,
+    check_link,
     check_load,
     check_model,
     check_python,
+    check_schemes,
     check_sessions,
     check_terminal,
     load_or_default,
@@ -66,11 +69,22 @@ def doctor(
             help="Look at the broker's configuration in this folder of 'pa-console site init' too.",
         ),
     ] = None,
+    fleet: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--fleet",
+            metavar="URL",
+            help="Look at the robots on this link too, such as ros2:ADDRESS; nothing is commanded.",
+        ),
+    ] = None,
     json: JsonOption = False,
 ) -> None:
     """Look for everything that the console needs; exit code 0 when nothing is missing."""
     with errors.status("looking") as status:
         checks = [check_broker(certificates)] if certificates is not None else []
+        for url in fleet or ():
+            status.update(f"looking at {url}, {LOOK_S:g} s at most")
+            checks.append(check_link(url, load_or_default()[0].values))
         for check in _checks(status.update):
             checks.append(check)
             status.update(f"looked at {check.name}")
@@ -90,6 +104,7 @@ def _checks(tell: Callable[[str], None]) -> Iterator[Check]:
     loaded, settings = load_or_default()
     loaded.export()
     yield settings
+    yield from check_schemes()
     named = named_models(loaded.values)
     yield from check_model(named.own or "")
     yield from check_servers(named, loaded.values)

@@ -17,6 +17,8 @@ from typing import Literal
 from rich.console import Console
 
 from pa_console.child_processes import python_command
+from pa_console.cli.sessions.links import survey
+from pa_console.fleets.link import OWN, link_schemes
 from pa_console.fleets.vda5050.site_files import CONFIGURATION, unbound
 from pa_console.llm.backend import ModelError
 from pa_console.llm.local.confinement import Restriction, try_out
@@ -30,6 +32,7 @@ from pa_console.schema.text import count
 from pa_console.session.log.chain import LogError
 from pa_console.session.log.session_index import check_index
 from pa_console.session.log.writer import default_folder
+from pa_console.settings.schema import Settings
 from pa_console.settings.sources import (
     LoadedSettings,
     default_settings,
@@ -37,6 +40,7 @@ from pa_console.settings.sources import (
     unknown_variables,
 )
 from pa_console.signing import SigningError, key_path, known_keys, site_keys
+from pa_console.sim.worlds.world_file import open_world
 
 State = Literal["ok", "warning", "missing"]
 PACKAGE = "pa-console"
@@ -348,6 +352,38 @@ def check_broker(folder: Path) -> Check:
         "with (certificates stay), then start the broker again"
     )
     return Check("broker", "missing", found, remedy)
+
+
+def check_schemes() -> Iterator[Check]:
+    """Look for the kinds of robots that `--fleet` takes; a missing extra is no fault."""
+    yield Check("link mqtt, mqtts", "ok", "robots on a message bus (VDA 5050)")
+    for scheme, point in link_schemes().items():
+        try:
+            point.load()
+        except ModuleNotFoundError as error:
+            remedy = f", for pip install 'pa-console[{scheme}]'" if point in OWN else ""
+            found = f"not installed{remedy}: {error.name} is missing"
+            yield Check(f"link {scheme}", "ok" if point in OWN else "warning", found)
+        except Exception as error:  # whatever a package of somebody else raises when it is loaded
+            found = f"{point.value} cannot be loaded: {type(error).__name__}: {error}"
+            yield Check(f"link {scheme}", "warning", found, "ask who made it, or uninstall it")
+        else:
+            yield Check(f"link {scheme}", "ok", point.value)
+
+
+def check_link(url: str, settings: Settings) -> Check:
+    """Look at the robots on the link at `url`, beside the world that the settings name."""
+    name = f"link {url}"
+    try:
+        world, _ = open_world(settings.world)
+        seen = survey(url, world, settings)
+    except (ValueError, DocumentError) as error:
+        return Check(name, "missing", str(error), "see 'pa-console manual connect-a-robot'")
+    if seen.problem:
+        return Check(name, "missing", seen.in_words(), "see its address and the network")
+    if seen.silent or not seen.agents:
+        return Check(name, "warning", seen.in_words(), "switch on what is silent; see its names")
+    return Check(name, "ok", seen.in_words())
 
 
 def check_terminal() -> Iterator[Check]:
