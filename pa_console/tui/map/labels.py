@@ -57,7 +57,7 @@ class Labels:
         if self._canvas.holds(cell):
             self._taken[cell[1]][cell[0]] = 1
 
-    def write(self, start: Cell, line: Sequence[Run], *, keep: bool = False) -> bool:
+    def write(self, start: Cell, line: Sequence[Run], *, keep: bool = True) -> bool:
         """Write a line at a certain place, unless a marker is in its way; returns whether not.
 
         With `keep` no other name hides it.

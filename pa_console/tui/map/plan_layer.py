@@ -75,7 +75,7 @@ class PlanLayer:
                 )
                 if not any(beside) and (name := ground.names.get(place)):
                     behind = name[0] + len(place), name[1]
-                    _ = any(labels.write(behind, line, keep=True) for line in lines)
+                    _ = any(labels.write(behind, line) for line in lines)
 
     def _lines(self, change: CoverChange | None, coming: tuple[str, ...]) -> Iterator[list[Run]]:
         """Yield the texts for a place, and shorter ones for little room."""

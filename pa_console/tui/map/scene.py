@@ -67,7 +67,7 @@ class Frames:
                 self._canvas.put(cell, *sign)
                 self._labels.keep(cell)
             start = at and (at[0] + 1 - len(line), at[1])
-            if start and self._labels.write(start, line, keep=urgent):
+            if start and self._labels.write(start, line, keep=name in self._covers):
                 continue
             if urgent:
                 _ = self._place(frame, line) or self._place(frame, line[:1])

@@ -349,7 +349,7 @@ class AssetPane(Vertical):
         title = "Assets and tracks"
         if count.problems:
             verb = "needs" if count.problems == 1 else "need"
-            title += f"  ▲ {count.problems} of {count.total} {verb} an eye"
+            title += f"  ▲ {count.problems} of {count.total} {verb} attention"
         if self._text:
             title += f"  filter “{self._text}”: {count.shown} of {count.total}, Esc clears"
         retitle(self, title)
