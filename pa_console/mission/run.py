@@ -195,6 +195,10 @@ class MissionRun:
             self._context.attempts, plans=len(facts.plans), halts=len(facts.halts)
         )
         self._emit(ev.MissionReported(text=text))
+        if read is not None:
+            agents = {move.agent for move in self._ordered}
+            if awaited := self._services.gate.manual.awaits(self.mission, status, agents):
+                self._emit(ev.MissionAwaitsAssets(assets=awaited))
         self._emit(ev.MissionFinished(status=status, reason=reason, metrics=metrics))
 
     def see(self, picture: Picture) -> None:

@@ -139,13 +139,17 @@ def _cover(
             settle_s=world.stale_s,
         )  # fmt: skip
     away = [picture.assets[name] for name in guards if name in picture.assets]
-    lost = [
-        silence(picture, asset) or f"{asset.id} has failed" for asset in away if not asset.available
+    driven = [f"{asset.id} is under manual control" for asset in away if asset.manual]
+    failed = [
+        silence(picture, asset) or f"{asset.id} has failed"
+        for asset in away
+        if not (asset.available or asset.manual)
     ]
+    lost = [*failed, *driven]
     return Cause(
         "cover", "coverage_lost", "emergency" if lost else "high", gate, gate,
         text=f"{gate} is not covered" + (f": {', '.join(lost)}" if lost else ""),
-        command=f"{lost[0] if lost else f'{gate} has no guard'}: fill the gap at {gate}.",
+        command=f"{failed[0] if failed else f'{gate} has no guard'}: fill the gap at {gate}.",
         settle_s=1.0 if lost else world.coverage_grace_s / 2,
         linger_s=2.0,
     )  # fmt: skip
