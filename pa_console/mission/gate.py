@@ -154,6 +154,8 @@ class CommandGate:
         self._plan = frozenset(device_commands(request.plan, request.request_id))
         self._orders = set(self._plan)
         self._safety, self._halted = request.if_halted, False
+        for asset in self.manual.assets:
+            self._withdraw(asset)
 
     def halt(self) -> None:
         """Let nothing more of the plan pass but its declared way to safety."""
@@ -219,7 +221,7 @@ class CommandGate:
 
     def _withdraw(self, asset: str) -> None:
         """Take back everything that was decided for `asset`, but for the hold of a stop."""
-        self._orders = {command for command in self._orders if command.agent != asset}
+        self._orders.difference_update([each for each in self._orders if each.agent == asset])
         self._safety = tuple(action for action in self._safety if action.agent != asset)
         last = self._standing.get(asset)
         if last is not None and last not in self._stop_holds:

@@ -13,9 +13,7 @@ from pa_console.schema.mission import Mission, MissionStatus
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 
-UNFINISHED: frozenset[MissionStatus] = frozenset(
-    ("held", "unverified", "failed", "refused")
-)
+UNFINISHED: frozenset[MissionStatus] = frozenset(("held", "unverified", "failed", "refused"))
 """The endings of a mission that awaits its assets; an operator has decided the others."""
 
 

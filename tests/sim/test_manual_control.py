@@ -1,4 +1,4 @@
-"""A person drives an asset: its device takes nothing but a hold, and its gate counts by position."""
+"""A person drives an asset: its device takes nothing but a hold; its gate counts by position."""
 
 import pytest
 

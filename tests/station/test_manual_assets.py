@@ -65,7 +65,9 @@ class Hand:
             match event.data:
                 case ev.CommandSent(command=command) | ev.CommandRefused(command=command):
                     if command.agent == asset:
-                        found.append(f"{'not ' * (event.data.kind != 'command_sent')}{command.verb}")
+                        found.append(
+                            f"{'not ' * (event.data.kind != 'command_sent')}{command.verb}"
+                        )
                 case ev.ManualControlTaken(asset=name) if name == asset:
                     found.append("taken")
                 case ev.ManualControlEnded(asset=name) if name == asset:
@@ -178,6 +180,6 @@ async def test_words_that_cannot_be_done_are_refused(rig: Rig) -> None:
         "Drone_T01 is under manual control, taken by operator already",
         "Robot_T01 is not under manual control; taken here: Drone_T01",
     ]
-    assert [event.data.asset for event in rig.events if event.data.kind == "manual_control_taken"] == [
-        "Drone_T01"
-    ]
+    assert [
+        event.data.asset for event in rig.events if event.data.kind == "manual_control_taken"
+    ] == ["Drone_T01"]
