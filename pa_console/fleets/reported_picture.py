@@ -402,5 +402,6 @@ def _detection(seen: ContactReport, stamp: int, dt_s: float) -> Detection:
         identity=seen.identity,
         opinion=seen.opinion,
         noncombatants=seen.noncombatants,
+        emergency=seen.emergency,
         warned_tick=warned,
     )

@@ -91,7 +91,9 @@ class MissionRun:
     ) -> None:
         self.mission = mission
         self._services, self._station, self._emit = services, station, emit
-        self._monitor = Monitor(services.rulebook, services.fleet.world, services.sightings)
+        self._monitor = Monitor(
+            services.rulebook, services.fleet.world, services.sightings, services.pursuits
+        )
         self._context = MissionContext(services, mission, emit, self._monitor)
         self._progress = WorkflowProgress(services.rulebook, mission)
         self._execution = Execution(self._context, station.feed)

@@ -26,6 +26,11 @@ class SpawnTrack(StrictModel):
     distance_m: Positive | None = Field(default=None, description="start this far from the gate")
     when_warned: Reaction = "leave"
     noncombatants: bool = Field(default=False, description="families, medics, passers-by")
+    emergency: bool = Field(
+        default=False,
+        exclude_if=lambda marked: not marked,
+        description="an ambulance, a fire engine, the police",
+    )
     name: Name | None = Field(default=None, description="a scenario's handle for it")
 
 

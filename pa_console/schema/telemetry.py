@@ -89,6 +89,11 @@ class Track(StrictModel):
     seen_by: tuple[Name, ...] = Field(default=(), description="sensors that detect it now")
     hostile_by: tuple[Name, ...] = ()
     noncombatants: bool = Field(default=False, description="noncombatants are suspected (ROE-08)")
+    emergency: bool = Field(
+        default=False,
+        exclude_if=lambda marked: not marked,
+        description="a sensor recognises an emergency vehicle: ambulance, fire engine, police",
+    )
     defiant: bool = Field(default=False, description="it went on after it had been warned")
     identity_claims: dict[Name, IdentityClaim] = Field(
         default={},

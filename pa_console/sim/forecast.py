@@ -166,6 +166,7 @@ def _contact_of(terrain: Terrain, track: Track) -> ContactState:
         intent=track.intent,
         when_warned="go_on" if track.defiant else "stop",
         noncombatants=track.noncombatants,
+        emergency=track.emergency,
         speed=track.speed_mps,
         status=track.status,
         warned_tick=0 if track.warned and track.status != "leaving" else None,
@@ -201,6 +202,7 @@ def _file_of(terrain: Terrain, track: Track) -> TrackFile:
         identified=track.identity,
         confirmed=track.intent,
         suspected=track.noncombatants,
+        emergency=track.emergency,
         statements=tuple(
             Statement(name, weight_of(terrain, name), opinion="hostile", opinion_tick=stamp)
             for name in sorted(track.hostile_by)

@@ -164,6 +164,8 @@ def _track(picture: Picture, track: Track) -> Iterator[_Fact]:
     yield _Fact(name, "warned", track.warned, False, "info", "warned" if track.warned else "")
     defiant = "goes on in spite of the warning" if track.defiant else ""
     yield _Fact(name, "defiant", track.defiant, False, "alarm", defiant)
+    marked = "it is an emergency vehicle" if track.emergency else ""
+    yield _Fact(name, "emergency", track.emergency, False, "warning", marked)
     persons = "noncombatants are suspected" if track.noncombatants else ""
     yield _Fact(name, "persons", track.noncombatants, False, "warning", persons)
     moves = f"{track.status} at {track.gate}"
