@@ -32,7 +32,6 @@ class ContactState:
     intent: Intent
     when_warned: Reaction = "leave"
     noncombatants: bool = False
-    emergency: bool = False
     name: str | None = None
     speed: float = 0.0
     status: TrackStatus = "approaching"
@@ -73,7 +72,6 @@ class Detection:
     identity: Identity = "unknown"
     opinion: Intent = "unknown"
     noncombatants: bool = False
-    emergency: bool = False
     warned_tick: int | None = None
 
 
@@ -151,7 +149,6 @@ class TrackFile:
     identified: Identity = "unknown"
     confirmed: Intent = "unknown"
     suspected: bool = False
-    emergency: bool = False
     statements: tuple[Statement, ...] = ()
     seen: tuple[Sighting, ...] = ()
     observed: bool = False

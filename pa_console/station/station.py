@@ -8,7 +8,6 @@ from functools import partial
 
 from pa_console import __version__
 from pa_console.fleets.fleet import PlanCountersignature, Simulated
-from pa_console.language.manual_words import ManualWords, read_manual
 from pa_console.language.order_changes import Change, OrderChange, read_change
 from pa_console.language.questions import Question
 from pa_console.language.references.conversation import Unclear
@@ -36,7 +35,6 @@ from pa_console.station.clock import Clock, Ticking
 from pa_console.station.earlier_session import LeftMissions, ResumedSession, UnclosedSession
 from pa_console.station.intake import IS_STOPPED, Intake, ReadText, read_text
 from pa_console.station.live_reading import LiveReading, ShowReading
-from pa_console.station.manual_assets import ManualAssets
 from pa_console.station.notices import Outside, pass_on
 from pa_console.station.read_ahead import ReadAhead
 from pa_console.station.rules_in_force import RulesReload, RulesWatch
@@ -105,11 +103,7 @@ class ControlStation:
             resumed.before.state.muted_agents if resumed else (),
         )
         """What agents propose."""
-        self.manual = ManualAssets(
-            parts, self._writable, self._look_now, self._worker.queue_changed
-        )
-        """The assets under manual control."""
-        self._ticking = Ticking(parts, clock, self._worker, self._stop_for, self.manual)
+        self._ticking = Ticking(parts, clock, self._worker, self._stop_for)
         self._closed, self._resumed = False, resumed
         self._record = RecentRecord(deepcopy(resumed.before.state) if resumed else SessionState())
         self._again: list[tuple[ev.EventPayload, str]] = []
@@ -118,7 +112,6 @@ class ControlStation:
             before = resumed.before
             missions = before.state.missions.values()
             self._gate.resume(resumed.stops, stopped=before.state.stop is not None)
-            self.manual.take_up(before.manual, before.awaiting)
             services.standing.skip_ids(one.standing.order.id for one in missions if one.standing)
             unanswered = [one.mission.alarm for one in before.interrupted if one.mission.alarm]
             self._again = self._intake.take_up(
@@ -260,8 +253,6 @@ class ControlStation:
         """Emit the relieved `station`'s open missions and queue the undispatched ones."""
         for text in left.notices(station):
             self._emit(ev.Noticed(level="warning", subject="command", text=text))
-        for asset, by in left.manual:
-            self.manual.take(asset, f"{by} at {station}")
         if left.stopped:
             self.stop_all(station)
             return
@@ -298,9 +289,10 @@ class ControlStation:
         self._live.show_in(show)
 
     def _order_in(self, text: str) -> ReadText | None:
-        """Return `text` as it is read; None for a question, and for what is changed at once."""
+        """Return `text` as it is read; None for a question, and for a change of standing orders."""
         order = self._read(text)
-        return order if order.question is None and self._change_in(order) is None else None
+        change = read_change(order.text, self._services.standing.orders)
+        return order if change is None and order.question is None else None
 
     def _may_read_live(self) -> bool:
         """Return whether a mission would be worked on at once, and the models are idle."""
@@ -356,7 +348,7 @@ class ControlStation:
         """
         self._writable()
         order = self._read(text)
-        change = self._change_in(order)
+        change = read_change(order.text, self._services.standing.orders)
         if isinstance(change, Unclear):
             raise ValueError(change.question)
         if change is not None:
@@ -370,26 +362,16 @@ class ControlStation:
         self._worker.queue_changed()
         return mission
 
-    def _change_in(self, order: ReadText) -> OrderChange | ManualWords | Unclear | None:
-        """Return what a text changes at once: standing orders, or who drives an asset."""
-        change = read_change(order.text, self._services.standing.orders)
-        if change is not None or order.question is not None:
-            return change
-        return read_manual(self._services.scene, order.text, self._gate.manual.taken)
-
-    def _change(self, order: ReadText, change: OrderChange | ManualWords) -> Mission:
-        """Change at once what an operator's words say, and record them as a mission.
+    def _change(self, order: ReadText, change: OrderChange) -> Mission:
+        """Change standing orders at once as an operator's words say, and record them as a mission.
 
         Raises ValueError for what cannot be changed so.
         """
-        if isinstance(change, OrderChange):
-            for name in change.orders:
-                self.change_standing(name, change.change)
-            reason = f"{change.done}: {', '.join(change.orders)}"
-        else:
-            reason = self.manual.change(change)
+        for name in change.orders:
+            self.change_standing(name, change.change)
         mission, received = self._intake.submit(order, active=False, waits=False)
         self._emit(received, mission.id)
+        reason = f"{change.done}: {', '.join(change.orders)}"
         ended = ev.MissionFinished(status="verified", reason=reason, metrics=Metrics())
         self._emit(ended, mission.id)
         return mission
@@ -482,7 +464,6 @@ class ControlStation:
         """
         self._writable()
         holds = self._emergency_stop.hold_all()
-        self._gate.manual.forget()
         self._emit(ev.AllStopped(by=by))
         for payload in holds:
             self._emit(payload)
@@ -503,7 +484,6 @@ class ControlStation:
         self._emit(ev.StopReleased(by=by))
         for payload, mission in self._intake.resume(self._worker.handled):
             self._emit(payload, mission)
-        self.manual.queue_returned()
         self._worker.queue_changed()
 
     def revoke(self, order_id: str, by: str = "operator") -> None:
@@ -609,10 +589,6 @@ class ControlStation:
         """Use the model between two missions: for what is outstanding, then for reading ahead."""
         if await self._verdicts.work():
             await self._ahead.load()
-
-    def _look_now(self) -> None:
-        """Take in the picture without waiting for the next telemetry."""
-        self._ticking.look()
 
     def _writable(self) -> None:
         if self.readonly:

@@ -12,9 +12,6 @@ from pa_console.schema.events.execution import (
     CommandReplied,
     CommandResent,
     CommandSent,
-    ManualControlEnded,
-    ManualControlTaken,
-    MissionAwaitsAssets,
     MissionFinished,
     MissionReported,
     MissionVerified,
@@ -113,8 +110,7 @@ EventPayload = Annotated[
     | StandingOrderRead | StandingOrderApproved
     | StandingOrderStarted | StandingOrderWithheld | StandingOrderRevoked
     | StandingOrderScheduled | QuestionAnswered
-    | TakChanged | ContactReported | ContactLost | ContactsLeftOut | AgentMuted
-    | ManualControlTaken | ManualControlEnded | MissionAwaitsAssets,
+    | TakChanged | ContactReported | ContactLost | ContactsLeftOut | AgentMuted,
     Field(discriminator="kind"),
 ]  # fmt: skip
 

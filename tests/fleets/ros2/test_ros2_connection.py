@@ -1,0 +1,116 @@
+"""The connection file names what is wrong in it, and fits a map to the world."""
+
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pa_console.fleets.ros2.connection import MapFit, Ros2Address, read_site
+from pa_console.fleets.ros2.link import open_link
+from pa_console.fleets.ros2.messages import Planar
+from pa_console.schema.document import DocumentError
+from pa_console.schema.world import World
+from pa_console.settings.schema import Settings
+from tests.fleets.ros2.counterpart import free_port
+
+GOOD = "frames: {NorthGate: [0, 34], EastGate: [54, 0]}\nrobots: {Ugv_T01: {}}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("robots: {Ugv_T01: {}}\n", "frames: Field required"),
+        (GOOD.replace("EastGate", "Moon"), ":1: frames.Moon: no frame of checkpoint; it has"),
+        (GOOD.replace("Ugv_T01", "Ugv_T99"), ":2: robots.Ugv_T99: no asset of checkpoint; add it"),
+        (
+            GOOD.replace("54, 0", "50, 0"),
+            ":1: frames.EastGate: the map does not fit the world: EastGate is",
+        ),
+        (GOOD.replace("{}", "{can: [observe]}"), "can.0: a ugv cannot observe"),
+        (GOOD.replace("{}", "{trees: {identify: a.xml}}"), "add identify to 'can'"),
+        (GOOD.replace("{}", "{namespace: /x}"), "robots.Ugv_T01.namespace"),
+        (
+            GOOD.replace("{Ugv_T01: {}}", "{Ugv_T01: {namespace: a}, Ugv_T02: {namespace: a}}"),
+            "Ugv_T01 has the namespace 'a' as well",
+        ),
+        (GOOD + "layout: dds\n", "layout: Input should be 'bridge' or 'rmw'"),
+    ],
+)
+def test_an_error_names_file_line_and_field(
+    text: str, said: str, world: World, tmp_path: Path
+) -> None:
+    path = tmp_path / "robots.yaml"
+    path.write_text(text)
+    with pytest.raises(DocumentError) as raised:
+        read_site(path, world)
+    assert str(raised.value).startswith(str(path))
+    assert said in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("address", "said"),
+    [
+        ("", "write tcp/HOST:PORT"),
+        ("10.0.0.4:7447", "is no Zenoh locator"),
+        ("tcp/10.0.0.4:7447", "name the connection file"),
+        ("tcp/10.0.0.4:7447?robots=", "name the connection file"),
+        ("tcp/10.0.0.4:7447?robots=a.yaml&map=b", "and nothing else"),
+        ("tcp/10.0.0.4:7447?robots=/none/there.yaml", "/none/there.yaml: No such file"),
+    ],
+)
+def test_an_address_that_cannot_be_used_names_the_remedy(
+    address: str, said: str, world: World
+) -> None:
+    with pytest.raises(ValueError) as raised:  # noqa: PT011 - its text is compared
+        open_link(address, world, Settings())
+    assert said in str(raised.value)
+
+
+def test_a_router_that_is_not_there_is_named(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pa_console.fleets.ros2.link.OPEN_S", 0.2)
+    path = tmp_path / "robots.yaml"
+    path.write_text(GOOD)
+    with pytest.raises(ValueError, match="Is a Zenoh router or zenoh-bridge-ros2dds running"):
+        open_link(f"tcp/127.0.0.1:{free_port()}?robots={path}", world, Settings())
+
+
+def test_only_what_stays_on_this_machine_may_be_unencrypted() -> None:
+    def exposed(locator: str) -> bool:
+        return Ros2Address.parse(f"{locator}?robots=a").exposed
+
+    assert exposed("tcp/10.0.0.4:7447")
+    assert exposed("tcp/127x.example.org:7447")
+    assert not exposed("tcp/127.0.0.1:7447")
+    assert not exposed("tls/10.0.0.4:7447")
+
+
+COORDINATE = st.floats(-200.0, 200.0)
+FRAMES = {"a": (0.0, 34.0), "b": (54.0, 0.0), "c": (-54.0, 0.0)}
+
+
+@given(COORDINATE, COORDINATE, st.floats(-math.pi, math.pi), st.integers(2, 3))
+def test_a_map_that_is_turned_and_moved_fits(x: float, y: float, turn: float, count: int) -> None:
+    in_world = dict(list(FRAMES.items())[:count])
+    there = Planar(x, y, turn)
+    on_map = {name: there.then(Planar(*at, 0.0))[:2] for name, at in in_world.items()}
+    fit = MapFit.of(on_map, in_world)
+    assert fit.worst[1] == pytest.approx(0.0, abs=1e-6)
+    pose = Planar(3.0, -4.0, 1.0)
+    assert fit.to_world(there.then(pose))[:2] == pytest.approx(pose[:2], abs=1e-6)
+    assert fit.to_map(fit.to_world(pose)) == pytest.approx(pose, abs=1e-6)
+
+
+@given(st.floats(0.5, 2.0).filter(lambda scale: abs(scale - 1.0) > 0.05))
+def test_a_map_on_another_scale_does_not(scale: float) -> None:
+    on_map = {name: (x * scale, y * scale) for name, (x, y) in FRAMES.items()}
+    assert MapFit.of(on_map, FRAMES).worst[1] > 1.0
+
+
+def test_the_frame_that_is_off_most_is_named() -> None:
+    on_map = {**FRAMES, "d": (0.0, -40.0)}
+    in_world = {**FRAMES, "d": (0.0, -34.0)}
+    assert MapFit.of(on_map, in_world).worst[0] == "d"
