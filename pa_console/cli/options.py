@@ -191,6 +191,13 @@ class SessionOptions:
             "of a lower version); log and reports say so.",
         ),
     ] = False
+    require_sandbox: Annotated[
+        bool,
+        typer.Option(
+            "--require-sandbox",
+            help="Refuse to start where the system does not confine the model's process.",
+        ),
+    ] = False
     agents: int = 0
     """The port at which agents are let in; 0 for none."""
     readonly: bool = False

@@ -85,7 +85,7 @@ def _defaults(loaded: LoadedSettings) -> dict[str, Any]:
         "world": values.world,
         "rules": values.rules,
         **({"model": values.model} if values.model else {}),
-        **{name: getattr(values, name) for name in ("witness", *OBSERVED)},
+        **{name: getattr(values, name) for name in ("witness", "require_sandbox", *OBSERVED)},
     }
     tls = {
         "tls_cert": values.tak_certificate,

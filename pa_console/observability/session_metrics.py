@@ -29,6 +29,8 @@ DECISION_S = (1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0)
 """The buckets of a person's decision time, in seconds."""
 STEP_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0)
 """The buckets of a step's time, in seconds."""
+READY = ("ready", "unconfined", "slow")
+"""The states of a worker that answers."""
 
 
 class SessionMetrics:
@@ -101,10 +103,10 @@ class SessionMetrics:
             case ev.LogTroubled(problem=problem):
                 self._unlogged.set(bool(problem))
             case ev.WorkerChanged(state=state):
-                if state in ("ready", "slow"):
+                if state in READY:
                     self._restarts.inc(self._died)
                 self._died = state == "dead" or (self._died and state == "loading")
-                self._ready.set(state in ("ready", "slow"))
+                self._ready.set(state in READY)
             case ev.CommandSent(command=command):
                 self._sent.labels(command.verb).inc()
             case ev.CommandRefused():

@@ -99,6 +99,10 @@ class Settings(BaseSettings):
     """Whether the operator's words and the picture may go to a server on another machine without
     https."""
 
+    require_sandbox: Annotated[bool, _shown("Session", "Confined model only")] = False
+    """Whether a session is refused on a system that does not confine the model's process; `doctor`
+    tries whether it does."""
+
     live_reading: Annotated[bool, _shown("Session", "Live reading", restart=False)] = True
     """Whether an order is read while you type it, and its reading shown under the mission field.
     Nothing is sent or logged before Enter."""

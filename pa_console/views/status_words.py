@@ -112,6 +112,7 @@ STATUSES: dict[str, Status] = {
     "mission.open": Status("?", "not finished", "warn"),
     "worker.loading": Status("◔", "loading", "warn"),
     "worker.ready": Status("●", "ready", "good"),
+    "worker.unconfined": Status("△", "not confined", "warn"),
     "worker.slow": Status("◐", "slow, busy machine", "warn"),
     "worker.dead": Status("✘", "restarting", "bad"),
     "worker.unavailable": Status("✘", "unavailable", "bad"),

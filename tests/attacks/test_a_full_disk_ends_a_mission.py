@@ -20,7 +20,7 @@ from tests.scripted import ScriptedEngine, plan
 
 engine = ScriptedEngine([plan(("Drone_T04", "move_to EastGate"))])
 mission_session.find_model = lambda *_, **_reader: engine.model
-mission_session.Engine = lambda _: engine
+mission_session.Engine = lambda _, **_options: engine
 size = int(sys.argv.pop(1))
 resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 main()

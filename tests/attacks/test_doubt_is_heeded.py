@@ -72,7 +72,7 @@ def models(monkeypatch: pytest.MonkeyPatch) -> Readers:
     def find_model(_: str | None, *_progress: object, **_reader: str) -> LocalModel:
         return readers.model
 
-    def new_engine(_: LocalModel) -> Readers:
+    def new_engine(_: LocalModel, **_options: bool) -> Readers:
         return readers
 
     monkeypatch.setattr(mission_session, "find_model", find_model)

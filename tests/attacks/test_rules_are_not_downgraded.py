@@ -77,7 +77,7 @@ def engine(monkeypatch: pytest.MonkeyPatch) -> ScriptedEngine:
     def find_model(_: str | None, *_progress: object, **_reader: str) -> LocalModel:
         return scripted.model
 
-    def new_engine(_: LocalModel) -> ScriptedEngine:
+    def new_engine(_: LocalModel, **_options: bool) -> ScriptedEngine:
         return scripted
 
     monkeypatch.setattr(mission_session, "find_model", find_model)

@@ -3,6 +3,7 @@
 import asyncio
 import errno
 import fcntl
+import json
 import os
 import subprocess
 import sys
@@ -17,14 +18,15 @@ import pytest_asyncio
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.llm.backend import GenerationEnd, Request
+from pa_console.llm.backend import GenerationEnd, ModelUnavailableError, Request
 from pa_console.llm.local import seccomp
 from pa_console.llm.local.confinement import Restriction, clean_environment, try_out
 from pa_console.llm.local.engine import Engine, Worker
-from pa_console.llm.local.messages import Load, PinnedFile
+from pa_console.llm.local.messages import Load, PinnedFile, Ready
 from pa_console.llm.models.cache import hash_file
 from pa_console.llm.models.catalogue import LocalModel
 from tests.attacks.dangerous_calls import DANGEROUS
+from tests.cli.inside import caller
 from tests.training.adapters.tiny import write_tiny
 
 LINUX = sys.platform == "linux" and os.uname().machine in seccomp.MACHINES
@@ -168,11 +170,12 @@ ATTEMPTS = {
     "another user": "os.setuid(os.getuid())",
     "a process by descriptor": "os.pidfd_open(os.getppid())",
 }
-SCRIPT = """\
-import ctypes, fcntl, mmap, os, platform, resource, socket, subprocess, sys, time
-from pa_console.llm.local.confinement import confine, read_only
+INJECTED = """\
+import ctypes, fcntl, json, mmap, os, platform, resource, socket, subprocess, sys, time
+from pa_console.llm.local import worker
+from pa_console.llm.local.messages import Done, TextPiece
+from pa_console.schema.finding import Usage
 own = open(sys.executable, "rb")
-assert not any(item.missing for item in (read_only(()), *confine(0, 1)))
 libc = ctypes.CDLL(None, use_errno=True)
 text = ctypes.create_string_buffer
 def run_later(size):
@@ -186,27 +189,101 @@ def call_or_raise(x86, arm, *arguments):
         raise OSError(ctypes.get_errno(), "refused")
 def call(number, *arguments):
     call_or_raise(number, number, *arguments)
-mine = sys.argv[1]
-for attempt in sys.argv[2:]:
+def attempted(attempt, mine):
     try:
-        eval(attempt)
-        print("done", flush=True)
-    except (OSError, MemoryError, ValueError) as error:
-        print("refused")
+        eval(attempt, globals(), {"mine": mine})
+    except (OSError, MemoryError, ValueError):
+        return "refused"
+    return "done"
+def answer(decoder, chat, asked, send):
+    mine, attempts = asked.request.system, asked.request.user.splitlines()
+    said = json.dumps([attempted(attempt, mine) for attempt in attempts])
+    send(TextPiece(id=asked.id, text=said))
+    return Done(id=asked.id, finish="stop", usage=Usage())
+worker._answer = answer
+worker.main()
 """
 
 
 @linux_only
-def test_what_a_process_that_was_taken_over_would_do_is_refused(tmp_path: Path) -> None:
+async def test_what_a_process_that_was_taken_over_would_do_is_refused(
+    engine: Engine, tiny: LocalModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pa_console.llm.local.engine.COMMAND", ("-c", INJECTED))
     mine = tmp_path / "mine"
     mine.write_text("as it was")
     before = mine.stat().st_ctime_ns
-    command = (sys.executable, "-P", "-c", SCRIPT, str(mine), *ATTEMPTS.values())
-    ended = subprocess.run(command, capture_output=True, text=True, check=True)
-    answers = dict(zip(ATTEMPTS, ended.stdout.split(), strict=True))
-    assert [name for name, said in answers.items() if said != "refused"] == []
+    allowed = (f"open({str(tiny.path)!r}, 'rb')", "open(worker.__file__, 'rb')")
+    attempts = "\n".join((*ATTEMPTS.values(), *allowed))
+    done = await answer(engine, replace(ASK, system=str(mine), user=attempts))
+    said: list[str] = json.loads(done.text)
+    assert said[len(ATTEMPTS) :] == ["done"] * len(allowed), "its model, and its library"
+    answers = dict(zip(ATTEMPTS, said, strict=False))
+    assert [name for name, answered in answers.items() if answered != "refused"] == []
     assert (mine.read_text(), mine.stat().st_ctime_ns) == ("as it was", before)
     assert os.listdir(tmp_path) == ["mine"]
+
+
+UNCONFINED = """\
+from pa_console.llm.local import worker
+from pa_console.llm.local.confinement import Restriction
+def confine(size, threads):
+    return (Restriction(what="no network", missing="no filter here"),)
+worker.confine = confine
+worker.main()
+"""
+
+
+async def test_a_model_whose_process_is_not_confined_is_ready_and_says_so(
+    tiny: LocalModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pa_console.llm.local.engine.COMMAND", ("-c", UNCONFINED))
+    states: list[tuple[str, str]] = []
+    engine = Engine(tiny, lambda state, detail: states.append((state, detail)))
+    try:
+        assert (await answer(engine, ASK)).finish == "stop"
+    finally:
+        await engine.close()
+    assert [state for state, _ in states if state != "slow"] == ["loading", "unconfined"]
+    assert "no network (no filter here)" in states[1][1]
+
+
+async def test_no_model_is_loaded_without_the_confinement_that_is_required(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pa_console.llm.local.engine.COMMAND", ("-c", UNCONFINED))
+    path = tmp_path / "never-parsed.gguf"
+    path.write_bytes(b"no model: parsing it would be another error")
+    model = LocalModel("tiny", path, hash_file(path), "chatml", n_ctx=512)
+    engine = Engine(model, require_sandbox=True)
+    try:
+        with pytest.raises(ModelUnavailableError, match=r"--require-sandbox.*no filter here"):
+            await answer(engine, ASK)
+    finally:
+        await engine.close()
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["console --plain --new", "mission Look.", "serve"],
+    ids=["console", "mission", "serve"],
+)
+@pytest.mark.parametrize("how", ["--require-sandbox", "--set require_sandbox=on"])
+def test_no_session_starts_without_the_confinement_that_is_required(
+    words: str,
+    how: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tiny: LocalModel,
+) -> None:
+    lost = (Restriction(what="no network", missing="no filter here"),)
+    monkeypatch.setattr("pa_console.cli.sessions.live.try_out", lambda: lost)
+    before = how.split() if how.startswith("--set") else []
+    after = [] if before else [how]
+    done = caller(monkeypatch, capsys)(*before, *words.split(), "--model", str(tiny.path), *after)
+    assert done.code == 2
+    assert "no network (no filter here)" in done.said
+    assert "Linux 5.13" in done.said, "the remedy"
 
 
 @linux_only
@@ -355,7 +432,7 @@ def look(found):
             found.append(path)
         except PermissionError:
             pass
-def serve(load, inbox, outbox):
+def serve(load, inbox, outbox, reading):
     found = []
     thread = Thread(target=look, args=(found,))
     thread.start()
@@ -382,7 +459,7 @@ async def test_the_worker_reads_the_weights_and_neither_its_parent_nor_its_user_
         await worker.kill()
 
 
-def never_ready(_n_ctx: int, _description: str) -> None:
+def never_ready(_loaded: Ready) -> None:
     raise AssertionError
 
 

@@ -36,7 +36,7 @@ if "serve" in sys.argv:
     verbs.append(serve_session)
 for verb in verbs:
     verb.find_model = lambda *_, **_reader: engine.model
-    verb.Engine = lambda _: engine
+    verb.Engine = lambda _, **_options: engine
 main()
 """
 WITHIN_S = 300.0

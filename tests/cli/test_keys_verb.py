@@ -247,7 +247,7 @@ def test_a_mission_is_signed_by_whoever_has_the_keys(
     def model(_: str | None, **_options: object) -> LocalModel:
         return LocalModel("scripted", Path("none.gguf"), "0" * 64)
 
-    def engine(_: LocalModel) -> Engine:
+    def engine(_: LocalModel, **_options: bool) -> Engine:
         return ScriptedEngine([MOVE]).engine()
 
     monkeypatch.setattr(mission_session, "find_model", model)

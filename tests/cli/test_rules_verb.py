@@ -85,7 +85,7 @@ def test_with_unsigned_the_log_s_first_record_says_so(
     def find_model(_: str | None, *_progress: object, **_reader: str) -> LocalModel:
         return engine.model
 
-    def new_engine(_: LocalModel) -> ScriptedEngine:
+    def new_engine(_: LocalModel, **_options: bool) -> ScriptedEngine:
         return engine
 
     monkeypatch.setattr(mission_session, "find_model", find_model)

@@ -216,7 +216,7 @@ class Caller:
         def find_model(_: str | None, *_progress: object, **_more: object) -> LocalModel:
             return ScriptedEngine([FILL]).model
 
-        def new_engine(_: LocalModel) -> ScriptedEngine:
+        def new_engine(_: LocalModel, **_options: bool) -> ScriptedEngine:
             return ScriptedEngine([FILL])
 
         monkeypatch.setattr(mission_session, "find_model", find_model)

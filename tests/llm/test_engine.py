@@ -368,7 +368,7 @@ async def test_a_file_that_is_no_model_makes_the_engine_unavailable(
     path = tmp_path / "broken.gguf"
     path.write_bytes(b"GGUF but not really")
     engine = Engine(LocalModel("broken", path, hash_file(path)))
-    with pytest.raises(ModelUnavailableError, match=r"broken\.gguf: not a GGUF model"):
+    with pytest.raises(ModelUnavailableError, match=r"broken\.gguf: not a sound GGUF file"):
         await answer(engine, BRIEF)
     await engine.close()
     assert engine.state == "unavailable"

@@ -27,6 +27,16 @@ async def test_it_says_that_answers_are_slow_because_the_machine_is_busy(
 
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 36)])
+async def test_it_says_that_the_process_of_the_model_is_not_confined(
+    size: tuple[int, int], show: Show
+) -> None:
+    async with show(story.told("approval"), size=size) as (app, pilot, station, _):
+        station.emit(ev.WorkerChanged(state="unconfined", detail="no Landlock"), mission=None)
+        await settle(pilot, station)
+        assert "model △ not confined" in top_line(app)[0]
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 36)])
 async def test_it_says_how_the_server_of_a_model_is_where_one_is_named(
     tmp_path: Path, size: tuple[int, int]
 ) -> None:

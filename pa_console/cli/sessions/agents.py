@@ -76,7 +76,8 @@ def serve_agent(options: SessionOptions, settings: LoadedSettings, name: str) ->
     """
     values = settings.values
     with Runner() as loop:
-        engine = Engine(find_model(options.model, second_reader=values.second_reader))
+        model = find_model(options.model, second_reader=values.second_reader)
+        engine = Engine(model, require_sandbox=options.require_sandbox)
         try:
             opened = open_live(options, values, lambda: engine)
             writer = opened.open_log()

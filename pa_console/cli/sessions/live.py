@@ -14,6 +14,7 @@ from pa_console.cli.options import SessionOptions
 from pa_console.cli.sessions.fleet import find_fleet, load_authority
 from pa_console.cli.sessions.log import open_log, warn
 from pa_console.end_signals import end_signals
+from pa_console.llm.local.confinement import require_all, try_out
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.remote.servers import NO_SERVERS, Servers
 from pa_console.mission.agenda import TimingLimits
@@ -101,10 +102,13 @@ def open_live(
 ) -> LiveSession:
     """Open the session for the options; raises DocumentError or ValueError if it cannot be opened.
 
+    Where they ask for a sandbox, the confinement is tried before anything else is opened.
     `engine` is called for the model once the site is loaded. `authority` has the keys to sign with,
     if they were loaded before. Rules that are refused, and a session that was not closed, are shown
     and asked about on the terminal.
     """
+    if options.require_sandbox:
+        require_all(try_out())
     found = find_fleet(
         options.fleet or (), options.certificates, options.world, settings, options.scenario
     )

@@ -64,7 +64,10 @@ def run_mission(
     opened = open_live(
         options,
         settings,
-        lambda: Engine(find_model(chosen.own, second_reader=chosen.second_reader)),
+        lambda: Engine(
+            find_model(chosen.own, second_reader=chosen.second_reader),
+            require_sandbox=options.require_sandbox,
+        ),
         Servers.open(
             chosen.named, plain=settings.plain_servers, patience_s=settings.server_patience_s
         ),

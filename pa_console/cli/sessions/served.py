@@ -36,7 +36,8 @@ def serve_session(options: SessionOptions, settings: LoadedSettings, port: int) 
         ExitStack() as observes,
         Runner() as loop,
     ):
-        engine = Engine(find_model(options.model, second_reader=values.second_reader))
+        model = find_model(options.model, second_reader=values.second_reader)
+        engine = Engine(model, require_sandbox=options.require_sandbox)
         try:
             opened = open_live(options, values, lambda: engine)
             tokens = token_book(opened.authority.trust if opened.authority else None)

@@ -124,7 +124,7 @@ def _open(
             from pa_console.cli.sessions.observing import observing  # noqa: PLC0415
 
             beside = observes.enter_context(observing(values, options.world))
-            engine = Engine(found.result())
+            engine = Engine(found.result(), require_sandbox=options.require_sandbox)
         loop.run(engine.start())
         try:
             authority = joined.succession.authority if joined is not None else None

@@ -21,7 +21,7 @@ from pa_console.cli.sessions.links import survey
 from pa_console.fleets.link import OWN, link_schemes
 from pa_console.fleets.vda5050.site_files import CONFIGURATION, unbound
 from pa_console.llm.backend import ModelError
-from pa_console.llm.local.confinement import Restriction, try_out
+from pa_console.llm.local.confinement import REMEDY, Restriction, try_out
 from pa_console.llm.local.threads import idle_seconds, physical_cores
 from pa_console.llm.models.cache import cache_folder, hash_file
 from pa_console.llm.models.catalogue import Catalog, ModelEntry, check_adapters
@@ -200,8 +200,7 @@ def confinement_words(restrictions: tuple[Restriction, ...]) -> Check:
     found = "; ".join([*missing, *held])
     if not missing:
         return Check("model's process", "ok", f"{found}; tried")
-    remedy = "on Linux 5.13 or newer with Landlock, on x86-64 or ARM64, all of it holds"
-    return Check("model's process", "warning", found, remedy)
+    return Check("model's process", "warning", found, REMEDY)
 
 
 LEAST_FREE_MB = 200

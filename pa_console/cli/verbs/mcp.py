@@ -42,7 +42,15 @@ def mcp(
     judged, and none is carried out.
     """
     settings = settings_of(context, "world", "rules", "model")
-    options = SessionOptions(world, rules, model, scenario, seed, alarms=False)
+    options = SessionOptions(
+        world,
+        rules,
+        model,
+        scenario,
+        seed,
+        alarms=False,
+        require_sandbox=settings.values.require_sandbox,
+    )
     with naming_what_is_missing("mcp"):
         from pa_console.cli.sessions.agents import join_agent, serve_agent  # noqa: PLC0415
     raise typer.Exit(join_agent(join) if join else serve_agent(options, settings, name))

@@ -107,6 +107,7 @@ OF_THE_SYSTEM = (
 )  # fmt: skip
 """Files of the system that Python and the C library read while the model computes."""
 TRIAL_LIMIT_S = 30.0
+REMEDY = "on Linux 5.13 or newer with Landlock, on x86-64 or ARM64, all of it holds"
 
 
 class Restriction(StrictModel):
@@ -114,6 +115,20 @@ class Restriction(StrictModel):
 
     what: str
     missing: str = ""
+
+
+def gaps(restrictions: Iterable[Restriction]) -> str:
+    """Return the restrictions that do not hold, with reasons; empty if all of them hold."""
+    return "; ".join(f"{item.what} ({item.missing})" for item in restrictions if item.missing)
+
+
+def require_all(restrictions: Iterable[Restriction]) -> None:
+    """Raise ValueError with the gaps unless all `restrictions` hold."""
+    if missing := gaps(restrictions):
+        raise ValueError(
+            "--require-sandbox: the model's process is not confined on this machine; what does "
+            f"not hold: {missing}; {REMEDY}"
+        )
 
 
 def clean_environment(given: Mapping[str, str]) -> dict[str, str]:

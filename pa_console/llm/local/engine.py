@@ -70,7 +70,7 @@ class Worker:
     def __init__(
         self,
         child: asyncio.subprocess.Process,
-        on_ready: Callable[[int, str], None],
+        on_ready: Callable[[Ready], None],
         on_end: Callable[[str], None],
     ) -> None:
         self.pid = child.pid
@@ -84,7 +84,7 @@ class Worker:
 
     @classmethod
     async def spawn(
-        cls, load: Load, on_ready: Callable[[int, str], None], on_end: Callable[[str], None]
+        cls, load: Load, on_ready: Callable[[Ready], None], on_end: Callable[[str], None]
     ) -> "Worker":
         """Start a worker that loads a model.
 
@@ -171,8 +171,8 @@ class Worker:
         try:
             while stream is not None and (line := await stream.readline()):
                 match FromWorker.validate_json(line):
-                    case Ready(n_ctx=n_ctx, description=description) if not self.ready.done():
-                        self._on_ready(n_ctx, description)
+                    case Ready() as loaded if not self.ready.done():
+                        self._on_ready(loaded)
                         self.ready.set_result(True)
                     case LoadFailed(error=error):
                         self.error = error
@@ -213,6 +213,10 @@ WARM_GRAMMAR = 'start: "{"'
 LOAD_LIMIT_S = 300.0
 SLOWED = "the machine is busy with other work, so answers take longer"
 DIED = "the model's process died; it is started again when it is needed"
+DIED_LOADING = (
+    "the model's process died while it loaded {path}; if that happens again, the file is damaged "
+    "or made to do harm: fetch it again, or choose another model"
+)
 GRACE_S = 1.0
 """The time for a worker to stop before it is killed, seconds."""
 
@@ -230,14 +234,20 @@ class Engine:
         n_ctx: int | None = None,
         threads: int | None = None,
         fixed: bool = False,
+        require_sandbox: bool = False,
     ) -> None:
         """Compute on `threads` threads at most, by default one a core.
 
-        If other programs use cores there are fewer, unless the number is `fixed`.
+        If other programs use cores there are fewer, unless the number is `fixed`. With
+        `require_sandbox` no model is loaded by a process that the system does not confine.
         """
         self.model = model
         reader = model.second_reader
-        self.second_reader = Engine(reader, threads=threads, fixed=fixed) if reader else None
+        self.second_reader = (
+            Engine(reader, threads=threads, fixed=fixed, require_sandbox=require_sandbox)
+            if reader
+            else None
+        )
         """The engine of the model that reads an order again; started when it is first needed.
 
         It reads ahead only while nobody waits for this one.
@@ -257,6 +267,7 @@ class Engine:
             n_ctx=n_ctx,
             threads=threads or physical_cores(),
             fixed=fixed,
+            require_sandbox=require_sandbox,
             adapters={
                 adapter.role: PinnedFile(path=str(adapter.path.absolute()), sha256=adapter.sha256)
                 for adapter in model.adapters
@@ -275,6 +286,7 @@ class Engine:
         self._stop = asyncio.Event()
         self._number = 0
         self._closed = self._slowed = False
+        self._unconfined = ""
 
     @property
     def name(self) -> str:
@@ -412,7 +424,7 @@ class Engine:
             if worker.error:
                 raise ModelUnavailableError(self._unusable(worker.error))
             if worker.ended:
-                raise EngineDiedError(DIED)
+                raise EngineDiedError(DIED_LOADING.format(path=self.model.path))
             return True
         await worker.kill()
         raise ModelUnavailableError(f"model {name} was not loaded within {LOAD_LIMIT_S:.0f} s")
@@ -473,12 +485,19 @@ class Engine:
             if slowed:
                 self._change("slow", SLOWED)
             else:
-                self._change("ready", self.model.name)
+                self._become_ready()
 
-    def _on_ready(self, n_ctx: int, description: str) -> None:
-        self.info = replace(self.info, n_ctx=n_ctx, description=description)
-        self._slowed = False
-        self._change("ready", self.model.name)
+    def _on_ready(self, loaded: Ready) -> None:
+        self.info = replace(self.info, n_ctx=loaded.n_ctx, description=loaded.description)
+        self._slowed, self._unconfined = False, loaded.unconfined
+        self._become_ready()
+
+    def _become_ready(self) -> None:
+        """Report that the model is loaded, and what its process is not kept from."""
+        if self._unconfined:
+            self._change("unconfined", f"{self.model.name}; what does not hold: {self._unconfined}")
+        else:
+            self._change("ready", self.model.name)
 
     def _on_end(self, error: str) -> None:
         """Report why the worker ended: it could not load, or it died."""

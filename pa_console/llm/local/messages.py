@@ -23,7 +23,7 @@ class Load(StrictModel):
     """First message to a worker: the model, its adapters, and the context `n_ctx` of each role.
 
     It computes on `threads` threads at most, and on fewer where the machine is busy, unless they
-    are `fixed`.
+    are `fixed`. With `require_sandbox` it loads nothing unless every restriction holds.
     """
 
     op: Literal["load"] = "load"
@@ -32,6 +32,7 @@ class Load(StrictModel):
     n_ctx: int
     threads: int
     fixed: bool = False
+    require_sandbox: bool = False
     adapters: dict[Role, PinnedFile] = {}
 
 
@@ -51,11 +52,16 @@ class Cancel(StrictModel):
 
 
 class Ready(StrictModel):
-    """The model is loaded; `n_ctx` is what each role really has."""
+    """The model is loaded; `n_ctx` is what each role really has.
+
+    `unconfined` lists the restrictions that do not hold for the process, with reasons; it is empty
+    if it is confined.
+    """
 
     op: Literal["ready"] = "ready"
     n_ctx: int
     description: str
+    unconfined: str = ""
 
 
 class LoadFailed(StrictModel):

@@ -14,7 +14,13 @@ from concurrent.futures import ThreadPoolExecutor
 from queue import SimpleQueue
 from typing import IO, TYPE_CHECKING
 
-from pa_console.llm.local.confinement import confine, read_only
+from pa_console.llm.local.confinement import (
+    Restriction,
+    confine,
+    gaps,
+    read_only,
+    require_all,
+)
 from pa_console.llm.local.messages import (
     Cancel,
     Done,
@@ -29,6 +35,7 @@ from pa_console.llm.local.messages import (
     encode,
 )
 from pa_console.llm.models.cache import CheckedFile
+from pa_console.llm.models.gguf_bounds import check_gguf
 from pa_console.schema.base import StrictModel
 from pa_console.schema.events.event import Role
 
@@ -63,8 +70,11 @@ class Inbox:
         os._exit(0)
 
 
-def serve(load: Load, inbox: Inbox, outbox: IO[bytes]) -> None:
-    """Load a model, then answer one request after the other."""
+def serve(load: Load, inbox: Inbox, outbox: IO[bytes], reading: Restriction) -> None:
+    """Load a model, then answer one request after the other.
+
+    `reading` is the restriction that was put on the process before it had threads.
+    """
 
     def send(message: StrictModel) -> None:
         outbox.write(encode(message))
@@ -79,7 +89,13 @@ def serve(load: Load, inbox: Inbox, outbox: IO[bytes]) -> None:
 
             cores = FreeCores(load.threads, fixed=load.fixed)
             files = opened.result()
-        confine(sum(file.size for file in files.values()), load.threads)
+        size = sum(file.size for file in files.values())
+        restrictions = (reading, *confine(size, load.threads))
+        if load.require_sandbox:
+            require_all(restrictions)
+        for pin, file in files.items():
+            kind = "model" if pin == load.weights else "adapter"
+            check_gguf(file.route, kind, name=file.path)
         inbox.current = 1
         runtime = Runtime(
             files[load.weights].route,
@@ -93,7 +109,8 @@ def serve(load: Load, inbox: Inbox, outbox: IO[bytes]) -> None:
     except Exception as error:  # whatever it is, the parent has to know
         send(LoadFailed(error=_in_words(error, files.values())))
         return
-    send(Ready(n_ctx=runtime.n_ctx, description=runtime.description))
+    unconfined = gaps(restrictions)
+    send(Ready(n_ctx=runtime.n_ctx, description=runtime.description, unconfined=unconfined))
     while True:
         request = inbox.requests.get()
         try:
@@ -165,9 +182,9 @@ def main() -> None:
         os.dup2(nothing, descriptor)
     stream = os.fdopen(incoming, "rb")
     load = _first(stream)
-    read_only(pin.path for pin in (load.weights, *load.adapters.values()))
+    reading = read_only(pin.path for pin in (load.weights, *load.adapters.values()))
     try:
-        serve(load, Inbox(stream), os.fdopen(outgoing, "wb", buffering=0))
+        serve(load, Inbox(stream), os.fdopen(outgoing, "wb", buffering=0), reading)
     except BrokenPipeError:
         sys.exit(0)
 

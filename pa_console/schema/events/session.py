@@ -15,7 +15,8 @@ Level = Literal["info", "warning", "alarm"]
 IncidentSource = Literal["operator", "scenario"]
 ServerState = Literal["probing", "ready", "unconstrained", "away"]
 ServerUse = Literal["planner", "judge", "second reader"]
-WorkerState = Literal["loading", "ready", "slow", "dead", "unavailable"]
+WorkerState = Literal["loading", "ready", "unconfined", "slow", "dead", "unavailable"]
+"""An `unconfined` worker is ready, in a process that this system does not confine."""
 
 
 class SessionStarted(Payload):
