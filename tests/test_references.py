@@ -19,7 +19,7 @@ ENTRY_POINTS = "pa_console.backends"
 HISTORY = "pa_console/manual/changelog.md"
 """Tells of what is gone."""
 
-EXAMPLES = {"robot.py", "checking_robot.py", "lines_link.py", "walker.py", "json.py"}
+EXAMPLES = {"drone.py", "robot.py", "checking_robot.py", "lines_link.py", "walker.py", "json.py"}
 """Programs that a reader of the manual has or may write."""
 
 PATH = re.compile(rf"(?<![\w./-])((?:{'|'.join(map(re.escape, FOLDERS))})/[\w./*-]*[\w*])")

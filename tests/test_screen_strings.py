@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import pytest
 
 from pa_console.schema.command import COMMANDS
+from pa_console.settings.schema import Settings
 from tests.screen_strings import Shown, literal, shown_strings
 
 AMERICAN = (
@@ -31,8 +32,8 @@ SYNONYMS = {
 }
 """Words that are not used, and the word of the glossary for that thing."""
 IDENTIFIER = re.compile(r"(?<![\w.-])[a-z]+(?:_[a-z0-9]+)+(?!\w)")
-FIELDS = frozenset(("at_s", "radius_m", "judge_server"))
-"""Fields of files that people write and settings, named where one is wrong."""
+FIELDS = frozenset(("at_s", "radius_m", "floor_m", "ceiling_m"))
+"""Fields of files that people write, named where one is wrong."""
 QUOTED = ("pa_console/tui/", "pa_console/session/", "pa_console/views/")
 """Where values are quoted as people quote them."""
 
@@ -72,7 +73,7 @@ def test_one_word_means_one_thing(shown: list[Shown]) -> None:
 
 
 def test_no_name_from_inside_the_program_is_shown(shown: list[Shown]) -> None:
-    known = {*COMMANDS, *FIELDS}
+    known = {*COMMANDS, *FIELDS, *Settings.model_fields}
     found = (
         (each, name)
         for each in shown

@@ -71,6 +71,7 @@ def resimulate(
     recorded, repeated = TelemetryHash(), TelemetryHash()
     sim: Checkpoint | None = None
     sent: dict[str, DeviceCommand] = {}
+    taken = frozenset[str]()
     rehearsing = _Rehearsing()
     for number, event in enumerate(events, start=1):
         data = event.data
@@ -85,6 +86,10 @@ def resimulate(
         match data:
             case ev.IncidentHappened(source="operator", incident=incident):
                 sim.inject(incident)
+            case ev.ManualControlTaken(asset=asset):
+                sim.mark_manual(taken := taken | {asset})
+            case ev.ManualControlEnded(asset=asset):
+                sim.mark_manual(taken := taken - {asset})
             case ev.CommandSent(command=command):
                 sent[command.command_id] = command
                 sim.send(command)

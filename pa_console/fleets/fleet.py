@@ -104,6 +104,13 @@ class Fleet(Outlook, Protocol):
         """Move the clock on by `world.dt_s`; return what came in since the last step."""
         ...
 
+    def mark_manual(self, assets: frozenset[str]) -> None:
+        """Show `assets`, and no others, as taken under manual control at this station; at once.
+
+        In the picture they are `manual` and not `available`, as assets are that report it.
+        """
+        ...
+
     def close(self) -> None:
         """Let go of the devices: the session is over."""
         ...

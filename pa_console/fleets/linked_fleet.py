@@ -123,6 +123,14 @@ class LinkedFleet:
         """Return a simulation of what the picture shows, built from it and the world alone."""
         return self._known.forecast()
 
+    def mark_manual(self, assets: frozenset[str]) -> None:
+        """Show `assets`, and no others, as taken under manual control at this station; at once."""
+        if self._bus is not None:  # it makes the picture of all
+            self._bus.mark_manual(assets)
+        else:
+            self._known.mark_manual(assets)
+            self._show()
+
     def wait_for_reports(self, seconds: float) -> None:
         """Wait for a first report of every asset on a link that works, for `seconds` at most."""
         until = monotonic() + seconds
@@ -178,7 +186,7 @@ class LinkedFleet:
     def _refusal(self, command: DeviceCommand) -> str:
         """Return why a new `command` may not go to its asset, '' when it may, and this once."""
         if command.agent in self._manual:
-            return "a person steers it"
+            return "it is under manual control"
         token = self._authorize(command) if self._authorize is not None else None
         return self._verify(token, command)
 
@@ -312,14 +320,7 @@ class LinkedFleet:
         except (ValidationError, TypeError, ValueError) as error:
             self._fault(link, f"the report of {name} is set aside", error)
             return
-        if report.manual != (name in self._manual):
-            if report.manual:
-                self._manual.add(name)
-                text = "a person steers it: only a hold is sent to it"
-                self._say("warning", name, text, "manual")
-            else:
-                self._manual.remove(name)
-                self._say("info", name, "it can be commanded again", "automatic")
+        (self._manual.add if report.manual else self._manual.discard)(name)
         self._known.report(name, stamp, said)
 
     def _take_detections(self, seen: SensorReport) -> None:
@@ -370,6 +371,7 @@ class LinkedFleet:
             route=tuple(report.route),
             command_id=command.command_id if command is not None else None,
             stamp_s=terrain.seconds(tick),
+            manual=report.manual,
         )
 
     def _sent_as(self, on_wire: str) -> _SentCommand | None:

@@ -162,6 +162,7 @@ class ReportedPicture:
         self.terrain = Terrain.of(world)
         self.links: dict[str, str] = {}
         """The link that each asset is on, by name; empty in a fleet that has only one."""
+        self._manual: frozenset[str] = frozenset()
         self.begin(0)
 
     @property
@@ -173,7 +174,8 @@ class ReportedPicture:
         """Forget everything: at `tick` no asset and no camera has ever been heard."""
         world = self.world
         scene = self._scene = Scene(rng=random.Random(0), tick=tick)
-        scene.station = StationState(at_gate={gate: {} for gate in world.gates})
+        at_gate = {gate: dict[str, bool]() for gate in world.gates}
+        scene.station = StationState(at_gate=at_gate, manual=self._manual)
         self._never = tick - math.ceil(max(world.link_lost_s, world.stale_s) / world.dt_s) - 1
         self._cameras: dict[str, tuple[int, bool]] = {}
         self._recognised: dict[str, tuple[int, Point]] = {}
@@ -347,6 +349,12 @@ class ReportedPicture:
         picture = station_side.build(self.terrain, scene, scene.assets).picture()
         self._picture = picture.model_copy(update={"links": dict(self.links)})
 
+    def mark_manual(self, assets: frozenset[str]) -> None:
+        """Let the next picture show `assets`, and no others, as taken at the station."""
+        self._manual = assets
+        for scene in (self._scene, self._good[0]):
+            scene.station.manual = assets
+
     def picture(self) -> Picture:
         """Return the picture as it was made last."""
         return self._picture
@@ -394,5 +402,6 @@ def _detection(seen: ContactReport, stamp: int, dt_s: float) -> Detection:
         identity=seen.identity,
         opinion=seen.opinion,
         noncombatants=seen.noncombatants,
+        emergency=seen.emergency,
         warned_tick=warned,
     )

@@ -88,6 +88,10 @@ class SimulatedFleet:
             ),
         )
 
+    def mark_manual(self, assets: frozenset[str]) -> None:
+        """Show `assets`, and no others, as taken under manual control at this station; at once."""
+        self.checkpoint.mark_manual(assets)
+
     def forecast(self) -> Forecast:
         """Return a simulation of what the picture shows, built from it and the world alone."""
         return self.checkpoint.forecast()

@@ -20,6 +20,7 @@ from pa_console.mission.gate import CommandGate
 from pa_console.mission.journal import Journal
 from pa_console.mission.standing import StandingOrders
 from pa_console.policy.core_rules import with_core
+from pa_console.policy.moments import Pursuits
 from pa_console.policy.monitor import Monitor
 from pa_console.policy.retriever import DEFAULT_METHOD, Retriever
 from pa_console.policy.rule_variables import Sightings
@@ -105,6 +106,8 @@ class Services:
     """The gate for every command to a device: only the gate calls `fleet.send`."""
     sightings: Sightings
     """The sightings of this session; the station keeps them."""
+    pursuits: Pursuits
+    """The pursuits of this session; the missions' monitors keep them."""
     standing: StandingOrders
     """The standing orders in force in this session; the station keeps them."""
     second_reader: Judge | ClauseReader | None = None
@@ -154,6 +157,7 @@ class Services:
             journal=journal,
             gate=CommandGate(fleet, journal, authority, standing),
             sightings=Sightings(fleet.world),
+            pursuits=Pursuits(),
             standing=standing,
             second_reader=_second_reader(engine, early.due),
             early=early,

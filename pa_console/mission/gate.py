@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from pa_console.fleets.fleet import Fleet
 from pa_console.mission.approval import inadmissible, not_unasked, people_needed
 from pa_console.mission.journal import Journal
+from pa_console.mission.manual_control import ManualControl
 from pa_console.mission.rehearse import device_commands
 from pa_console.mission.standing import StandingOrders
 from pa_console.policy.rulebook import Rulebook
@@ -13,6 +14,7 @@ from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action
+from pa_console.schema.telemetry import Picture
 
 if TYPE_CHECKING:
     from pa_console.fleets.station_authority import StationAuthority
@@ -39,6 +41,10 @@ class CommandGate:
     an `authority` there are no signatures, and a decision counts as one person's. A decision of one
     of the standing `orders` counts only for a mission that it started, while it is in force, and
     for commands that the rules leave to standing orders.
+
+    To an asset under manual control nothing passes but the hold of a stop: whoever presses STOP
+    means every asset, and a stop that left one out would not be one. What was decided for it before
+    does not pass either once it is given back.
     """
 
     def __init__(
@@ -52,11 +58,15 @@ class CommandGate:
         self._standing_orders = orders or StandingOrders()
         self.stopped = False
         """True while the stop is latched."""
+        self.manual = ManualControl(fleet.world)
+        """Who drives which asset by hand."""
         self._stops = 0
         self._orders: set[DeviceCommand] = set()
         """The commands of the plan in force that have not passed yet."""
         self._holds: set[DeviceCommand] = set()
         """The holds of the stop that have not passed yet."""
+        self._stop_holds: frozenset[DeviceCommand] = frozenset()
+        """All holds of the stop that is latched."""
         self._plan: frozenset[DeviceCommand] = frozenset()
         self._safety: tuple[Action, ...] = ()
         self._halted = False
@@ -144,6 +154,8 @@ class CommandGate:
         self._plan = frozenset(device_commands(request.plan, request.request_id))
         self._orders = set(self._plan)
         self._safety, self._halted = request.if_halted, False
+        for asset in self.manual.assets:
+            self._withdraw(asset)
 
     def halt(self) -> None:
         """Let nothing more of the plan pass but its declared way to safety."""
@@ -167,7 +179,7 @@ class CommandGate:
             DeviceCommand(command_id=f"stop{self._stops}.{number}", agent=name, verb="hold")
             for number, name in enumerate(self._fleet.world.assets, start=1)
         )
-        self._holds = set(holds)
+        self._holds, self._stop_holds = set(holds), frozenset(holds)
         return holds
 
     def resume(self, stops: int, *, stopped: bool) -> None:
@@ -181,7 +193,39 @@ class CommandGate:
         """Let later decisions pass again; raises ValueError when nothing is stopped."""
         if not self.stopped:
             raise ValueError("nothing is stopped")
-        self.stopped = False
+        self.stopped, self._stop_holds = False, frozenset()
+
+    def take_manual(self, asset: str, by: str) -> None:
+        """Let nothing pass to `asset` from now on: `by` drives it; ValueError where that cannot be.
+
+        That needs no log: it only keeps commands back.
+        """
+        self.manual.take(asset, by)
+        self._withdraw(asset)
+        self._fleet.mark_manual(frozenset(self.manual.taken))
+
+    def end_manual(self, asset: str) -> None:
+        """Let later decisions about `asset` pass again; ValueError where nobody has taken it.
+
+        Raises ValueError while the log cannot be written.
+        """
+        if problem := self._journal.commit():
+            raise ValueError(f"{asset} stays under manual control: {problem}")
+        self.manual.end(asset)
+        self._fleet.mark_manual(frozenset(self.manual.taken))
+
+    def see(self, picture: Picture) -> None:
+        """Take in which assets report manual control by themselves."""
+        for asset in self.manual.see(picture):
+            self._withdraw(asset)
+
+    def _withdraw(self, asset: str) -> None:
+        """Take back everything that was decided for `asset`, but for the hold of a stop."""
+        self._orders.difference_update([each for each in self._orders if each.agent == asset])
+        self._safety = tuple(action for action in self._safety if action.agent != asset)
+        last = self._standing.get(asset)
+        if last is not None and last not in self._stop_holds:
+            del self._standing[asset]
 
     def send(
         self, commands: Sequence[DeviceCommand], emit: Callable[[Passage], object]
@@ -231,10 +275,13 @@ class CommandGate:
         """Put a command that was not answered on the link again, for the time number `times`.
 
         Nothing is sent, and None returned, when it stands no more: its device got another command
-        since, its plan was halted, everything was stopped, or another station is in command. While
-        the log cannot be written no asset is told again to move for a plan.
+        since, is under manual control, its plan was halted, everything was stopped, or another
+        station is in command. While the log cannot be written no asset is told again to move for a
+        plan.
         """
         if self._standing.get(command.agent) != command or self._unauthorized(command):
+            return None
+        if self._kept_for_hand(command):
             return None
         if self._journal.problem and self._waits_for_log(command):
             return None
@@ -245,7 +292,7 @@ class CommandGate:
         """Return why `command` may not pass, empty when it may."""
         if self.stopped and command.verb not in STILL:
             return STOPPED
-        if problem := self._unauthorized(command):
+        if problem := self._unauthorized(command) or self._kept_for_hand(command):
             return problem
         safety = self._halted and self._is_safety(command)
         if command in self._holds or safety:
@@ -253,6 +300,10 @@ class CommandGate:
         if command in self._orders:
             return "" if command.verb in STILL else self._journal.problem
         return STOPPED if self.stopped else UNDECIDED
+
+    def _kept_for_hand(self, command: DeviceCommand) -> str:
+        """Return why a person who drives the asset keeps `command` back; '' for a stop's hold."""
+        return "" if command in self._stop_holds else self.manual.refusal(command.agent)
 
     def _unauthorized(self, command: DeviceCommand) -> str:
         """Return why this station may not send `command` at present; a hold it always may."""

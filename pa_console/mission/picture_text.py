@@ -112,6 +112,8 @@ def _track(picture: Picture, track: Track) -> str:
     facts.append("warned" if track.warned else "not warned")
     if track.defiant:
         facts.append("went on in spite of it")
+    if track.emergency:
+        facts.append("emergency vehicle")
     if track.noncombatants:
         facts.append("noncombatants suspected")
     if track.stale:

@@ -130,6 +130,8 @@ def why_lost(asset: AssetTelemetry, picture: Picture) -> str:
     """
     if asset.status == "failed":
         return "failed"
+    if asset.manual:
+        return "came under manual control"
     if asset.battery_pct <= 0.0:
         return "has an empty battery"
     if asset.integrity == "suspect":

@@ -31,6 +31,7 @@ CLEARS_WHEN: dict[AlarmKind, str] = {
     "suspect_telemetry": "the telemetry is sound again",
     "low_battery": "the asset charges, is on its way to the base, or was taken care of",
     "camera_lost": "the camera works again",
+    "way_blocked": "the way is open, or whoever needed it has left",
     "many_contacts": "fewer contacts are reported",
 }
 """The reason with which an alarm of each kind clears."""

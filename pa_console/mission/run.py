@@ -91,7 +91,9 @@ class MissionRun:
     ) -> None:
         self.mission = mission
         self._services, self._station, self._emit = services, station, emit
-        self._monitor = Monitor(services.rulebook, services.fleet.world, services.sightings)
+        self._monitor = Monitor(
+            services.rulebook, services.fleet.world, services.sightings, services.pursuits
+        )
         self._context = MissionContext(services, mission, emit, self._monitor)
         self._progress = WorkflowProgress(services.rulebook, mission)
         self._execution = Execution(self._context, station.feed)
@@ -195,6 +197,10 @@ class MissionRun:
             self._context.attempts, plans=len(facts.plans), halts=len(facts.halts)
         )
         self._emit(ev.MissionReported(text=text))
+        if read is not None:
+            agents = {move.agent for move in self._ordered}
+            if awaited := self._services.gate.manual.awaits(self.mission, status, agents):
+                self._emit(ev.MissionAwaitsAssets(assets=awaited))
         self._emit(ev.MissionFinished(status=status, reason=reason, metrics=metrics))
 
     def see(self, picture: Picture) -> None:

@@ -66,5 +66,7 @@ def _problems(action: Action, world: World, picture: Picture) -> Iterable[str]:
     elif spec.kind not in kinds:
         able = " or ".join(sorted(kinds))
         yield f"{action.agent} is a {spec.kind}; only a {able} can {action.verb}"
+    elif picture.assets[action.agent].manual:
+        yield f"{action.agent} is under manual control; name another asset, or give it back first"
     if action.target is not None and action.target not in world.frames:
         yield f"frame {action.target!r} does not exist; known: {', '.join(world.frames)}"

@@ -1,10 +1,13 @@
-"""Turns pictures into moments: what ordering rules see of a mission, and nothing more."""
+"""Turns pictures into moments: what ordering rules see of a mission, and nothing more.
+
+`Pursuits` adds the one fact that no single picture shows: how often a track was followed.
+"""
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from pa_console.schema.command import ATTENDING, COMMANDS
+from pa_console.schema.command import ADDRESSING, ATTENDING, COMMANDS
 from pa_console.schema.rehearsal import Moment, OrderMoment, TrackMoment
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
 from pa_console.schema.world import World
@@ -14,6 +17,12 @@ STANDS_MPS = 0.05
 
 SURE_SIGMAS = 3.0
 """A gap counts as too small when the position error would have to be larger than this."""
+
+MOST_BLOCKED = 1
+"""With more gates blocked than this, whoever is inside counts as shut in (ROE-12)."""
+
+PURSUIT_S = 3600.0
+"""Simulated seconds for which it is remembered where assets were sent after a track."""
 
 
 class _OrderedAsset(NamedTuple):
@@ -45,10 +54,14 @@ def moment(
         for order in orders
         if order.kind != "uav" and (asset := picture.assets.get(order.agent)) is not None
     ]
-    threats = [(name, track.gate) for name, track in picture.tracks.items() if _hostile(track)]
+    tracks = picture.tracks
+    threats = [(name, track.gate) for name, track in tracks.items() if _hostile(track)]
+    inside = any(track.status == "inside" for track in tracks.values())
+    blocks = [order.target for order in orders if order.verb == "block"]
+    shut = inside and ways_out_shut(picture, world, blocks)
     return Moment(
         time_s=picture.time_s,
-        tracks={name: _track(track, ground, threats) for name, track in picture.tracks.items()},
+        tracks={name: _track(track, ground, threats, shut=shut) for name, track in tracks.items()},
         covered={name: cover.covered for name, cover in picture.gates.items()},
         up={name: name in picture.assets and picture.assets[name].available for name in agents},
         orders=tuple(orders),
@@ -68,11 +81,85 @@ def distinct(moments: Iterable[Moment]) -> tuple[Moment, ...]:
     return tuple(kept())
 
 
+def ways_out_shut(picture: Picture, world: World, ordered: Collection[str | None] = ()) -> bool:
+    """Return whether a second gate, or the last one, is blocked, by whatever order it came to that.
+
+    The gates of blocks that are `ordered` count as blocked: whoever is inside must not have to wait
+    until the asset has arrived.
+    """
+    gates = frozenset(world.gates)
+    assets = picture.assets.values()
+    standing = {asset.at for asset in assets if asset.task == "blocking"}
+    blocked = gates.intersection((*standing, *ordered))
+    return bool(blocked) and (len(blocked) > MOST_BLOCKED or blocked == gates)
+
+
+class Pursuit(NamedTuple):
+    """The gate to which an asset was last sent after a track, and how often that gate changed."""
+
+    gate: str
+    changes: int
+    stamp_s: float
+
+
+class Pursuits:
+    """Remembers to which gates assets were sent after each track of a session (ROE-14).
+
+    An asset under way to the gate of a track is sent after it. One that fills a gate without cover
+    is not: it goes there for the gate.
+    """
+
+    def __init__(self, known: Mapping[str, Pursuit] | None = None) -> None:
+        """Begin with the `known` pursuits by track, by default with none."""
+        self._known = dict(known or {})
+
+    def copy(self) -> "Pursuits":
+        """Return one that goes on by itself."""
+        return Pursuits(self._known)
+
+    def look(self, now: Moment) -> Moment:
+        """Take in the next moment; return it with `followed` of the tracks that assets go to."""
+        going = {
+            order.target
+            for order in now.orders
+            if COMMANDS[order.verb].moves and not order.done and now.covered.get(order.target or "")
+        }
+        met = {name: track for name, track in now.tracks.items() if track.gate in going}
+        if not met:
+            return now
+        for name, track in met.items():
+            last = self._known.pop(name, None)
+            if last is None or now.time_s - last.stamp_s > PURSUIT_S:
+                last = Pursuit(track.gate, 0, now.time_s)
+            changes = last.changes + (last.gate != track.gate)
+            self._known[name] = Pursuit(track.gate, changes, now.time_s)
+        self._forget(now.time_s)
+        followed = {
+            name: track.model_copy(update={"followed": self._known[name].changes})
+            for name, track in met.items()
+        }
+        return now.model_copy(update={"tracks": {**now.tracks, **followed}})
+
+    def _forget(self, time_s: float) -> None:
+        """Leave out what is too old; the latest pursuits come last."""
+        while self._known:
+            name = next(iter(self._known))
+            if time_s - self._known[name].stamp_s <= PURSUIT_S:
+                return
+            del self._known[name]
+
+
 def _track(
-    track: Track, ground: Sequence[_OrderedAsset], threats: Iterable[tuple[str, str]]
+    track: Track,
+    ground: Sequence[_OrderedAsset],
+    threats: Iterable[tuple[str, str]],
+    *,
+    shut: bool,
 ) -> TrackMoment:
+    near = [sent for sent in ground if _drives_too_near(sent, track)]
     return TrackMoment(
         gate=track.gate,
+        kind=track.kind,
         identity=track.identity,
         intent=track.intent,
         status=track.status,
@@ -80,9 +167,13 @@ def _track(
         warned=track.warned,
         defiant=track.defiant,
         noncombatants=track.noncombatants,
+        emergency=track.emergency,
         ground_contact=any(_in_contact(sent, track) for sent in ground),
-        too_near=any(_drives_too_near(sent, track) for sent in ground),
+        too_near=bool(near),
+        crowded=any(not _addresses(sent, track) for sent in near),
         blocked=any(_blocks(sent, track) for sent in ground),
+        block_ordered=any(sent.order.verb == "block" and sent.meets(track) for sent in ground),
+        shut_in=shut and track.status == "inside",
         other_threat=any(gate == track.gate and name != track.id for name, gate in threats),
     )
 
@@ -120,6 +211,11 @@ def _drives_too_near(sent: _OrderedAsset, track: Track) -> bool:
         return False
     heading = math.radians(asset.heading_deg)
     return math.cos(heading) * east + math.sin(heading) * north > 0.0
+
+
+def _addresses(sent: _OrderedAsset, track: Track) -> bool:
+    """Return whether the order is to identify or warn whoever is at the track's gate."""
+    return sent.order.verb in ADDRESSING and sent.order.target == track.gate
 
 
 def _blocks(sent: _OrderedAsset, track: Track) -> bool:

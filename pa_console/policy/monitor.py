@@ -6,6 +6,7 @@ from typing import Literal, NamedTuple, Self
 
 from pa_console.policy.expressions.deadlines import shared_deadline
 from pa_console.policy.findings import finding, undecided, violation
+from pa_console.policy.moments import Pursuits
 from pa_console.policy.orderings import (
     START,
     Evaluator,
@@ -141,11 +142,19 @@ class Monitor:
     """
 
     def __init__(
-        self, rulebook: Rulebook, world: World, sightings: Sightings | None = None
+        self,
+        rulebook: Rulebook,
+        world: World,
+        sightings: Sightings | None = None,
+        pursuits: Pursuits | None = None,
     ) -> None:
-        """Begin with no history of the mission; `sightings` are kept by whoever takes telemetry."""
+        """Begin with no history of the mission; `sightings` are kept by whoever takes telemetry.
+
+        The `pursuits` are those of the session; without them the mission begins with none.
+        """
         self.sightings = Sightings(world) if sightings is None else sightings
         """The earlier sightings, for checks; orderings do not need them."""
+        self._pursuits = Pursuits() if pursuits is None else pursuits
         self._evaluator = Evaluator(world)
         self._covered_before: set[str] = set()
         self._last: dict[Each, Subjects] = {}
@@ -157,6 +166,7 @@ class Monitor:
 
     def observe(self, moment: Moment) -> tuple[Finding, ...]:
         """Take in the next moment; return one finding for each rule that it newly breaks."""
+        moment = self._pursuits.look(moment)
         news: dict[Each, _News] = {}
         breaches: list[OrderingBreach] = []
         subjects_now = len(moment.tracks) + len(moment.covered)
@@ -197,6 +207,7 @@ class Monitor:
         """
         twin = object.__new__(type(self))
         twin.sightings, twin._evaluator = self.sightings, self._evaluator.copy()
+        twin._pursuits = self._pursuits.copy()
         twin._covered_before = set(self._covered_before)
         twin._last = self._last
         twin._watches = [watch.copy() for watch in self._watches]

@@ -260,7 +260,8 @@ class Retriever:
     """Scores rules against a mission text by one of METHODS and picks the best.
 
     The rules are held in the order of their ids, so that equal scores are ordered by rule id
-    whatever the order of the rule file.
+    whatever the order of the rule file. Rules that no model is given are left out: they change
+    neither what is found nor a score.
     """
 
     def __init__(
@@ -276,7 +277,7 @@ class Retriever:
         if method not in _MAKERS:
             raise ValueError(f"unknown retrieval method {method!r}; known: {', '.join(METHODS)}")
         self.method = method
-        ordered = sorted(rules, key=lambda rule: rule.id)
+        ordered = sorted((rule for rule in rules if rule.in_prompts), key=lambda rule: rule.id)
         self._ids = [rule.id for rule in ordered]
         self._pinned = np.array([rule.priority == "critical" for rule in ordered], dtype=bool)
         self._vocabulary = default_vocabulary() if vocabulary is None else vocabulary

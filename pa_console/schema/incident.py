@@ -26,6 +26,11 @@ class SpawnTrack(StrictModel):
     distance_m: Positive | None = Field(default=None, description="start this far from the gate")
     when_warned: Reaction = "leave"
     noncombatants: bool = Field(default=False, description="families, medics, passers-by")
+    emergency: bool = Field(
+        default=False,
+        exclude_if=lambda marked: not marked,
+        description="an ambulance, a fire engine, the police",
+    )
     name: Name | None = Field(default=None, description="a scenario's handle for it")
 
 
@@ -112,6 +117,18 @@ class SpoofTelemetry(StrictModel):
     frame: Name | None
 
 
+class DriveByHand(StrictModel):
+    """A person takes the asset's controls, and drives it to `frame` if one is given.
+
+    With `ends`, the person lets go of them: the asset stands where it is, and takes commands.
+    """
+
+    kind: Literal["manual_control"] = "manual_control"
+    asset: Name
+    frame: Name | None = None
+    ends: bool = False
+
+
 class SetWeather(StrictModel):
     """Rain and fog shorten every sensor's range and make it miss more."""
 
@@ -168,8 +185,8 @@ class ClearTracks(StrictModel):
 
 Incident = Annotated[
     SpawnTrack | FailAsset | RestoreAsset | DegradeAsset | SetBattery | SetComms | SetRadio
-    | JamArea | SensorFault | GpsDrift | SpoofTelemetry | SetWeather | ObstructWay | FalseContact
-    | RevealTrack | WorkerFault | PlaceAsset | ClearTracks,
+    | JamArea | SensorFault | GpsDrift | SpoofTelemetry | DriveByHand | SetWeather | ObstructWay
+    | FalseContact | RevealTrack | WorkerFault | PlaceAsset | ClearTracks,
     Field(discriminator="kind"),
 ]  # fmt: skip
 

@@ -173,7 +173,7 @@ class Metrics(StrictModel):
 AlarmKind = Literal[
     "hostile_track", "defiant_track", "unknown_track", "unauthorized_track",
     "coverage_lost", "coverage_unknown", "asset_failed", "link_lost", "low_battery",
-    "camera_lost", "suspect_telemetry", "many_contacts",
+    "camera_lost", "suspect_telemetry", "many_contacts", "way_blocked",
 ]  # fmt: skip
 AlarmPriority = Literal["emergency", "high", "medium", "low"]
 ALARM_PRIORITIES: tuple[AlarmPriority, ...] = ("emergency", "high", "medium", "low")

@@ -1,5 +1,7 @@
 """The results of a plan's run in a forked simulation (step 6), moment by moment and as a whole."""
 
+from typing import Literal
+
 from pydantic import Field
 
 from pa_console.schema.base import Name, NonNegative, Percent, StrictModel
@@ -13,6 +15,7 @@ class TrackMoment(StrictModel):
     """The facts of a track that ordering rules use."""
 
     gate: Name
+    kind: Literal["vehicle", "person"] = "vehicle"
     identity: Identity
     intent: Intent
     status: TrackStatus
@@ -20,13 +23,31 @@ class TrackMoment(StrictModel):
     warned: bool
     defiant: bool = False
     noncombatants: bool = Field(default=False, description="noncombatants are suspected (ROE-08)")
+    emergency: bool = Field(default=False, description="an emergency vehicle (ROE-13)")
     ground_contact: bool = Field(
         default=False, description="a ground asset sent to it has it in sensor range"
     )
     too_near: bool = Field(
         default=False, description="a ground asset drives nearer to it within the standoff"
     )
+    crowded: bool = Field(
+        default=False,
+        description="too near, and not by an asset that is to identify or warn at its gate",
+    )
     blocked: bool = Field(default=False, description="a UGV blocks its gate")
+    block_ordered: bool = Field(
+        default=False, description="a UGV blocks its gate, or is on its way to do so"
+    )
+    shut_in: bool = Field(
+        default=False,
+        description="it is inside, and a second gate or the last one is blocked or about to be",
+    )
+    followed: int = Field(
+        default=0,
+        ge=0,
+        description="while an asset is on its way to it: how often assets were sent after it from "
+        "one gate to another",
+    )
     other_threat: bool = Field(default=False, description="another track at its gate is hostile")
 
 

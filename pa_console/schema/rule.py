@@ -90,6 +90,11 @@ class Rule(StrictModel):
     message: str = Field(default="", description="what is wrong; the offenders are put after it")
     order: tuple[Ordering, ...] = ()
     examples: tuple[RuleExample, ...] = ()
+    in_prompts: bool = Field(
+        default=True,
+        exclude_if=lambda shown: shown,
+        description="false: no model is given it; software alone enforces it",
+    )
 
     @property
     def decidable(self) -> bool:
@@ -105,6 +110,11 @@ class Rule(StrictModel):
     def _consistent(self) -> Self:
         if not self.id.startswith(self.domain + "-"):
             raise ValueError(f"id {self.id!r} does not start with its domain {self.domain!r}")
+        if not self.in_prompts and not self.enforced:
+            raise ValueError(
+                "in_prompts: only a critical or high rule with check or order may be kept from "
+                "the models; take the field out, or give it one"
+            )
         if self.check is None and (self.applies or self.message):
             raise ValueError("applies and message need a check")
         if any(self.check is None and not example.moments for example in self.examples):

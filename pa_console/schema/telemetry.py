@@ -26,7 +26,8 @@ class AssetTelemetry(StrictModel):
     """The latest report of one asset; `stamp_s` is when it was sent, in simulated seconds.
 
     `comms`, `stale`, `integrity` and `available` are the station's own conclusions from which
-    reports arrived, and when; everything else is what the asset said.
+    reports arrived, and when; everything else is what the asset said. An asset is `manual` by its
+    own report, or because an operator of this station has taken manual control.
     """
 
     id: Name
@@ -42,7 +43,8 @@ class AssetTelemetry(StrictModel):
     low_battery: bool
     comms: CommsStatus
     available: bool = Field(
-        description="status not failed, comms not lost, battery not empty, report fresh and sound"
+        description="status not failed, comms not lost, battery not empty, report fresh and sound, "
+        "not under manual control"
     )
     stale: bool = Field(default=False, description="the report is too old to rely on")
     integrity: Integrity = Field(
@@ -51,6 +53,12 @@ class AssetTelemetry(StrictModel):
     route: tuple[Point, ...] = Field(default=(), description="waypoints still ahead")
     command_id: str | None = None
     stamp_s: NonNegative
+    manual: bool = Field(
+        default=False,
+        exclude_if=lambda manual: not manual,
+        repr=False,
+        description="a person drives it: the console sends it no command but a stop's hold",
+    )
 
 
 class Track(StrictModel):
@@ -81,6 +89,11 @@ class Track(StrictModel):
     seen_by: tuple[Name, ...] = Field(default=(), description="sensors that detect it now")
     hostile_by: tuple[Name, ...] = ()
     noncombatants: bool = Field(default=False, description="noncombatants are suspected (ROE-08)")
+    emergency: bool = Field(
+        default=False,
+        exclude_if=lambda marked: not marked,
+        description="a sensor recognises an emergency vehicle: ambulance, fire engine, police",
+    )
     defiant: bool = Field(default=False, description="it went on after it had been warned")
     identity_claims: dict[Name, IdentityClaim] = Field(
         default={},

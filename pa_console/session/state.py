@@ -123,6 +123,14 @@ class StandingTrace:
         return self.starts[-1] if self.starts else None
 
 
+@dataclass(frozen=True)
+class ManualTrace:
+    """The taking of an asset under manual control: by whom, and at which tick."""
+
+    by: str
+    tick: int
+
+
 LEFT_OUT = {
     "outside": "contacts beyond the site are reported; they are not shown",
     "too_many": f"more is reported than is shown: {ev.MOST_CONTACTS} contacts at a time",
@@ -224,6 +232,10 @@ class SessionState:
     """The agents that may propose nothing."""
     standing: dict[str, StandingTrace] = field(default_factory=dict[str, StandingTrace])
     """The approved standing orders by their ids, the oldest first."""
+    manual: dict[str, ManualTrace] = field(default_factory=dict[str, ManualTrace])
+    """The assets under manual control by a decision at the station, the first one first."""
+    awaiting: dict[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
+    """The missions that await assets under manual control, with those."""
     tak: TakTrace = field(default_factory=TakTrace)
 
     @property
@@ -277,6 +289,7 @@ class SessionState:
         self._apply_to_alarms(event)
         self._apply_to_queue(event)
         self._apply_to_standing(event)
+        self._apply_to_manual(event)
         for level, text in self.tak.apply(event):
             self._notice(event, level, "TAK", text)
         trace = self.missions.get(event.mission) if event.mission else None
@@ -448,6 +461,32 @@ class SessionState:
             case ev.SessionEnded():
                 for trace in known.values():
                     trace.ended = trace.ended or "the session has ended"
+            case _:
+                pass
+
+    def _apply_to_manual(self, event: ev.Event) -> None:
+        match event.data:
+            case ev.ManualControlTaken(asset=asset, by=by):
+                self.manual[asset] = ManualTrace(by, event.tick)
+                text = f"under manual control, taken by {by}: nothing is sent to it but a stop"
+                self._notice(event, "warning", asset, text)
+            case ev.ManualControlEnded(asset=asset, by=by):
+                self.manual.pop(asset, None)
+                text = f"given back by {by}: it takes orders again"
+                self._notice(event, "warning", asset, text)
+            case ev.MissionAwaitsAssets(assets=assets, again="") if event.mission:
+                self.awaiting[event.mission] = assets
+                text = f"awaits {', '.join(assets)}, under manual control"
+                self._notice(event, "warning", event.mission, text)
+            case ev.MissionAwaitsAssets(assets=assets, again=again) if event.mission:
+                self.awaiting.pop(event.mission, None)
+                text = f"{', '.join(assets)} back: given anew as {again}"
+                self._notice(event, "info", event.mission, text)
+            case ev.AllStopped():
+                for name, assets in self.awaiting.items():
+                    text = f"awaits {', '.join(assets)} no longer: everything is stopped"
+                    self._notice(event, "warning", name, text)
+                self.awaiting = {}
             case _:
                 pass
 

@@ -23,6 +23,7 @@ _TEMPLATES: dict[str, str] = {
     "sensor": "sensor {sensor} {state}",
     "gps": "position of {asset} drifts by {rate_mps:g} m/s",
     "spoof": "telemetry of {asset} is forged",
+    "manual_control": "{asset} {state}",
     "weather": "weather: {weather}",
     "obstruct": "the way is obstructed at ({start[0]:g}, {start[1]:g})",
     "phantom": "a sensor at {gate} reports what is not there",
@@ -66,6 +67,10 @@ def incident_in_words(incident: Incident) -> str:
             values["asset"] = incident.asset or "every asset"
             lossy = f"loses {incident.loss:.0%} of its messages"
             values["state"] = lossy if incident.up else "is down"
+        case "manual_control":
+            goes = f" and goes to {incident.frame}" if incident.frame else ""
+            driven = f"is driven by hand{goes}"
+            values["state"] = "takes commands again" if incident.ends else driven
         case "sensor":
             values["state"] = "works again" if incident.works else "has stopped working"
         case _:

@@ -155,6 +155,14 @@ class Checkpoint:
         if self.tick == 0:
             self._show(station_side.begin(self._terrain, self._scene))
 
+    def mark_manual(self, assets: frozenset[str]) -> None:
+        """Show `assets`, and no others, as taken under manual control at the station; at once."""
+        station = self._scene.station
+        changed = station.manual ^ assets
+        station.manual = assets
+        if changed:
+            self._show(station_side.build(self._terrain, self._scene, changed))
+
     def picture(self) -> Picture:
         """Return telemetry as last reported, every `world.telemetry_period_s`."""
         if self._picture is None:

@@ -43,6 +43,7 @@ def spawn(terrain: Terrain, scene: Scene, incident: SpawnTrack) -> ContactState:
         intent=incident.intent,
         when_warned=incident.when_warned,
         noncombatants=incident.noncombatants,
+        emergency=incident.emergency,
         name=incident.name,
     )
     state.contacts[contact.id] = contact

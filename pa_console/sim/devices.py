@@ -191,6 +191,8 @@ def _objection(terrain: Terrain, asset: AssetState, command: DeviceCommand) -> s
         return "the asset has failed"
     if asset.battery <= 0.0:
         return "the battery is empty"
+    if asset.manual and command.verb not in ("hold", "report"):
+        return "it is under manual control"
     if asset.kind not in spec.kinds:
         return f"a {asset.kind} cannot {command.verb}"
     if spec.takes_frame and command.target not in terrain.world.frames:
@@ -198,6 +200,28 @@ def _objection(terrain: Terrain, asset: AssetState, command: DeviceCommand) -> s
     if not spec.takes_frame and command.target is not None:
         return f"{command.verb} takes no frame"
     return ""
+
+
+def drive_by_hand(terrain: Terrain, scene: Scene, asset: AssetState, frame: str | None) -> None:
+    """Let a person drive `asset` from now on, to `frame` if one is given.
+
+    Its command ends without an answer, as its device is told nothing. Its post stays what it was.
+    Raises ValueError where it cannot be driven there.
+    """
+    post = asset.post
+    asset.stop("idle")
+    if frame is not None and (problem := _set_out(terrain, scene, asset, frame)):
+        asset.post = post
+        raise ValueError(f"{asset.id}: {problem}")
+    asset.command, asset.manual, asset.post = None, True, post
+    asset.task = "moving" if asset.route else "idle"
+
+
+def let_go(terrain: Terrain, asset: AssetState) -> None:
+    """Let `asset` take commands again; it stands, assigned to the frame it is at, if any."""
+    if asset.manual:
+        asset.manual = False
+        _stand(terrain, asset, "none" if asset.down else "idle")
 
 
 def _set_out(terrain: Terrain, scene: Scene, asset: AssetState, target: str) -> str:

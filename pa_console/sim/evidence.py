@@ -54,6 +54,8 @@ def learn(  # noqa: PLR0917 - a statement: its sensor, its contact and its time
         return
     if math.dist(place.at, heard.position) > place.reach_m:
         return
+    # Markings and lights do not change: one look at them is enough, and nothing withdraws it.
+    file.emergency = file.emergency or heard.emergency
     said = _statement(terrain, file, sensor)
     now = said
     identifies = heard.identity != "unknown" and stamp >= said.identity_tick

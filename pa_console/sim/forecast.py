@@ -1,8 +1,9 @@
 """Rebuilds a simulation from a picture: what is known, taken further, and nothing of the truth.
 
 In it messages take the world's latency and are never lost. Assets that cannot be counted on
-(failed, silent, stale, suspect) stand where last reported, cover nothing and answer nothing. An
-asset under way goes on to where its reported route ends. Contacts are what the tracks suggest.
+(failed, silent, stale, suspect) stand where last reported, cover nothing and answer nothing. One
+under manual control stands there as well, and covers what it covers. An asset under way goes on to
+where its reported route ends. Contacts are what the tracks suggest.
 """
 
 import math
@@ -86,7 +87,8 @@ def report(terrain: Terrain, scene: Scene) -> station_side.Draft:
 def _asset(world: World, tick: int, index: int, report: AssetTelemetry) -> AssetState:
     """Return the asset as its report has it; one that cannot be counted on is down for good."""
     radio = world.radio
-    silent = not report.available and report.status != "failed" and report.battery_pct > 0.0
+    answers = report.available or (report.manual and station_side.is_sure(report))
+    silent = not answers and report.status != "failed" and report.battery_pct > 0.0
     asset = AssetState(
         id=report.id,
         kind=report.kind,
@@ -107,9 +109,12 @@ def _asset(world: World, tick: int, index: int, report: AssetTelemetry) -> Asset
         progress_tick=tick,
         heard_tick=tick,
         settled_tick=tick,
+        manual=report.manual,
     )
     if asset.down:
         asset.stop("none")
+    elif asset.manual:
+        asset.stop("holding" if report.task in ("moving", "returning") else report.task)
     elif report.command_id is not None and report.task in _VERBS:
         verb = _VERBS[report.task]
         target = None if verb == "return_to_base" else report.post
@@ -161,6 +166,7 @@ def _contact_of(terrain: Terrain, track: Track) -> ContactState:
         intent=track.intent,
         when_warned="go_on" if track.defiant else "stop",
         noncombatants=track.noncombatants,
+        emergency=track.emergency,
         speed=track.speed_mps,
         status=track.status,
         warned_tick=0 if track.warned and track.status != "leaving" else None,
@@ -196,6 +202,7 @@ def _file_of(terrain: Terrain, track: Track) -> TrackFile:
         identified=track.identity,
         confirmed=track.intent,
         suspected=track.noncombatants,
+        emergency=track.emergency,
         statements=tuple(
             Statement(name, weight_of(terrain, name), opinion="hostile", opinion_tick=stamp)
             for name in sorted(track.hostile_by)

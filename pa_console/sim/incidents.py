@@ -9,6 +9,7 @@ from pa_console.schema.incident import (
     AssetIs,
     ClearTracks,
     DegradeAsset,
+    DriveByHand,
     FailAsset,
     FalseContact,
     GpsDrift,
@@ -32,7 +33,7 @@ from pa_console.schema.incident import (
 )
 from pa_console.schema.telemetry import Task
 from pa_console.schema.world import Wall
-from pa_console.sim import contacts, radio
+from pa_console.sim import contacts, devices, radio
 from pa_console.sim.evidence import identity_of
 from pa_console.sim.physics import gap
 from pa_console.sim.scene import AssetState, Drift, Scene, ScriptState, rouse
@@ -70,6 +71,10 @@ def apply(terrain: Terrain, scene: Scene, incident: Incident) -> None:
             _asset(terrain, scene, name).drift = drift if rate > 0.0 else None
         case SpoofTelemetry(asset=name, frame=frame):
             _asset(terrain, scene, name).spoofed = frame
+        case DriveByHand(asset=name, ends=True):
+            devices.let_go(terrain, _asset(terrain, scene, name))
+        case DriveByHand(asset=name, frame=frame):
+            devices.drive_by_hand(terrain, scene, _asset(terrain, scene, name), frame)
         case PlaceAsset(asset=name, frame=frame):
             place(terrain, scene, _asset(terrain, scene, name), frame)
             _carried(scene, name)

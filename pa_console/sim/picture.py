@@ -104,7 +104,7 @@ def build(terrain: Terrain, scene: Scene, names: Iterable[str]) -> Draft:
         if silence is None:
             silence = silences[heard.stamp] = _silence(terrain.world, scene, heard.stamp)
         before = station.shown.get(name)
-        known = _concluded(heard, silence, before)
+        known = _concluded(heard, silence, before, taken=name in station.manual)
         if known is not before:
             station.shown[name] = known
             if before is None or known.like is not before.like:
@@ -148,20 +148,26 @@ def _silence(world: World, scene: Scene, stamp: int) -> _Silence:
     return _Silence(age_s > world.stale_s, age_s >= world.link_lost_s, missing)
 
 
-def _concluded(heard: Heard, silence: _Silence, shown: SelfReport | None) -> SelfReport:
-    """Return an asset's latest report with the station's conclusions about it."""
+def _concluded(
+    heard: Heard, silence: _Silence, shown: SelfReport | None, *, taken: bool
+) -> SelfReport:
+    """Return an asset's latest report with the station's conclusions about it.
+
+    An asset that was `taken` is under manual control by the station's own record.
+    """
     stale, lost, missing = silence
     comms: CommsStatus = "lost" if lost else comms_of(heard, missing)
     said, suspect = heard.telemetry, heard.trust.suspect
-    if comms == "ok" and not stale and not suspect:
+    manual = taken or said.like.manual
+    if comms == "ok" and not stale and not suspect and manual == said.like.manual:
         return said
-    available = said.like.available and not stale and not suspect and comms != "lost"
+    available = said.like.available and not (stale or suspect or manual) and comms != "lost"
     integrity_now = "suspect" if suspect else "ok"
     if (
         shown is not None
         and shown.stamp_s == said.stamp_s
-        and (shown.like.comms, shown.like.stale, shown.like.integrity)
-        == (comms, stale, integrity_now)
+        and (shown.like.comms, shown.like.stale, shown.like.integrity, shown.like.manual)
+        == (comms, stale, integrity_now, manual)
     ):
         return shown
     status = "degraded" if comms != "ok" and said.like.status == "ok" else said.like.status
@@ -172,6 +178,7 @@ def _concluded(heard: Heard, silence: _Silence, shown: SelfReport | None) -> Sel
             "integrity": integrity_now,
             "available": available,
             "status": status,
+            "manual": manual,
         }
     )
     return SelfReport.of(concluded)
@@ -188,16 +195,26 @@ def update_post(
 ) -> None:
     """Note at which gate an asset is by its report; add the gates where that changes to `stirred`.
 
-    One that has failed is nowhere; of one that is stale, silent or suspect it is not sure.
+    One that has failed is nowhere; of one that is stale, silent or suspect it is not sure. An asset
+    under manual control covers its gate as long as its reported position does.
     """
     at_gate = scene.station.at_gate
     old = before.at if before is not None and before.at == before.post else None
     new = now.at if now.at == now.post and now.status != "failed" else None
     if old is not None and old != new and at_gate.get(old, {}).pop(now.id, None) is not None:
         stirred.add(old)
-    if new is not None and new in at_gate and at_gate[new].get(now.id) is not now.available:
-        at_gate[new][now.id] = now.available
+    sure = is_sure(now)
+    if new is not None and new in at_gate and at_gate[new].get(now.id) is not sure:
+        at_gate[new][now.id] = sure
         stirred.add(new)
+
+
+def is_sure(asset: AssetTelemetry) -> bool:
+    """Return whether an asset that has not failed can be relied on to be where it reports to be."""
+    if not asset.manual:
+        return asset.available
+    heard = not asset.stale and asset.comms != "lost" and asset.integrity == "ok"
+    return heard and asset.battery_pct > 0.0
 
 
 def _cover(terrain: Terrain, scene: Scene, stirred: set[str]) -> None:

@@ -160,7 +160,8 @@ class StationState:
     """The station's side: what it heard of each asset, what it concluded, and the gates' cover.
 
     `shown` is what the picture says of each asset; `at_gate` names, per gate, who is posted to it
-    and at it, and whether that is sure. `covered_tick` is when a gate was last known to be covered.
+    and at it, and whether that is sure. `covered_tick` is when a gate was last known to be covered,
+    `manual` who is under manual control by the station's own record.
     """
 
     heard: dict[str, Heard] = field(default_factory=dict[str, Heard])
@@ -168,6 +169,7 @@ class StationState:
     at_gate: dict[str, dict[str, bool]] = field(default_factory=dict[str, dict[str, bool]])
     covers: dict[str, GateCover] = field(default_factory=dict[str, GateCover])
     covered_tick: dict[str, int] = field(default_factory=dict[str, int])
+    manual: frozenset[str] = field(default=frozenset(), repr=False)
 
     def copy(self) -> "StationState":
         """Return an independent copy; reports and covers are immutable."""
@@ -211,9 +213,9 @@ class AssetState:
     that it has run into. `nearest_m` and `nearest_tick` are the least way left so far and
     when it was reached; `stalls` counts how often the leg got stuck. `heard_tick` is when the
     station last got through to it; while it is `cut_off` it `owes` the replies on how its command
-    ended. `place` is the frame it was at when it was at `placed_at`; its battery is as of
-    `settled_tick`. `said` is its last report, None once more than its battery may have changed
-    since; it follows from the rest, so the hash leaves it out.
+    ended. While it is `manual`, a person drives it. `place` is the frame it was at when it was at
+    `placed_at`; its battery is as of `settled_tick`. `said` is its last report, None once more than
+    its battery may have changed since; it follows from the rest, so the hash leaves it out.
     """
 
     id: str
@@ -235,6 +237,7 @@ class AssetState:
     owes: tuple[CommandReply, ...] = ()
     drift: Drift | None = None
     spoofed: str | None = None
+    manual: bool = field(default=False, repr=False)
     settled_tick: int = 0
     place: str | None = None
     placed_at: Point | None = None
@@ -333,6 +336,9 @@ class Scene:
             self.obstructions, self.station, self.covered_tick, sorted(self.active), self.ideal,
             sorted(self.touched), *map(sorted, unordered),
         )  # fmt: skip
+        driven = sorted(name for name, asset in self.assets.items() if asset.manual)
+        if driven or self.station.manual:
+            parts = (*parts, driven, sorted(self.station.manual))
         return hashlib.sha256(repr(parts).encode()).hexdigest()
 
 

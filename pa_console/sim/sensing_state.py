@@ -32,6 +32,7 @@ class ContactState:
     intent: Intent
     when_warned: Reaction = "leave"
     noncombatants: bool = False
+    emergency: bool = False
     name: str | None = None
     speed: float = 0.0
     status: TrackStatus = "approaching"
@@ -72,6 +73,7 @@ class Detection:
     identity: Identity = "unknown"
     opinion: Intent = "unknown"
     noncombatants: bool = False
+    emergency: bool = False
     warned_tick: int | None = None
 
 
@@ -149,6 +151,7 @@ class TrackFile:
     identified: Identity = "unknown"
     confirmed: Intent = "unknown"
     suspected: bool = False
+    emergency: bool = False
     statements: tuple[Statement, ...] = ()
     seen: tuple[Sighting, ...] = ()
     observed: bool = False

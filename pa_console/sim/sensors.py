@@ -182,6 +182,7 @@ def _detection(terrain: Terrain, scene: Scene, hit: _Hit) -> Detection:
         identity=finding.identity,
         opinion=opinion,
         noncombatants=close and contact.noncombatants,
+        emergency=close and contact.emergency,
         warned_tick=finding.warned_tick,
     )
 

@@ -80,12 +80,13 @@ def report_of(terrain: Terrain, tick: int, asset: AssetState) -> SelfReport:
             "battery_pct": round(asset.battery, 3),
             "low_battery": low,
             "comms": "ok",
-            "available": not down,
+            "available": not (down or asset.manual),
             "stale": False,
             "integrity": "ok",
             "route": tuple([rounded(point) for point in asset.route]),
             "command_id": asset.command.command_id if asset.command else None,
             "stamp_s": stamp_s,
+            "manual": asset.manual,
         }
     )
     return SelfReport.of(asset.said)
@@ -118,6 +119,7 @@ def _forged(terrain: Terrain, scene: Scene, asset: AssetState) -> SelfReport:
             "battery_pct": max(last.battery_pct, terrain.world.low_battery_pct),
             "low_battery": False,
             "available": True,
+            "manual": False,
             "route": (),
             "command_id": None,
             "stamp_s": terrain.seconds(scene.tick),

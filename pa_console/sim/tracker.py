@@ -299,6 +299,7 @@ def known_track(terrain: Terrain, scene: Scene, file: TrackFile) -> Track:
         seen_by=seen_by,
         hostile_by=hostile_by(file),
         noncombatants=suspects_noncombatants(terrain, file),
+        emergency=file.emergency,
         defiant=file.defiant,
         identity_claims=disputed_claims(file),
     )

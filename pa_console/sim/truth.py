@@ -97,6 +97,7 @@ def _true_track(terrain: Terrain, scene: Scene, contact: ContactState) -> Track:
         seen_by=known.seen_by if known else (),
         hostile_by=known.hostile_by if known else (),
         noncombatants=contact.noncombatants,
+        emergency=contact.emergency,
         defiant=_defies(contact),
         identity_claims=known.identity_claims if known else {},
     )

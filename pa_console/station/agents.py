@@ -11,6 +11,7 @@ from dataclasses import replace
 from time import monotonic
 from unicodedata import category
 
+from pa_console.language.manual_words import read_manual
 from pa_console.language.order_changes import read_change
 from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.resolution import resolve
@@ -108,6 +109,8 @@ class AgentProposals:
             raise ValueError(IS_QUESTION)
         if read_change(order.text, services.standing.orders) is not None:
             raise ValueError("an agent changes no standing orders")
+        if read_manual(services.scene, order.text, services.gate.manual.taken) is not None:
+            raise ValueError("an agent takes no manual control, and gives no asset back")
         active = self._worker.active
         worked_on = (active.mission,) if active is not None else ()
         self._desk.admit(agent, (*worked_on, *self._intake.queue.missions))

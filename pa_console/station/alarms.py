@@ -7,13 +7,16 @@ from typing import Literal, NamedTuple
 
 from pa_console.mission.picture_text import silence
 from pa_console.mission.report import CLEARS_WHEN
+from pa_console.policy.moments import ways_out_shut
 from pa_console.schema.events.event import AlarmAcknowledged, AlarmCleared, AlarmRaised
 from pa_console.schema.mission import ALARM_PRIORITIES, Alarm, AlarmKind, AlarmPriority
 from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Track
 from pa_console.schema.world import World
 from pa_console.session.wording import TRACK_PLACES
 
-AlarmTopic = Literal["threat", "track", "cover", "asset", "battery", "camera", "sensor"]
+AlarmTopic = Literal["threat", "track", "way", "cover", "asset", "battery", "camera", "sensor"]
+OF_TRACKS: tuple[AlarmTopic, ...] = ("threat", "track", "way")
+"""The topics of alarms about contacts, of which a sensor may report any number."""
 BATTERY_MARGIN_PCT = 3.0
 """A battery alarm stays open until the battery is so much above the limit, or on its way home."""
 
@@ -53,6 +56,7 @@ def causes(picture: Picture, world: World, guards: Mapping[str, tuple[str, ...]]
     gate's alarm names it and carries the response, the asset's own alarm carries none.
     """
     found = [cause for track in picture.tracks.values() if (cause := _track(track)) is not None]
+    found.extend(_ways(picture, world))
     for gate, cover in picture.gates.items():
         if not cover.covered:
             found.append(_cover(picture, world, gate, cover, guards.get(gate, ())))
@@ -100,6 +104,34 @@ def _track(track: Track) -> Cause | None:
     )  # fmt: skip
 
 
+def _ways(picture: Picture, world: World) -> Iterator[Cause]:
+    """Yield the tracks whose way our own assets block though nothing may (ROE-12, ROE-13).
+
+    It may have come about after the plan: a block ends only with another order.
+    """
+    blockers = {
+        asset.at: asset.id
+        for asset in picture.assets.values()
+        if asset.task == "blocking" and asset.at in picture.gates
+    }
+    shut = bool(blockers) and ways_out_shut(picture, world)
+    for track in picture.tracks.values() if blockers else ():
+        what = "emergency vehicle" if track.emergency else f"{track.identity} {track.kind}"
+        person = track.kind == "person" or track.noncombatants
+        let_through = track.emergency or track.identity == "authorized"
+        if shut and track.status == "inside" and (person or let_through):
+            where = f"is shut in: {', '.join(sorted(filter(None, blockers)))} are blocked"
+        elif let_through and track.status != "leaving" and track.gate in blockers:
+            where = f"waits at {track.gate}, which {blockers[track.gate]} blocks"
+        else:
+            continue
+        yield Cause(
+            "way", "way_blocked", "high", track.id, track.gate,
+            text=f"{track.id}: {'an' if what[0] in 'aeiou' else 'a'} {what} {where}",
+            distance_m=track.distance_m, settle_s=1.0, linger_s=3.0, sensors=track.seen_by,
+        )  # fmt: skip
+
+
 def many_contacts(sensors: tuple[str, ...], held: Sequence[Cause], opened: int) -> Cause:
     """Return one cause in place of the causes `held`, for which no alarm is opened.
 
@@ -139,13 +171,17 @@ def _cover(
             settle_s=world.stale_s,
         )  # fmt: skip
     away = [picture.assets[name] for name in guards if name in picture.assets]
-    lost = [
-        silence(picture, asset) or f"{asset.id} has failed" for asset in away if not asset.available
+    driven = [f"{asset.id} is under manual control" for asset in away if asset.manual]
+    failed = [
+        silence(picture, asset) or f"{asset.id} has failed"
+        for asset in away
+        if not (asset.available or asset.manual)
     ]
+    lost = [*failed, *driven]
     return Cause(
         "cover", "coverage_lost", "emergency" if lost else "high", gate, gate,
         text=f"{gate} is not covered" + (f": {', '.join(lost)}" if lost else ""),
-        command=f"{lost[0] if lost else f'{gate} has no guard'}: fill the gap at {gate}.",
+        command=f"{failed[0] if failed else f'{gate} has no guard'}: fill the gap at {gate}.",
         settle_s=1.0 if lost else world.coverage_grace_s / 2,
         linger_s=2.0,
     )  # fmt: skip
@@ -240,7 +276,7 @@ class _WatchedCause:
     def counts_as(self, kind: AlarmKind, priority: AlarmPriority) -> "_Alike | None":
         """Return the group that an alarm about it would count in; None where no limit holds."""
         minor = priority in ("medium", "low")
-        if self.cause.topic in ("threat", "track"):
+        if self.cause.topic in OF_TRACKS:
             return _Alike(kind, minor, self.sensors)
         return _Alike(kind, minor) if minor else None
 
@@ -284,7 +320,7 @@ class AlarmBook:
     def sensors(self) -> dict[str, Sensors | None]:
         """The sensors of each open alarm's contact; None for an alarm about something else."""
         return {
-            entry.alarm.id: entry.sensors if key[0] in ("threat", "track") else None
+            entry.alarm.id: entry.sensors if key[0] in OF_TRACKS else None
             for key, entry in self._watched.items()
             if entry.alarm is not None
         }

@@ -110,6 +110,8 @@ def _how(asset: AssetTelemetry, gate: str, now_s: float) -> str:
         return "its telemetry cannot be right"
     if asset.comms == "lost" or asset.stale:
         return f"has been silent for {now_s - asset.stamp_s:.0f} s"
+    if asset.manual:
+        return "is under manual control"
     if not asset.available:
         return "is not available"
     if asset.post == gate:

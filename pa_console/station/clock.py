@@ -10,6 +10,7 @@ from pa_console.mission.standing import Due, Ended, Withheld
 from pa_console.schema.events import event as ev
 from pa_console.schema.telemetry import Picture
 from pa_console.session.state import BY_CLOCK
+from pa_console.station.manual_assets import ManualAssets
 from pa_console.station.notices import Noticer
 from pa_console.station.worker import MissionWorker, StationParts
 
@@ -107,15 +108,17 @@ class Ticking:
         clock: Clock,
         worker: MissionWorker,
         stop: Callable[[str], None],
+        manual: ManualAssets,
     ) -> None:
         """Take the first look at the picture; `stop` stops everybody for whom it is told."""
-        self._stop = stop
+        self._stop, self._manual = stop, manual
         self._services, self._feed, self._intake = parts.services, parts.feed, parts.intake
         self._emergency_stop, self._emit = parts.emergency_stop, parts.emit
         self._clock, self._worker, self._fleet = clock, worker, parts.services.fleet
         self.first = self._fleet.picture()
         """The picture that the session begins with."""
-        self._noticer = Noticer(self.first)
+        self._noticer, self._taken = Noticer(self.first), frozenset[str]()
+        self._see_manual(self.first)
         self._refusal, self._fault = "", ("", 0.0)
         self._services.sightings.look(self.first)
 
@@ -132,8 +135,7 @@ class Ticking:
                 with self._kept_going():
                     self._step()
                 if self._fleet.tick % every == 0:
-                    with self._kept_going():
-                        self._look()
+                    self.look()
 
     def _step(self) -> None:
         """Move the world on by one step; a stop goes before everything else that came in."""
@@ -173,9 +175,15 @@ class Ticking:
         """Return whether a follower waits for a step, and no mission is thought about."""
         return (self._feed.wanted or self._emergency_stop.waiting) and not self._worker.thinking
 
+    def look(self) -> None:
+        """Take in the picture; an error in that is reported, and the session goes on."""
+        with self._kept_going():
+            self._look()
+
     def _look(self) -> None:
         """Take in new telemetry: tell it, raise alarms, queue their missions."""
         picture = self._fleet.picture()
+        self._see_manual(picture)
         for notice in self._noticer.look(picture):
             self._emit(notice, None)
         self._services.sightings.look(picture)
@@ -189,9 +197,19 @@ class Ticking:
             self._emit(payload, mission)
         for mission in arrivals.obsolete:
             self._worker.drop(mission, "its cause is gone")
+        self._manual.queue_returned()
         self._start_standing(picture, stopped=stopped)
         self._worker.queue_changed()
         self._worker.see(picture)
+
+    def _see_manual(self, picture: Picture) -> None:
+        """Take in who is under manual control; what an operator has changed is told already."""
+        gate = self._services.gate
+        gate.see(picture)
+        taken = frozenset(gate.manual.taken)
+        for asset in taken ^ self._taken:
+            self._noticer.knows_manual(asset, manual=asset in taken)
+        self._taken = taken
 
     def _start_standing(self, picture: Picture, *, stopped: bool) -> None:
         """Queue the missions that standing orders start now, and emit the withheld ones."""

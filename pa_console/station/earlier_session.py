@@ -34,11 +34,13 @@ from pa_console.station.alarms import AlarmBook
 class LeftMissions:
     """The remains of a relieved station's session.
 
+    `manual` are the assets under manual control, each with who took it: they stay so.
     `again` are the missions that moved no asset, the one that was being planned first; `under_way`
     those that did; `standing` the ids of the standing orders in force there; `stopped` is whether
     all assets were stopped.
     """
 
+    manual: tuple[tuple[str, str], ...] = ()
     again: tuple[Mission, ...] = ()
     under_way: tuple[MissionTrace, ...] = ()
     standing: tuple[str, ...] = ()
@@ -52,7 +54,9 @@ class LeftMissions:
         begun = begun_missions(state)
         again = [trace.mission for trace in begun if not trace.commands]
         again += [entry.mission for entry in waiting_entries(state)]
+        again += [trace.mission for trace in _awaiting(state)]
         return cls(
+            manual=tuple((name, one.by) for name, one in state.manual.items()),
             again=tuple(one for one in again if one.source == "operator"),
             under_way=tuple(trace for trace in begun if trace.commands),
             standing=tuple(name for name, one in state.standing.items() if one.in_force),
@@ -77,6 +81,11 @@ class LeftMissions:
             )
         if self.stopped:
             yield f"{station} had stopped everybody: they stay stopped until you release them"
+
+
+def _awaiting(state: SessionState) -> Iterator[MissionTrace]:
+    """Yield the missions that await an asset under manual control."""
+    return (state.missions[name] for name in state.awaiting if name in state.missions)
 
 
 OTHERWISE = "its world did not come out again as the log tells of it"
@@ -114,15 +123,27 @@ class UnclosedSession:
         )
 
     @property
+    def manual(self) -> Iterator[tuple[str, str]]:
+        """The assets under manual control, each with who took it."""
+        return ((name, one.by) for name, one in self.state.manual.items())
+
+    @property
+    def awaiting(self) -> Iterator[tuple[Mission, tuple[str, ...]]]:
+        """The missions that await assets under manual control, with those."""
+        for trace in _awaiting(self.state):
+            yield trace.mission, self.state.awaiting[trace.mission.id]
+
+    @property
     def interrupted(self) -> tuple[MissionTrace, ...]:
         """The missions that had begun and had not ended."""
         return begun_missions(self.state)
 
     @property
     def unfinished(self) -> bool:
-        """True if a mission, an alarm or a stop was open."""
+        """True if a mission, an alarm or a stop was open, or an asset under manual control."""
         state = self.state
-        return bool(self.interrupted or self.waiting or state.alarms or state.stop)
+        open_ = self.interrupted or self.waiting or state.alarms or state.stop
+        return bool(open_ or state.manual or state.awaiting)
 
 
 @dataclass(frozen=True)
@@ -179,6 +200,7 @@ def resume(found: UnclosedSession, world: World, scenario: Scenario | None) -> R
     alarms, sightings = AlarmBook(world), Sightings(world)
     sent: dict[str, DeviceCommand] = {}
     stops, first = 0, False
+    taken = frozenset[str]()
     for event in _events(found.log):
         while fleet.tick < event.tick:
             fleet.step()
@@ -192,6 +214,10 @@ def resume(found: UnclosedSession, world: World, scenario: Scenario | None) -> R
                 fleet.send(command)
             case ev.CommandResent(command_id=name) if name in sent:
                 fleet.send(sent[name])
+            case ev.ManualControlTaken(asset=asset):
+                fleet.mark_manual(taken := taken | {asset})
+            case ev.ManualControlEnded(asset=asset):
+                fleet.mark_manual(taken := taken - {asset})
             case ev.AllStopped():
                 stops += 1
             case ev.TelemetryReceived(picture=picture):

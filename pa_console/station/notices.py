@@ -16,6 +16,7 @@ from pa_console.schema.events.event import Level, Noticed
 from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Track
 
 MOST_ALIKE = 4
+MANUAL = "manual control"
 GONE_S = 3.0
 Value = str | bool
 Key = tuple[str, str]
@@ -49,6 +50,10 @@ class Noticer:
         }
         self._since: dict[Key, tuple[Value, float]] = {}
         self._tracks: dict[str, float] = dict.fromkeys(picture.tracks, picture.time_s)
+
+    def knows_manual(self, asset: str, *, manual: bool) -> None:
+        """Treat it as reported that `asset` is under manual control, or is not any more."""
+        self._told[asset, MANUAL] = manual
 
     def look(self, picture: Picture) -> list[Noticed]:
         """Return the changes that an operator would want to know now."""
@@ -124,6 +129,8 @@ def _asset(picture: Picture, asset: AssetTelemetry) -> Iterator[_Fact]:
     low = f"battery low, {asset.battery_pct:.0f} %" if asset.low_battery else ""
     settle_s = 1.0 if low else 20.0
     yield _Fact(name, "battery", asset.low_battery, False, "warning", low, settle_s)
+    driven = "under manual control" if asset.manual else "no longer under manual control"
+    yield _Fact(name, MANUAL, asset.manual, False, "warning", driven)
     age_s = picture.time_s - asset.stamp_s
     if asset.integrity == "suspect":
         fact = "suspect", "warning", "telemetry is suspect: it cannot be right", 1.0
@@ -157,6 +164,8 @@ def _track(picture: Picture, track: Track) -> Iterator[_Fact]:
     yield _Fact(name, "warned", track.warned, False, "info", "warned" if track.warned else "")
     defiant = "goes on in spite of the warning" if track.defiant else ""
     yield _Fact(name, "defiant", track.defiant, False, "alarm", defiant)
+    marked = "it is an emergency vehicle" if track.emergency else ""
+    yield _Fact(name, "emergency", track.emergency, False, "warning", marked)
     persons = "noncombatants are suspected" if track.noncombatants else ""
     yield _Fact(name, "persons", track.noncombatants, False, "warning", persons)
     moves = f"{track.status} at {track.gate}"

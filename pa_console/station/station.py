@@ -8,6 +8,7 @@ from functools import partial
 
 from pa_console import __version__
 from pa_console.fleets.fleet import PlanCountersignature, Simulated
+from pa_console.language.manual_words import ManualWords, read_manual
 from pa_console.language.order_changes import Change, OrderChange, read_change
 from pa_console.language.questions import Question
 from pa_console.language.references.conversation import Unclear
@@ -35,6 +36,7 @@ from pa_console.station.clock import Clock, Ticking
 from pa_console.station.earlier_session import LeftMissions, ResumedSession, UnclosedSession
 from pa_console.station.intake import IS_STOPPED, Intake, ReadText, read_text
 from pa_console.station.live_reading import LiveReading, ShowReading
+from pa_console.station.manual_assets import ManualAssets
 from pa_console.station.notices import Outside, pass_on
 from pa_console.station.read_ahead import ReadAhead
 from pa_console.station.rules_in_force import RulesReload, RulesWatch
@@ -103,7 +105,11 @@ class ControlStation:
             resumed.before.state.muted_agents if resumed else (),
         )
         """What agents propose."""
-        self._ticking = Ticking(parts, clock, self._worker, self._stop_for)
+        self.manual = ManualAssets(
+            parts, self._writable, self._look_now, self._worker.queue_changed
+        )
+        """The assets under manual control."""
+        self._ticking = Ticking(parts, clock, self._worker, self._stop_for, self.manual)
         self._closed, self._resumed = False, resumed
         self._record = RecentRecord(deepcopy(resumed.before.state) if resumed else SessionState())
         self._again: list[tuple[ev.EventPayload, str]] = []
@@ -112,6 +118,7 @@ class ControlStation:
             before = resumed.before
             missions = before.state.missions.values()
             self._gate.resume(resumed.stops, stopped=before.state.stop is not None)
+            self.manual.take_up(before.manual, before.awaiting)
             services.standing.skip_ids(one.standing.order.id for one in missions if one.standing)
             unanswered = [one.mission.alarm for one in before.interrupted if one.mission.alarm]
             self._again = self._intake.take_up(
@@ -253,6 +260,8 @@ class ControlStation:
         """Emit the relieved `station`'s open missions and queue the undispatched ones."""
         for text in left.notices(station):
             self._emit(ev.Noticed(level="warning", subject="command", text=text))
+        for asset, by in left.manual:
+            self.manual.take(asset, f"{by} at {station}")
         if left.stopped:
             self.stop_all(station)
             return
@@ -289,10 +298,9 @@ class ControlStation:
         self._live.show_in(show)
 
     def _order_in(self, text: str) -> ReadText | None:
-        """Return `text` as it is read; None for a question, and for a change of standing orders."""
+        """Return `text` as it is read; None for a question, and for what is changed at once."""
         order = self._read(text)
-        change = read_change(order.text, self._services.standing.orders)
-        return order if change is None and order.question is None else None
+        return order if order.question is None and self._change_in(order) is None else None
 
     def _may_read_live(self) -> bool:
         """Return whether a mission would be worked on at once, and the models are idle."""
@@ -348,7 +356,7 @@ class ControlStation:
         """
         self._writable()
         order = self._read(text)
-        change = read_change(order.text, self._services.standing.orders)
+        change = self._change_in(order)
         if isinstance(change, Unclear):
             raise ValueError(change.question)
         if change is not None:
@@ -362,16 +370,26 @@ class ControlStation:
         self._worker.queue_changed()
         return mission
 
-    def _change(self, order: ReadText, change: OrderChange) -> Mission:
-        """Change standing orders at once as an operator's words say, and record them as a mission.
+    def _change_in(self, order: ReadText) -> OrderChange | ManualWords | Unclear | None:
+        """Return what a text changes at once: standing orders, or who drives an asset."""
+        change = read_change(order.text, self._services.standing.orders)
+        if change is not None or order.question is not None:
+            return change
+        return read_manual(self._services.scene, order.text, self._gate.manual.taken)
+
+    def _change(self, order: ReadText, change: OrderChange | ManualWords) -> Mission:
+        """Change at once what an operator's words say, and record them as a mission.
 
         Raises ValueError for what cannot be changed so.
         """
-        for name in change.orders:
-            self.change_standing(name, change.change)
+        if isinstance(change, OrderChange):
+            for name in change.orders:
+                self.change_standing(name, change.change)
+            reason = f"{change.done}: {', '.join(change.orders)}"
+        else:
+            reason = self.manual.change(change)
         mission, received = self._intake.submit(order, active=False, waits=False)
         self._emit(received, mission.id)
-        reason = f"{change.done}: {', '.join(change.orders)}"
         ended = ev.MissionFinished(status="verified", reason=reason, metrics=Metrics())
         self._emit(ended, mission.id)
         return mission
@@ -464,6 +482,7 @@ class ControlStation:
         """
         self._writable()
         holds = self._emergency_stop.hold_all()
+        self._gate.manual.forget()
         self._emit(ev.AllStopped(by=by))
         for payload in holds:
             self._emit(payload)
@@ -484,6 +503,7 @@ class ControlStation:
         self._emit(ev.StopReleased(by=by))
         for payload, mission in self._intake.resume(self._worker.handled):
             self._emit(payload, mission)
+        self.manual.queue_returned()
         self._worker.queue_changed()
 
     def revoke(self, order_id: str, by: str = "operator") -> None:
@@ -589,6 +609,10 @@ class ControlStation:
         """Use the model between two missions: for what is outstanding, then for reading ahead."""
         if await self._verdicts.work():
             await self._ahead.load()
+
+    def _look_now(self) -> None:
+        """Take in the picture without waiting for the next telemetry."""
+        self._ticking.look()
 
     def _writable(self) -> None:
         if self.readonly:

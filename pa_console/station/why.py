@@ -106,6 +106,8 @@ def _state(asset: AssetTelemetry, picture: Picture) -> Iterator[str]:
         yield f"it has been silent for {age_s:.0f} s"
     elif asset.integrity == "suspect":
         yield "its telemetry cannot be right"
+    elif asset.manual:
+        yield "it is under manual control"
     elif not asset.available:
         yield "it is not available"
     if asset.low_battery:

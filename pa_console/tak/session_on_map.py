@@ -37,7 +37,7 @@ def affiliation(track: Track) -> Affiliation:
     """
     if track.intent == "hostile":
         return "s"
-    if track.noncombatants:
+    if track.noncombatants or track.emergency:
         return "n"
     if track.identity == "authorized":
         return "f"
@@ -182,6 +182,8 @@ def track_words(track: Track, now_s: float) -> str:
     if track.intent != "unknown":
         by = f" by {', '.join(track.hostile_by)}" if track.hostile_by else ""
         words.append(f"intent {track.intent}{by}")
+    if track.emergency:
+        words.append("emergency vehicle")
     if track.noncombatants:
         words.append("noncombatants suspected")
     if track.warned:

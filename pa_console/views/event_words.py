@@ -131,6 +131,8 @@ _EVENT_TEMPLATES: dict[str, str] = {
     "mission_finished": "{status}: {reason}",
     "all_stopped": "by {by}",
     "stop_released": "by {by}",
+    "manual_control_taken": "{asset} by {by}",
+    "manual_control_ended": "{asset} given back by {by}",
     "session_ended": "{reason}",
     "tak": "{detail}",
     "contact_lost": "{uid}: {reason}",
@@ -250,6 +252,8 @@ def _execution_event(data: ev.EventPayload) -> str:
             return " ".join(text.split())
         case ev.StopUnconfirmed(assets=assets):
             return unconfirmed_in_words(assets)
+        case ev.MissionAwaitsAssets(assets=assets, again=again):
+            return f"{', '.join(assets)}{f' back, given anew as {again}' if again else ''}"
         case _:
             return ""
 

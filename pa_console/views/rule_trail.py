@@ -79,6 +79,7 @@ def _track(track: Track, now_s: float) -> str:
         f"intent {track.intent}",
         "observed" if track.observed else "not observed",
         "warned" if track.warned else "not warned",
+        *(["emergency vehicle"] if track.emergency else []),
         *(["noncombatants suspected"] if track.noncombatants else []),
         f"detected {now_s - track.stamp_s:.1f} s before",
     ]

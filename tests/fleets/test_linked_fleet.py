@@ -169,22 +169,30 @@ def test_an_asset_that_a_person_steers_gets_holds_only_until_it_is_given_back(de
     air, _ = desk.links
     air.news.append(desk.report(DRONE, "NorthGate", manual=True))
     desk.go(5)
-    assert not desk.fleet.picture().assets[DRONE].available
-    assert not desk.fleet.picture().gates["NorthGate"].covered
+    shown = desk.fleet.picture().assets[DRONE]
+    assert (shown.manual, shown.available) == (True, False)
+    assert desk.fleet.picture().gates["NorthGate"].by == (DRONE,), "its position covers the gate"
     desk.fleet.send(command(1, DRONE, "move_to", "EastGate"))
     desk.fleet.send(command(2, DRONE, "hold"))
     desk.go()
-    assert desk.replies == [("M1.1", "refused", "a person steers it")]
+    assert desk.replies == [("M1.1", "refused", "it is under manual control")]
     assert [c.verb for c in air.sent] == ["hold"]
     air.news.append(desk.report(DRONE, "NorthGate"))
     desk.go(5)
     assert desk.fleet.picture().assets[DRONE].available
     desk.fleet.send(command(3, DRONE, "move_to", "EastGate"))
     assert air.sent[-1].verb == "move_to"
-    assert desk.told(DRONE) == [
-        "a person steers it: only a hold is sent to it",
-        "it can be commanded again",
-    ]
+
+
+def test_what_an_operator_has_taken_is_shown_at_once(desk: Desk) -> None:
+    air, _ = desk.links
+    air.news.append(desk.report(DRONE, "NorthGate"))
+    desk.go(5)
+    desk.fleet.mark_manual(frozenset((DRONE,)))
+    shown = desk.fleet.picture().assets[DRONE]
+    assert (shown.manual, shown.available) == (True, False)
+    desk.fleet.mark_manual(frozenset())
+    assert desk.fleet.picture().assets[DRONE].available
 
 
 def test_a_link_that_breaks_is_an_alarm_and_its_assets_are_lost_at_once(desk: Desk) -> None:

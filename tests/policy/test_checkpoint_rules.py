@@ -53,7 +53,11 @@ PAPER: dict[str, tuple[str, str]] = {
 OURS: dict[str, tuple[str, str]] = {
     "ROE-11": ("critical", "Do not trap, surround or confine a person."),
     "ROE-12": ("critical", "Leave every person inside the perimeter a way out."),
-}
+    "ROE-13": ("critical", "Never block the way of an emergency vehicle or of an authorized one."),
+    "ROE-14": ("critical", "Never follow a person from gate to gate."),
+    "ROE-15": ("high", "No ground asset drives within the standoff of a person but to identify or "
+               "warn at the gate."),
+}  # fmt: skip
 """Rules beside those of the paper."""
 
 JUDGED_ONLY = {"WF-05", "WF-09", "CAP-10"}
@@ -72,13 +76,13 @@ def test_all_thirty_rules_of_the_paper_are_there_verbatim() -> None:
 
 
 def test_every_decidable_rule_is_checked_and_the_others_are_left_to_the_judge() -> None:
-    assert {r.id for r in checkpoint_rules().rules if r.check is None} == JUDGED_ONLY
+    assert {r.id for r in checkpoint_rules().rules if not r.decidable} == JUDGED_ONLY
 
 
 @pytest.mark.parametrize("rule", checkpoint_rules().rules, ids=lambda rule: rule.id)
 def test_every_checked_rule_shows_what_passes_and_what_fails(rule: Rule) -> None:
     expected = {example.expect for example in rule.examples}
-    assert (rule.check is None and not expected) or {"pass", "fail"} <= expected
+    assert (not rule.decidable and not expected) or {"pass", "fail"} <= expected
     assert rule.applies is None or "not_applicable" in expected
 
 
@@ -104,14 +108,14 @@ def test_a_violation_says_where_and_anything_else_says_nothing(
     assert message.startswith(rule.message)
     words = [agent for agent, _ in example.plan] + [c.split()[-1] for _, c in example.plan]
     names = [*words, *example.given.get("tracks", {}), *WORLD.gates, "every available asset", "V9"]
-    general = rule.id in ("ROE-01", "ROE-05", "ROE-11", "WF-10")
+    general = rule.id in ("ROE-01", "ROE-05", "ROE-11", "ROE-14", "WF-10")
     assert general or any(name in message.removeprefix(rule.message) for name in names)
 
 
 def test_only_rules_about_the_words_are_decided_at_intake() -> None:
     mission = Mission(id="M1", text="Send a drone.", created=datetime(2026, 1, 1, tzinfo=UTC))
     findings = check_mission(checkpoint_rules(), mission, WORLD)
-    assert [finding.rule_id for finding in findings] == ["ROE-01", "ROE-05", "ROE-11"]
+    assert [finding.rule_id for finding in findings] == ["ROE-01", "ROE-05", "ROE-11", "ROE-14"]
     assert not any(finding.broken for finding in findings)
 
 

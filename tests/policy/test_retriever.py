@@ -10,7 +10,7 @@ from pa_console.policy.retriever import DEFAULT_METHOD, METHODS, Retriever
 from pa_console.schema.rule import Rule
 from tests.policy.book import checkpoint_rules
 
-RULES = checkpoint_rules().rules
+RULES = tuple(rule for rule in checkpoint_rules().rules if rule.in_prompts)
 CRITICAL = {rule.id for rule in RULES if rule.priority == "critical"}
 RETRIEVERS = {method: Retriever(RULES, method) for method in METHODS}
 BACKWARD = {method: Retriever(reversed(RULES), method) for method in METHODS}

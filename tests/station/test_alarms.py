@@ -390,3 +390,49 @@ def test_whatever_happens_the_book_and_its_events_agree(
         assert {alarm.id for alarm in book.open} == set(open_now)
         ranks = [ALARM_PRIORITIES.index(alarm.priority) for alarm in book.open]
         assert ranks == sorted(ranks)
+
+
+BLOCKS: dict[str, Any] = {"task": "blocking"}
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"identity": "authorized"}, "an authorized vehicle waits at EastGate, which Ugv_T01"),
+        ({"emergency": True}, "an emergency vehicle waits at EastGate, which Ugv_T01 blocks"),
+        ({"identity": "authorized", "status": "leaving"}, ""),
+        ({"identity": "unauthorized", "intent": "hostile"}, ""),
+    ],
+)
+def test_a_block_that_holds_up_whom_it_must_not_is_an_alarm(
+    changes: dict[str, Any], text: str
+) -> None:
+    """The block may be older than the vehicle: no plan runs any more that could be halted."""
+    book, seen = AlarmBook(WORLD), track("T1", "EastGate", **changes)
+    ways = [a for a in raised(play(book, every(5, seen, EastGate=BLOCKS))) if "block" in a.kind]
+    assert [(a.kind, a.priority, a.command) for a in ways] == [("way_blocked", "high", "")] * bool(
+        text
+    )
+    assert all(text in alarm.text for alarm in ways)
+    cleared = [c.alarm_id for c in play(book, every(9, seen, start=6)) if c.kind == "alarm_cleared"]
+    assert {alarm.id for alarm in ways} <= {*cleared}
+
+
+@pytest.mark.parametrize(
+    ("changes", "gates", "shut"),
+    [
+        ({"kind": "person"}, ("EastGate", "WestGate"), True),
+        ({"noncombatants": True}, ("EastGate", "WestGate"), True),
+        ({"kind": "person"}, ("EastGate",), False),
+        ({"intent": "hostile", "identity": "unauthorized"}, ("EastGate", "WestGate"), False),
+    ],
+)
+def test_somebody_shut_in_is_an_alarm(
+    changes: dict[str, Any], gates: tuple[str, ...], shut: bool
+) -> None:
+    inside = track("T1", "NorthGate", status="inside", **changes)
+    blocking = dict.fromkeys(gates, BLOCKS)
+    alarms = raised(play(AlarmBook(WORLD), [scene(t / 2, inside, **blocking) for t in range(11)]))
+    texts = [alarm.text for alarm in alarms if alarm.kind == "way_blocked"]
+    assert bool(texts) == shut
+    assert all("is shut in: EastGate, WestGate are blocked" in text for text in texts)

@@ -30,6 +30,7 @@ class TeleportingFleet:
         self.at = at or {name: spec.post for name, spec in world.assets.items()}
         self.sent: list[DeviceCommand] = []
         self._told = [TELLS]
+        self.manual: frozenset[str] = frozenset()
 
     @property
     def time_s(self) -> float:
@@ -50,8 +51,13 @@ class TeleportingFleet:
         return AssetTelemetry(
             id=name, kind=self.world.assets[name].kind, at=at, post=at, stamp_s=self.time_s,
             position=self.world.frames[at].at, heading_deg=0.0, speed_mps=0.0, status="ok",
-            task="idle", battery_pct=90.0, low_battery=False, comms="ok", available=True,
+            task="idle", battery_pct=90.0, low_battery=False, comms="ok",
+            available=name not in self.manual, manual=name in self.manual,
         )  # fmt: skip
+
+    def mark_manual(self, assets: frozenset[str]) -> None:
+        """Report `assets` as under manual control."""
+        self.manual = assets
 
     def send(self, command: DeviceCommand) -> None:
         """Obey with the next step."""

@@ -56,6 +56,7 @@ class SeenContact(Wire):
     identity: ContactIdentity = "unknown"
     opinion: Intent = "unknown"
     noncombatants: bool = False
+    emergency: bool = False
     warned_s: Metres | None = None
 
     def report(self) -> ContactReport:

@@ -28,6 +28,8 @@ from pa_console.sim.worlds.terrain import Terrain
 
 BROKEN, IMPAIRED, TASK = "BROKEN_DOWN", "IMPAIRED", "task"
 TASKS: Mapping[str, Task] = {task: task for task in get_args(Task)}
+MANUAL = frozenset(("MANUAL", "INTERVENED", "TEACH_IN"))
+"""The operating modes in which a person drives the robot: it takes no orders of the fleet."""
 _DOING: Mapping[str, Task] = {
     **{verb: spec.task for verb, spec in COMMANDS.items() if spec.contact and spec.task},
     "return_to_base": "returning",
@@ -71,7 +73,7 @@ def state_of(
         power_supply=PowerSupply(
             state_of_charge=said.battery_pct, charging=said.task == "charging"
         ),
-        operating_mode="AUTOMATIC",
+        operating_mode="MANUAL" if said.manual else "AUTOMATIC",
         errors=tuple(errors),
         safety_state=SafetyState(),
         planned_path=path,
@@ -100,7 +102,7 @@ def telemetry_of(
     low_pct, battery_pct = terrain.world.low_battery_pct, state.power_supply.state_of_charge
     velocity = state.velocity or Velocity()
     speed = math.hypot(velocity.vx or 0.0, velocity.vy or 0.0)
-    status = _status(state)
+    status, manual = _status(state), state.operating_mode in MANUAL
     at = terrain.frame_at(place.x, place.y)
     running = next((a for a in reversed(state.action_states) if a.action_status not in ENDED), None)
     return AssetTelemetry.of_valid(
@@ -117,21 +119,22 @@ def telemetry_of(
             "battery_pct": battery_pct,
             "low_battery": battery_pct < low_pct,
             "comms": "ok",
-            "available": status != "failed" and battery_pct > 0.0,
+            "available": status != "failed" and battery_pct > 0.0 and not manual,
             "stale": False,
             "integrity": "ok",
             "route": _route(state),
             "command_id": running.action_id if running is not None else None,
             "stamp_s": stamp_s,
+            "manual": manual,
         }
     )
 
 
 def _status(state: RobotState) -> AssetStatus:
     levels = {error.error_level for error in state.errors}
-    able = state.operating_mode in ("AUTOMATIC", "SEMIAUTOMATIC")
+    unable = state.operating_mode in ("STARTUP", "SERVICE")
     stopped = state.safety_state.active_emergency_stop != "NONE"
-    if not able or stopped or levels & {"CRITICAL", "FATAL"}:
+    if unable or stopped or levels & {"CRITICAL", "FATAL"}:
         return "failed"
     return "degraded" if "URGENT" in levels else "ok"
 

@@ -131,6 +131,11 @@ class MqttFleet:
         """Return the picture as it was made last, every `world.telemetry_period_s`."""
         return self._known.picture()
 
+    def mark_manual(self, assets: frozenset[str]) -> None:
+        """Show `assets`, and no others, as taken under manual control at this station; at once."""
+        self._known.mark_manual(assets)
+        self._show()
+
     def forecast(self) -> Forecast:
         """Return a simulation of what the picture shows, built from it and the world alone."""
         return self._known.forecast()

@@ -244,6 +244,7 @@ class SimulatedSite:
                 identity=detection.identity,
                 opinion=detection.opinion,
                 noncombatants=detection.noncombatants,
+                emergency=detection.emergency,
                 warned_s=None
                 if detection.warned_tick is None
                 else (self.checkpoint.tick - detection.warned_tick) * self._world.dt_s,

@@ -146,13 +146,15 @@ class Paraphraser:
 def hard_to_retrieve(rules: Sequence[Rule]) -> Iterator[Doubt]:
     """Yield the rules that less than FEWEST of their paraphrases find among FOUND_AMONG.
 
-    Critical rules are always shown to the models, and so are never hard to retrieve. A rule that
-    not even its own text finds needs no paraphrase to tell.
+    Critical rules are always shown to the models, and so are never hard to retrieve; nor are those
+    that no model is given. A rule that not even its own text finds needs no paraphrase to tell.
     """
     made = Paraphraser()
     retriever = Retriever(rules)
     for rule in rules:
-        if rule.priority == "critical" or not _finds(retriever, rule.text, rule):
+        if not rule.in_prompts or rule.priority == "critical":
+            continue
+        if not _finds(retriever, rule.text, rule):
             continue
         texts = made.paraphrases(rule)
         lost = [name for name, text in texts.items() if not _finds(retriever, text, rule)]
@@ -342,7 +344,7 @@ def _repetitions(rules: tuple[Rule, ...]) -> Iterator[Doubt]:
 def _hard_to_find(rules: tuple[Rule, ...]) -> Iterator[Doubt]:
     """Yield the rules that a mission in their own words does not bring to the models."""
     retriever = Retriever(rules)
-    for rule in rules:
+    for rule in (rule for rule in rules if rule.in_prompts):
         hits = [hit.rule_id for hit in retriever.retrieve(rule.text, FOUND_AMONG)]
         if rule.id not in hits:
             others = ", ".join(hits[-FOUND_AMONG:])

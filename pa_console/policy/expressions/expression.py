@@ -35,6 +35,7 @@ from pa_console.policy.expressions.fields import (
 from pa_console.policy.expressions.forbidden_words import (
     asks_for_force,
     asks_to_confine,
+    asks_to_follow,
     asks_to_set_rules_aside,
 )
 from pa_console.policy.expressions.syntax import GOING_ON, Source
@@ -202,6 +203,7 @@ def brief(number: float) -> str:
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "asks_for_force": asks_for_force,
     "asks_to_confine": asks_to_confine,
+    "asks_to_follow": asks_to_follow,
     "asks_to_set_rules_aside": asks_to_set_rules_aside,
     "brief": brief,
     "finds": finds,

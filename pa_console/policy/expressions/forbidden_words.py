@@ -47,6 +47,11 @@ def asks_to_confine(words: str) -> bool:
     return _meant(words, "confinement")
 
 
+def asks_to_follow(words: str) -> bool:
+    """Return whether plain `words` ask to go after a person wherever that person goes."""
+    return _meant(words, "following")
+
+
 def asks_to_set_rules_aside(words: str) -> bool:
     """Return whether plain `words` ask to set rules or safety aside, in any wording."""
     return _meant(words, "aside", "aside_abroad")

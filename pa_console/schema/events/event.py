@@ -12,6 +12,9 @@ from pa_console.schema.events.execution import (
     CommandReplied,
     CommandResent,
     CommandSent,
+    ManualControlEnded,
+    ManualControlTaken,
+    MissionAwaitsAssets,
     MissionFinished,
     MissionReported,
     MissionVerified,
@@ -110,7 +113,8 @@ EventPayload = Annotated[
     | StandingOrderRead | StandingOrderApproved
     | StandingOrderStarted | StandingOrderWithheld | StandingOrderRevoked
     | StandingOrderScheduled | QuestionAnswered
-    | TakChanged | ContactReported | ContactLost | ContactsLeftOut | AgentMuted,
+    | TakChanged | ContactReported | ContactLost | ContactsLeftOut | AgentMuted
+    | ManualControlTaken | ManualControlEnded | MissionAwaitsAssets,
     Field(discriminator="kind"),
 ]  # fmt: skip
 

@@ -103,6 +103,39 @@ class AllStopped(Payload):
     by: str
 
 
+class ManualControlTaken(Payload):
+    """An operator has taken manual control of an asset: the console sends it nothing more.
+
+    A stop's hold alone is still sent. The event carries over a restart of the console.
+    """
+
+    binding: ClassVar[bool] = True
+    kind: Literal["manual_control_taken"] = "manual_control_taken"
+    asset: Name
+    by: str
+
+
+class ManualControlEnded(Payload):
+    """An operator has given an asset back; nothing goes on by that."""
+
+    binding: ClassVar[bool] = True
+    kind: Literal["manual_control_ended"] = "manual_control_ended"
+    asset: Name
+    by: str
+
+
+class MissionAwaitsAssets(Payload):
+    """A mission ended without its result because `assets` are under manual control.
+
+    Once all of them are back, its words are queued as the mission `again`, which is planned,
+    checked and approved anew.
+    """
+
+    kind: Literal["mission_awaits_assets"] = "mission_awaits_assets"
+    assets: tuple[Name, ...]
+    again: str = Field(default="", description="the mission that takes its place, '' while waiting")
+
+
 class StopUnconfirmed(Payload):
     """The assets not known to stand after a stop, each with the reason; none: all stand."""
 

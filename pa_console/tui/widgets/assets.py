@@ -111,6 +111,8 @@ def _track_notes(track: Track, look: Reliance) -> tuple[str, str]:
     elif track.warned:
         parts.append("warned")
     parts.append(track.status)
+    if track.emergency:
+        parts.append("EMERGENCY VEHICLE")
     if track.noncombatants:
         parts.append("noncombatants?")
     if track.uncertainty_m >= 0.5:

@@ -11,7 +11,7 @@ from pa_console.schema.document import DocumentError
 from tests.benchmarks.retrieval.quality import QUERIES, load_queries
 from tests.policy.book import checkpoint_rules
 
-RULES = checkpoint_rules().rules
+RULES = tuple(rule for rule in checkpoint_rules().rules if rule.in_prompts)
 GOOD = "{id: a, split: dev, style: terse, text: hold, relevant: {WF-03: 2}}"
 OTHER = GOOD.replace("id: a", "id: b").replace("hold", "go")
 

@@ -20,7 +20,7 @@ from tests.benchmarks.retrieval.quality import (
 from tests.benchmarks.retrieval.retrieval import bench_retrieval
 from tests.policy.book import checkpoint_rules
 
-RULES = checkpoint_rules().rules
+RULES = tuple(rule for rule in checkpoint_rules().rules if rule.in_prompts)
 IDS = [rule.id for rule in RULES]
 QUERY = RetrievalQuery(
     id="q", split="dev", style="terse", text="hold", relevant={"WF-01": 2, "WF-02": 2, "WF-03": 1}
