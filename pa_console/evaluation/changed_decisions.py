@@ -348,6 +348,8 @@ class _Session:
             reason = "the session ran without checks"
         elif plan is None or rehearsal is None:
             reason = "it was not rehearsed in the session"
+        elif len(plan.steps) > 1:
+            reason = "its steps were checked one by one, and their pictures are not recorded"
         if reason or plan is None or rehearsal is None:
             self._gap(mission, number, reason)
             return

@@ -17,7 +17,9 @@ from pa_console.language.lexicon import any_of
 from pa_console.language.mentions import Mention, Sort, find_mentions
 from pa_console.language.name_linking import WORD, link_names
 from pa_console.language.order import KIND_FOR, TASK_OF, Ask, Reading, Task, Who
+from pa_console.language.order_steps import unkept_steps
 from pa_console.language.reading import read_asked
+from pa_console.language.references.scene import ReferenceScene
 from pa_console.language.timed_orders import unread_times
 from pa_console.schema.command import Verb
 from pa_console.schema.plan import Plan
@@ -85,6 +87,8 @@ class MentionCheck(NamedTuple):
     """True if the order has no name in it, and no word supports the places of the reading."""
     times: tuple[str, ...] = ()
     """The times that the order names: a plan that moves somebody now keeps none of them."""
+    steps: tuple[str, ...] = ()
+    """The steps that the order has: a plan that was not made in steps keeps no order of them."""
 
     @property
     def baseless(self) -> bool:
@@ -104,6 +108,7 @@ class MentionCheck(NamedTuple):
         ]
         gaps += [f"not in the order's words: {one.named}" for one in self.unsupported]
         gaps += [f"no time is kept: {said}" for said in self.times]
+        gaps += [f"no order of steps is kept: {said}" for said in self.steps]
         if self.empty and self.moves:
             gaps.append("no word of the order asks for anything")
         return tuple(dict.fromkeys(gaps))
@@ -139,7 +144,8 @@ def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
     names = any(one.sort in ("place", "asset", "track") for one in mentions)
     unfounded = made.is_unfounded(lacking) and not names and not _GATES.search(text.lower())
     times = unread_times(world, text) if moves else ()
-    return MentionCheck(tuple(listed), lacking, moves, unfounded, times)
+    steps = unkept_steps(ReferenceScene(world, picture), text) if moves else ()
+    return MentionCheck(tuple(listed), lacking, moves, unfounded, times, steps)
 
 
 def _dropped(excluded: Collection[str], linked: str, mentions: Sequence[Mention]) -> set[Mention]:

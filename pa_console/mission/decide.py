@@ -20,7 +20,7 @@ from pa_console.mission.approval import (
 )
 from pa_console.mission.context import MissionContext, MissionResult
 from pa_console.mission.plan import Candidate, PlanForDecision
-from pa_console.mission.premises import way_to_safety
+from pa_console.mission.premises import ways_to_safety
 from pa_console.mission.propose import other_readings
 from pa_console.mission.understand import NotUnderstood, StandingOffer
 from pa_console.schema.events import event as ev
@@ -73,7 +73,7 @@ async def decide(
     Beside it stands what else the order may mean; what was read `before` remains on offer.
     """
     shown, world = planned.best, context.services.fleet.world
-    found, rehearsal = shown.examination, shown.examination.rehearsal
+    found = shown.examination
     readings = await _reconsider(context, planned, before)
     baseless = "nothing in the order names what was read in it"
     request = request_approval(
@@ -92,7 +92,7 @@ async def decide(
             else "",
         ),
         judging=context.services.variant.judging,
-        if_halted=way_to_safety(found.plan, world, rehearsal.before) if rehearsal else (),
+        if_halted=ways_to_safety(found.plan, world, found.before) if found.before else (),
     )
     return replace(await answered(context, request, answer), readings=readings)
 
@@ -103,10 +103,10 @@ async def _reconsider(
     """Find what else the order may mean: what other readers have read, then the planner's others.
 
     Those are looked for where the models are unsure. What an operator has chosen is not read
-    anew.
+    anew, and the steps of an order have no other readings on offer.
     """
     looked_at, shown = context.services.variant.readings, planned.best
-    if not looked_at:
+    if not looked_at or planned.steps:
         return Readings()
     said = planned.answered.said
     own = shown.asked or said

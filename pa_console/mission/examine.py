@@ -2,7 +2,7 @@
 
 import asyncio
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Protocol
@@ -11,15 +11,16 @@ from shapely import Point, Polygon
 
 from pa_console.fleets.fleet import Outlook
 from pa_console.language.exclusions import excluded_names
-from pa_console.mission.rehearse import order_moments, rehearse
-from pa_console.policy.findings import ORDER_ID, problems
+from pa_console.mission.joined_rehearsal import joined
+from pa_console.mission.rehearse import RehearsedSteps, order_moments, rehearse_steps
+from pa_console.policy.findings import ORDER_ID, STRUCTURE_ID, problems
 from pa_console.policy.moments import moment
 from pa_console.policy.monitor import Monitor
 from pa_console.policy.rule_checks import prepare_checks
 from pa_console.policy.rule_variables import goes_to
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.evaluation import Variant
-from pa_console.schema.finding import Finding
+from pa_console.schema.finding import Finding, FindingStatus
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import (
@@ -31,6 +32,11 @@ from pa_console.schema.rehearsal import (
 )
 from pa_console.schema.telemetry import GateCover, Picture, Track
 from pa_console.schema.world import World
+
+_DECIDES: tuple[FindingStatus, ...] = (
+    "violates", "error", "complies", "judged_only", "not_applicable",
+)  # fmt: skip
+"""The statuses of findings; of several steps the first of them counts."""
 
 
 class CheckBasis(Protocol):
@@ -146,6 +152,14 @@ class Examination:
     rehearsal: Rehearsal | None
     checks_s: float
     rehearsal_s: float
+    steps: tuple[Rehearsal, ...] = ()
+    """The rehearsal of each step, as far as they were rehearsed."""
+
+    @property
+    def before(self) -> tuple[Picture, ...]:
+        """The picture in which each step begins, as far as they were rehearsed."""
+        whole = (self.rehearsal,) if self.rehearsal is not None else ()
+        return tuple(step.before for step in self.steps or whole)
 
     @property
     def blocked(self) -> bool:
@@ -203,6 +217,7 @@ async def examine(  # noqa: PLR0917
     `order` is the whole order if `mission` is a phase of it: its exclusions hold in each phase.
     `monitor` has followed the mission so far: ordering rules go on from its history. A `variant`
     may leave out the rules or the rehearsal; an order that nobody can take is found in any case.
+    Every step of a plan is checked as a plan of its own, against the forecast of its moment.
     The rules are checked in a thread of their own: however slow a rule file makes them, telemetry
     and STOP go on.
     """
@@ -214,21 +229,72 @@ async def examine(  # noqa: PLR0917
     if structural:
         return Examination(plan, structural, None, checked - started, 0.0)
     if variant.rehearsal:
-        rehearsal = await rehearse(outlook, plan)
+        run = await rehearse_steps(outlook, plan)
     else:
-        rehearsal = assume_done(outlook.picture(), outlook.world, plan)
+        run = _assume_steps_done(outlook.picture(), outlook.world, plan)
+    excluded = (*excluded, *_unreached(plan, run))
     rehearsed = perf_counter()
     if not variant.checks:
-        return Examination(plan, excluded, rehearsal, checked - started, rehearsed - checked)
-    checks = prepare_checks(
-        rulebook,
-        plan=plan,
-        rehearsal=rehearsal,
-        mission=mission,
-        world=outlook.world,
-        monitor=monitor,
-    )
-    findings = await asyncio.to_thread(checks)
+        seconds = checked - started
+        return Examination(plan, excluded, run.whole, seconds, rehearsed - checked, run.steps)
+    history = Monitor(rulebook, outlook.world) if monitor is None else monitor
+    checks = [
+        prepare_checks(
+            rulebook, plan=part, rehearsal=step, mission=mission, world=outlook.world,
+            monitor=history,
+        )
+        for part, step in _checked_steps(plan, run)
+    ]  # fmt: skip
+    found = await asyncio.to_thread(lambda: [check() for check in checks])
+    findings = found[0] if len(found) == 1 else _worst_of(found)
     done = perf_counter()
     seconds = checked - started + done - rehearsed
-    return Examination(plan, (*excluded, *findings), rehearsal, seconds, rehearsed - checked)
+    findings = (*excluded, *findings)
+    return Examination(plan, findings, run.whole, seconds, rehearsed - checked, run.steps)
+
+
+def _assume_steps_done(before: Picture, world: World, plan: Plan) -> RehearsedSteps:
+    """Return the pictures after each step of `plan`, without rehearsal."""
+    steps: list[Rehearsal] = []
+    for numbers in plan.steps:
+        steps.append(assume_done(before, world, plan.part(numbers)))
+        before = steps[-1].after
+    return RehearsedSteps(joined(steps), tuple(steps))
+
+
+def _unreached(plan: Plan, run: RehearsedSteps) -> Iterator[Finding]:
+    """Yield a critical finding if a step does not end in the rehearsal, so that none follows."""
+    if len(run.steps) == len(plan.steps):
+        return
+    lines = run.steps[-1].timeline.assets
+    why = "; ".join(f"{name}: {line.detail}" for name, line in lines.items() if not line.finished)
+    number = len(run.steps)
+    yield Finding(
+        rule_id=STRUCTURE_ID,
+        priority="critical",
+        status="violates",
+        message=f"step {number} of {len(plan.steps)} does not end in the rehearsal: {why}",
+    )
+
+
+def _checked_steps(plan: Plan, run: RehearsedSteps) -> Iterator[tuple[Plan, Rehearsal]]:
+    """Yield each step as a plan of its own; orderings are decided with the last, over all of them.
+
+    So every rule is decided for every intermediate state.
+    """
+    last = len(run.steps) - 1
+    for number, (numbers, step) in enumerate(zip(plan.steps, run.steps, strict=False)):
+        moments = run.whole.moments if number == last else ()
+        yield plan.part(numbers), step.model_copy(update={"moments": moments})
+
+
+def _worst_of(steps: Sequence[Sequence[Finding]]) -> tuple[Finding, ...]:
+    """Return one finding a rule: the first step's that breaks it, or else that decides most."""
+    found: list[Finding] = []
+    for each in zip(*steps, strict=True):
+        ranked = min(each, key=lambda one: (not one.broken, _DECIDES.index(one.status)))
+        if ranked.broken:
+            step = each.index(ranked) + 1
+            ranked = ranked.model_copy(update={"message": f"step {step}: {ranked.message}"})
+        found.append(ranked)
+    return tuple(found)

@@ -2,6 +2,7 @@
 
 from collections.abc import AsyncIterator, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Self
 
 from pa_console.mission.context import MissionContext
 from pa_console.mission.dispatch import TIMED_OUT, Dispatch, Step, StepFeed
@@ -37,6 +38,39 @@ class ExecutedPlan:
     """The reasons why the plan was halted; empty when it ran to its end."""
 
 
+@dataclass(frozen=True)
+class ApprovedStep:
+    """Actions of the approved plan of `request` that are sent together, by their `numbers`.
+
+    `examination` is that of these actions alone; `goes_on` tells that other steps follow.
+    """
+
+    examination: Examination
+    request: ev.ApprovalRequested
+    numbers: tuple[int, ...]
+    goes_on: bool = False
+
+    @classmethod
+    def whole(cls, examination: Examination, request: ev.ApprovalRequested) -> Self:
+        """Return a plan of one step."""
+        numbers = tuple(range(1, len(request.plan.actions) + 1))
+        return cls(examination, request, numbers)
+
+    @property
+    def commands(self) -> tuple[DeviceCommand, ...]:
+        """The commands of the step, with the ids that the approval gave them."""
+        commands = device_commands(self.request.plan, self.request.request_id)
+        return tuple(commands[number - 1] for number in self.numbers)
+
+    @property
+    def safety(self) -> tuple[Action, ...]:
+        """The way to safety that was approved for these actions."""
+        declared = self.request.if_halted
+        if len(declared) != len(self.request.plan.actions):
+            return declared
+        return tuple(declared[number - 1] for number in self.numbers)
+
+
 class Execution:
     """Carries out one approved plan after another of a mission."""
 
@@ -61,13 +95,14 @@ class Execution:
         """Note an ordering that was broken while the plan ran: that halts it."""
         self._breaches.append(broken)
 
-    async def run(self, approved: Examination, request: ev.ApprovalRequested) -> ExecutedPlan:
+    async def run(self, step: ApprovedStep) -> ExecutedPlan:
         """Step 7: send every command and follow it until telemetry can show how it ended.
 
-        A broken premise or ordering halts the plan to the safe state that was approved with it in
-        `request`. A plan whose approval cannot be logged is halted before
-        anything is sent; one of which the gate keeps a command back is halted as well.
+        A broken premise or ordering halts the plan to the safe state that was approved with it. A
+        plan whose approval cannot be logged is halted before anything is sent; one of which the
+        gate keeps a command back is halted as well.
         """
+        approved, request = step.examination, step.request
         fleet, gate, emit = self._services.fleet, self._services.gate, self._context.emit
         timeline = approved.rehearsal.timeline if approved.rehearsal is not None else None
         premises = Premises(fleet.world, approved.plan, fleet.picture(), timeline)
@@ -78,8 +113,7 @@ class Execution:
             emit(ev.PlanHalted(attempt=request.attempt, reasons=(problem,)))
             return ExecutedPlan(premises.before, halted=(problem,))
         limit_s = MARGIN_S + 2 * (timeline.duration_s if timeline is not None else 0.0)
-        commands = device_commands(approved.plan, request.request_id)
-        self._safety = request.if_halted
+        commands, self._safety = step.commands, step.safety
         start = fleet.time_s
         with self._feed.follow() as steps:
             self._dispatch = dispatch = Dispatch(commands, fleet.tick, fleet.world.dt_s, limit_s)
@@ -93,9 +127,20 @@ class Execution:
             if halted:
                 await self._to_safety(request.attempt, halted, steps)
         self._dispatch = None
-        gate.finish()
+        if halted or not step.goes_on:
+            gate.finish()
         self._context.stopwatch.add("execution_s", fleet.time_s - start)
         return ExecutedPlan(premises.before, dispatch.final, halted)
+
+    async def stay(self, seconds: float) -> None:
+        """Let `seconds` of the fleet's time pass between two steps."""
+        fleet = self._services.fleet
+        end_s = fleet.time_s + seconds
+        with self._feed.follow() as steps:
+            async for _ in steps:
+                if fleet.time_s >= end_s - EPSILON_S:
+                    break
+        self._context.stopwatch.add("execution_s", seconds)
 
     def halt(self) -> tuple[DeviceCommand, ...]:
         """End the plan; return the commands that bring whoever is under way to a safe state.

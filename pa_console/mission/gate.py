@@ -1,6 +1,6 @@
 """The last gate before the link: what nobody decided does not pass, and nothing after STOP."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from pa_console.fleets.fleet import Fleet
@@ -32,7 +32,8 @@ class CommandGate:
     """The last gate before the link: a command passes only on a decision.
 
     Decisions are an approved plan (each of its commands once), the way to safety that was declared
-    with it (once the plan is halted), and the operator's own stop. The stop is latched: until
+    with it (once the plan is halted), and the operator's own stop. A command that comes after
+    others passes once all of them are verified. The stop is latched: until
     `release` only its holds and commands that move nothing pass, whatever was approved before. The
     gate decides by the request and the decision it was given, not by the caller or the moment. No
     log, no action: a plan's command is on the disk before it is on the link, and while the
@@ -68,6 +69,8 @@ class CommandGate:
         self._stop_holds: frozenset[DeviceCommand] = frozenset()
         """All holds of the stop that is latched."""
         self._plan: frozenset[DeviceCommand] = frozenset()
+        self._waits: dict[DeviceCommand, frozenset[int]] = {}
+        """The numbers of the actions that a command of the plan in force still waits for."""
         self._safety: tuple[Action, ...] = ()
         self._halted = False
         self._standing: dict[str, DeviceCommand] = {}
@@ -151,11 +154,20 @@ class CommandGate:
             raise ValueError(problem or f"the plan was not approved: {decision.kind}")
         if self._authority is not None:
             self._authority.grant(request, decision, rules)
-        self._plan = frozenset(device_commands(request.plan, request.request_id))
-        self._orders = set(self._plan)
+        commands = device_commands(request.plan, request.request_id)
+        self._plan, self._orders = frozenset(commands), set(commands)
+        self._waits = {
+            command: frozenset(action.after)
+            for command, action in zip(commands, request.plan.actions, strict=True)
+        }
         self._safety, self._halted = request.if_halted, False
         for asset in self.manual.assets:
             self._withdraw(asset)
+
+    def verified(self, numbers: Iterable[int]) -> None:
+        """Let pass what only waits for the actions of those numbers: telemetry shows them done."""
+        shown = frozenset(numbers)
+        self._waits = {command: waits - shown for command, waits in self._waits.items()}
 
     def halt(self) -> None:
         """Let nothing more of the plan pass but its declared way to safety."""
@@ -298,6 +310,9 @@ class CommandGate:
         if command in self._holds or safety:
             return ""
         if command in self._orders:
+            if waits := self._waits.get(command):
+                what = "action" if len(waits) == 1 else "actions"
+                return f"it waits for {what} {', '.join(map(str, sorted(waits)))}, not verified"
             return "" if command.verb in STILL else self._journal.problem
         return STOPPED if self.stopped else UNDECIDED
 
@@ -313,8 +328,5 @@ class CommandGate:
 
     def _is_safety(self, command: DeviceCommand) -> bool:
         """Return whether `command` is the declared one for its agent, or lets it hold instead."""
-        for action in self._safety:
-            if action.agent == command.agent:
-                declared = (action.verb, action.target)
-                return (command.verb, command.target) in (declared, ("hold", None))
-        return False
+        declared = {(a.verb, a.target) for a in self._safety if a.agent == command.agent}
+        return bool(declared) and (command.verb, command.target) in {*declared, ("hold", None)}

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import prod
 from typing import Literal
 
 from pa_console.language.mention_check import NOTHING_SAID, MentionCheck, check_mentions
@@ -119,20 +120,29 @@ class PlanForDecision:
     """The readings of the order, the likeliest first; none before the judge's verdict."""
     served: WeighedReading | None = None
     """The one that the plan is for."""
+    steps: tuple["PlanForDecision", ...] = ()
+    """The plan for each step of the order, where it is an order in steps."""
 
     @property
     def confidence(self) -> float | None:
         """The chance that the reading is right, as shown to the operator.
 
-        None unless the second reader, or both others, report how sure they are.
+        None unless the second reader, or both others, report how sure they are. Of an order in
+        steps, the chance that every step was read as meant.
         """
+        if self.steps:
+            sure = [step.confidence for step in self.steps]
+            known = [chance for chance in sure if chance is not None]
+            return prod(known) if len(known) == len(sure) else None
         told = {reader for each in self.readings for reader in each.evidence.told}
         known = "second" in told or told >= {"planner", "judge"}
         return self.served.chance if known and self.served is not None else None
 
     @property
     def read_apart(self) -> bool:
-        """True if another reading of the order may be right."""
+        """True if another reading of the order, or of a step of it, may be right."""
+        if self.steps:
+            return any(step.read_apart for step in self.steps)
         return self.served is not None and read_apart(self.served, self.readings)
 
 
@@ -216,7 +226,7 @@ async def take(
 
 async def reexamine(context: MissionContext, task: Mission, approved: Plan) -> Examination | None:
     """Examine an `approved` plan in the present state; None when it may still be executed."""
-    fresh = await _safeguards(context, task, approved)
+    fresh = await safeguards(context, task, approved)
     return fresh if fresh.blocked else None
 
 
@@ -274,7 +284,7 @@ async def _examined(
 ) -> Candidate:
     """Examine a plan; what an operator's `own` is for is not read from the order."""
     plan_, task, fleet = attempt.plan, retrieved.task, context.services.fleet
-    found = await _safeguards(context, task, plan_)
+    found = await safeguards(context, task, plan_)
     before = found.rehearsal.before if found.rehearsal is not None else fleet.picture()
     amiss: tuple[str, ...] = ()
     left: tuple[Unmet, ...] = ()
@@ -314,7 +324,8 @@ async def _examined(
     )
 
 
-async def _safeguards(context: MissionContext, task: Mission, checked: Plan) -> Examination:
+async def safeguards(context: MissionContext, task: Mission, checked: Plan) -> Examination:
+    """Examine a plan for `task` in the present state."""
     services = context.services
     found = await examine(
         checked,

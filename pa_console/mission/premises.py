@@ -91,6 +91,20 @@ def way_to_safety(plan: Plan, world: World, picture: Picture) -> tuple[Action, .
     )
 
 
+def ways_to_safety(plan: Plan, world: World, before: Sequence[Picture]) -> tuple[Action, ...]:
+    """Return the way to safety of each action of a plan in steps, in the order of its actions.
+
+    `before` are the pictures in which its steps begin, as far as they are known; who acts later
+    holds.
+    """
+    found = [Action(agent=action.agent, command="hold") for action in plan.actions]
+    for numbers, picture in zip(plan.steps, before, strict=False):
+        ways = way_to_safety(plan.part(numbers), world, picture)
+        for number, way in zip(numbers, ways, strict=True):
+            found[number - 1] = way
+    return tuple(found)
+
+
 def _left_gate(action: Action, plan: Plan, world: World, picture: Picture) -> str:
     """Return the gate that `action` takes its agent away from, '' when it leaves none.
 

@@ -2,14 +2,15 @@
 
 import asyncio
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from math import dist
 
 import shapely
 from shapely import LineString, Polygon
 
-from pa_console.fleets.fleet import Outlook
+from pa_console.fleets.fleet import Forecast, Outlook
+from pa_console.mission.joined_rehearsal import joined
 from pa_console.policy.moments import distinct, moment
 from pa_console.policy.rule_variables import goes_to
 from pa_console.schema.base import Point
@@ -146,16 +147,45 @@ def order_moments(plan: Plan, world: World, done: Collection[str]) -> tuple[Orde
     )
 
 
-async def rehearse(outlook: Outlook, plan: Plan) -> Rehearsal:
-    """Run `plan` in a forecast until every command has ended, at most HORIZON_S seconds.
+@dataclass(frozen=True)
+class RehearsedSteps:
+    """A plan's rehearsal as a whole, and that of each of its steps, as far as it got."""
 
-    The forecast knows what the picture shows and nothing of the truth. The event loop gets its
-    turn after every slice of steps, so a screen stays alive meanwhile.
+    whole: Rehearsal
+    steps: tuple[Rehearsal, ...]
+
+
+async def rehearse(outlook: Outlook, plan: Plan) -> Rehearsal:
+    """Run `plan` in a forecast and return its rehearsal as a whole."""
+    return (await rehearse_steps(outlook, plan)).whole
+
+
+async def rehearse_steps(outlook: Outlook, plan: Plan) -> RehearsedSteps:
+    """Run `plan` in a forecast, step by step, each at most HORIZON_S seconds and its stays.
+
+    The forecast knows what the picture shows and nothing of the truth. A step begins where the one
+    before has ended; one that does not end is the last. The event loop gets its turn after every
+    slice of simulated steps, so a screen stays alive meanwhile.
     """
-    before = outlook.picture()
-    forecast = outlook.forecast()
-    recorder = _Recorder(forecast.world, before, plan)
-    commands = device_commands(plan, "rehearsal")
+    forecast, before = outlook.forecast(), outlook.picture()
+    rehearsed: list[Rehearsal] = []
+    gaps_s: dict[str, float] = {}
+    for numbers in plan.steps:
+        recorder = _Recorder(forecast.world, before, plan.part(numbers), gaps_s)
+        found = await _rehearse_step(forecast, recorder, plan.part(numbers), len(rehearsed))
+        rehearsed.append(found)
+        before, gaps_s = found.after, recorder.gaps_s
+        if not all(line.finished for line in found.timeline.assets.values()):
+            break
+    return RehearsedSteps(joined(rehearsed), tuple(rehearsed))
+
+
+async def _rehearse_step(
+    forecast: Forecast, recorder: "_Recorder", plan: Plan, step_before: int
+) -> Rehearsal:
+    """Run one step of a plan in `forecast`; device commands of each step have ids of their own."""
+    commands = device_commands(plan, f"rehearsal{step_before or ''}")
+    stay_s = max((action.stay_s for action in plan.actions), default=0.0)
     for command in commands:
         forecast.send(command)
     pending = {command.command_id for command in commands}
@@ -163,13 +193,13 @@ async def rehearse(outlook: Outlook, plan: Plan) -> Rehearsal:
     few = ASSET_STEPS_PER_SLICE // len(forecast.world.assets)
     steps_per_slice = min(max(few, 1), MOST_STEPS_PER_SLICE)
     every = max(1, round(forecast.world.telemetry_period_s / forecast.world.dt_s))
-    for step in range(1, round(HORIZON_S / forecast.world.dt_s) + 1):
+    for step in range(1, round((HORIZON_S + stay_s) / forecast.world.dt_s) + 1):
         for reply in forecast.step():
             recorder.reply(reply, forecast.time_s - start)
             if reply.status in FINAL_REPLIES:
                 pending.discard(reply.command_id)
         if not pending and end is None:
-            end = forecast.time_s + SETTLE_S
+            end = forecast.time_s + max(SETTLE_S, stay_s)
         if step % every == 0:
             recorder.sample(forecast.picture(), forecast.time_s - start)
             if end is not None and forecast.time_s >= end:
@@ -202,7 +232,10 @@ class _TrackLog:
 class _Recorder:
     """Collects the timeline from successive pictures of the forecast."""
 
-    def __init__(self, world: World, before: Picture, plan: Plan) -> None:
+    def __init__(
+        self, world: World, before: Picture, plan: Plan, gaps_s: Mapping[str, float]
+    ) -> None:
+        """Begin with the picture `before`; `gaps_s` is for how long gates were bare by then."""
         self._world, self._before, self._last = world, before, before
         self._plan = plan
         self._moments = [moment(before, world, (), plan.agents)]
@@ -210,7 +243,8 @@ class _Recorder:
         self._motion = MotionRecord(world, before, plan)
         self._movers = {a.agent for a in plan.actions if a.verb not in ("hold", "report")}
         self._tracks: dict[str, _TrackLog] = {name: _TrackLog() for name in before.tracks}
-        self._gap = dict.fromkeys(world.gates, 0.0)
+        self.gaps_s = {gate: gaps_s.get(gate, 0.0) for gate in world.gates}
+        """The time that each gate has been without cover in the rehearsal by now."""
         self._longest = dict.fromkeys(world.gates, 0.0)
         self._time = 0.0
         self._orders: tuple[OrderMoment, ...] = ()
@@ -230,8 +264,9 @@ class _Recorder:
 
     def sample(self, picture: Picture, time_s: float) -> None:
         for gate, cover in picture.gates.items():
-            self._gap[gate] = 0.0 if cover.covered else self._gap[gate] + time_s - self._time
-            self._longest[gate] = max(self._longest[gate], self._gap[gate])
+            bare_s = 0.0 if cover.covered else self.gaps_s[gate] + time_s - self._time
+            self.gaps_s[gate] = bare_s
+            self._longest[gate] = max(self._longest[gate], bare_s)
         for name, log in self._agents.items():
             self._follow(log, self._last.assets[name], picture.assets[name])
         for track in picture.tracks.values():

@@ -50,6 +50,11 @@ class PlanFacts:
     halted: tuple[str, ...] = ()
     decision: Decision | None = None
     unmet: tuple[str, ...] = ()
+    step: int = 0
+    """The step of a plan in steps, counted from 1; 0 for a whole plan."""
+    steps: int = 0
+    held: str = ""
+    """What of the plan was not sent after this step, and why."""
 
 
 @dataclass
@@ -69,6 +74,11 @@ class ReportFacts:
     gaps_s: dict[str, float] = field(default_factory=dict[str, float])
     """Longest time without known cover per gate."""
     seen_from_s: float | None = None
+
+    @property
+    def count(self) -> int:
+        """The number of plans, whatever their steps."""
+        return sum(plan.step <= 1 for plan in self.plans)
 
     @property
     def halts(self) -> tuple[PlanFacts, ...]:
@@ -114,8 +124,10 @@ def after_action_report(
     if facts.rules:
         lines.append(f"Rules: {', '.join(facts.rules)}")
     lines.extend(_workflows(facts.moves))
-    for number, plan in enumerate(facts.plans, start=1):
-        lines.extend(_plan(plan, f"Plan {number}" if len(facts.plans) > 1 else "Plan", mission))
+    number, several = 0, facts.count > 1
+    for plan in facts.plans:
+        number += plan.step <= 1
+        lines.extend(_plan(plan, f"Plan {number}" if several else "Plan", mission))
     if not facts.plans:
         lines.append(f"Nothing was executed: {reason}")
     elif status != "verified" and reason:
@@ -141,6 +153,10 @@ def _workflows(moves: Iterable[tuple[WorkflowMoved, float]]) -> Iterator[str]:
 
 
 def _plan(facts: PlanFacts, name: str, mission: Mission) -> Iterator[str]:
+    if facts.step > 1:
+        yield f"Step {facts.step} of {facts.steps}"
+        yield from _outcome(facts)
+        return
     task = f" for {facts.task!r}" if facts.task != mission.text else ""
     yield f"{name}{task}. Rationale: {facts.plan.reason}"
     if facts.decision is not None:
@@ -148,6 +164,15 @@ def _plan(facts: PlanFacts, name: str, mission: Mission) -> Iterator[str]:
         override = ", the judge overridden" if facts.decision.override_judge else ""
         yield f"Decided by {facts.decision.by}: {facts.decision.kind}{override}{why}"
     yield from (f"Not met: {text}" for text in facts.unmet)
+    if facts.step:
+        yield f"Step {facts.step} of {facts.steps}"
+    yield from _outcome(facts)
+
+
+def _outcome(facts: PlanFacts) -> Iterator[str]:
+    """Yield what came of a plan, or of a step of it."""
+    if facts.held:
+        yield f"Not sent: {facts.held}"
     if facts.halted:
         yield f"Halted: {'; '.join(facts.halted)}"
     seen = facts.verification

@@ -21,7 +21,7 @@ from pa_console.mission.decide import (
     rejection,
 )
 from pa_console.mission.dispatch import StepFeed
-from pa_console.mission.execute import Execution
+from pa_console.mission.execute import ApprovedStep, Execution
 from pa_console.mission.judge import judge
 from pa_console.mission.outcome import Results, WorkflowProgress, begun
 from pa_console.mission.plan import (
@@ -32,10 +32,12 @@ from pa_console.mission.plan import (
     reexamine,
     take,
 )
+from pa_console.mission.plan_steps import Planned, plan_steps
 from pa_console.mission.propose import without_planner
 from pa_console.mission.report import PlanFacts, ReportFacts, after_action_report
 from pa_console.mission.retrieve import RetrievedRules, retrieve
 from pa_console.mission.spelling import read_words
+from pa_console.mission.step_by_step import StepByStep
 from pa_console.mission.understand import (
     NotUnderstood,
     RefusedMission,
@@ -100,6 +102,11 @@ class MissionRun:
         self._retrieved: RetrievedRules | None = None
         self._readings = Readings()
         self._understood: Understood | None = None
+        self._answers: dict[str, str] = {}
+        """The operator's answers about words of the mission."""
+        self._questions = 0
+        self._done = 0
+        """The number of steps of the order that are done."""
         self._ordered: list[Move] = []
         """The orders of the mission, or those it would have given if it had been approved."""
         self.moving = False
@@ -122,21 +129,31 @@ class MissionRun:
                 rules_content_sha256=seal.content_sha256, rules_warnings=seal.warnings
             )
         )
-        outcome = None if self._understood is not None else await self._understand()
-        if outcome is None:
-            if self._services.variant.workflows:
-                self._tell(self._progress.begin(self._now()))
-            outcome = await self._plan_after_plan()
+        outcome: MissionResult | NotUnderstood | None = self._all_done()
+        while not isinstance(outcome, MissionResult):
+            if outcome is not None or self._understood is None:
+                outcome = await self._understand(outcome)
+            if outcome is None:
+                if self._services.variant.workflows:
+                    self._tell(self._progress.begin(self._now()))
+                outcome = await self._plan_after_plan()
         self.close(outcome)
 
-    async def _understand(self) -> MissionResult | None:
+    def _all_done(self) -> MissionResult | None:
+        """Return what a mission comes to that gave way after its last step; None for any other."""
+        steps = self._understood.steps if self._understood is not None else ()
+        return self._results.conclude() if steps and self._done >= len(steps) else None
+
+    async def _understand(self, unclear: NotUnderstood | None) -> MissionResult | None:
         """Step 1: read the mission's words, and ask back what one answer settles.
 
-        None where it can be planned; it is worked on as it was read from then on.
+        None where it can be planned; it is worked on as it was read from then on. What is `unclear`
+        about a step of it, found as that was to be planned, is asked back first.
         """
-        answers: dict[str, str] = {}
-        for number in range(MOST_QUESTIONS + 1):
-            match await understand(self._context, answers):
+        while True:
+            read = unclear or await understand(self._context, self._answers)
+            unclear, number = None, self._questions
+            match read:
                 case RefusedMission(reason):
                     return MissionResult("refused", reason)
                 case Understood() as understood:
@@ -150,10 +167,10 @@ class MissionRun:
                     answer = await ask_back(self._context, asked, number, self._station.decide)
                     if isinstance(answer, MissionResult):
                         return answer
-                    self._answered(asked, answer, answers)
-        return None
+                    self._questions += 1
+                    self._answered(asked, answer)
 
-    def _answered(self, asked: NotUnderstood, answer: str, answers: dict[str, str]) -> None:
+    def _answered(self, asked: NotUnderstood, answer: str) -> None:
         """Let an answer join the order: for the words that were not clear, or for all of them.
 
         One that names nothing leaves the words as they are: it is asked once more.
@@ -166,10 +183,10 @@ class MissionRun:
         words = {"text": meant[:MAX_MISSION_TEXT], "typed": answer[:MAX_MISSION_TEXT]}
         if asked.said:
             if meant in asked.choices or names_something(scene, meant):
-                answers[asked.said] = meant
+                self._answers[asked.said] = meant
             words = {"typed": f"{mission.said} ({answer})"[:MAX_MISSION_TEXT]}
         else:
-            answers.clear()
+            self._answers.clear()
         self.mission = self._context.mission = mission.model_copy(update=words)
 
     def _begin_as(self, understood: Understood) -> None:
@@ -194,7 +211,7 @@ class MissionRun:
             past.remember(self.mission, self._ordered, undid=read.undoes, corrects=read.corrects)
         text = after_action_report(facts, status, reason, picture, self._station.open_alarms())
         metrics = self._context.stopwatch.metrics(
-            self._context.attempts, plans=len(facts.plans), halts=len(facts.halts)
+            self._context.attempts, plans=facts.count, halts=len(facts.halts)
         )
         self._emit(ev.MissionReported(text=text))
         if read is not None:
@@ -219,7 +236,7 @@ class MissionRun:
         """End the running plan; return the commands that bring its agents to a safe state."""
         return self._execution.halt()
 
-    async def _plan_after_plan(self) -> MissionResult:
+    async def _plan_after_plan(self) -> MissionResult | NotUnderstood:
         """Steps 2 to 8, once for every plan that the mission takes."""
         task = self._progress.task or self.mission
         reasons: tuple[str, ...] = ()
@@ -227,10 +244,14 @@ class MissionRun:
         while True:
             phase = self._progress.phase
             approved = await self._until_approved(self._retrieve(task), reasons)
+            if isinstance(approved, NotUnderstood):
+                return approved
             if isinstance(approved, MissionResult):
                 return self._stopped_short(approved, phase, reasons)
-            reasons = await self._carry_out(approved, task, phase)
-            if reasons:
+            halted = await self._carry_out(approved, task, phase)
+            if isinstance(halted, MissionResult):
+                return halted
+            if reasons := halted:
                 if len(self._facts.halts) > MAX_HALTS:
                     return MissionResult("unverified", f"halted: {'; '.join(reasons)}")
                 task = self._progress.task or task
@@ -254,7 +275,7 @@ class MissionRun:
 
     async def _until_approved(
         self, retrieved: RetrievedRules, reasons: Sequence[str]
-    ) -> ApprovedPlan | MissionResult:
+    ) -> ApprovedPlan | MissionResult | NotUnderstood:
         """Steps 3 to 6: plan and examine, judge, decide.
 
         They are gone through again for the operator's own plan or reading, and for an approved plan
@@ -262,14 +283,14 @@ class MissionRun:
         """
         context, voided = self._context, 0
         proposed = self.mission.proposed if not self._facts.plans else None
-        planned: PlanForDecision | PlanningFailure
+        planned: Planned
         if proposed is None:
-            planned = await plan(context, retrieved, reasons)
+            planned = await self._planned(retrieved, reasons)
         else:
             unasked = without_planner(context, retrieved)
             planned = await take(context, unasked, proposed, author="agent")
-        while not isinstance(planned, PlanningFailure):
-            planned = await judge(context, planned)
+        while isinstance(planned, PlanForDecision):
+            planned = planned if planned.steps else await judge(context, planned)
             decided = await decide(context, planned, self._readings, self._station.decide)
             self._readings, decision, shown = decided.readings, decided.decision, planned.best
             if decision.kind == "choose":
@@ -295,8 +316,22 @@ class MissionRun:
             if voided == MAX_VOIDED or proposed is not None:
                 return MissionResult("held", changed)
             again, answer = planned.answered.retrieved, fresh.plan.answer
-            planned = await plan(context, again, fresh.broken, answer)
-        return MissionResult("held", planned.error or "the planner gave no plan")
+            planned = await self._planned(again, fresh.broken, answer)
+        if isinstance(planned, PlanningFailure):
+            return MissionResult("held", planned.error or "the planner gave no plan")
+        if isinstance(planned, RefusedMission):
+            return MissionResult("refused", planned.reason)
+        return planned
+
+    async def _planned(
+        self, retrieved: RetrievedRules, reasons: Sequence[str], previous: str = ""
+    ) -> Planned:
+        """Return the plan for a task: for an order in steps, one for all that are left of them."""
+        understood = self._understood
+        if understood is None or not understood.steps:
+            return await plan(self._context, retrieved, reasons, previous)
+        left = understood.steps[self._done :]
+        return await plan_steps(self._context, retrieved.task, left, self._answers)
 
     def _stopped_short(
         self, stopped: MissionResult, phase: str, halted: Sequence[str]
@@ -310,10 +345,11 @@ class MissionRun:
 
     async def _carry_out(
         self, approved: ApprovedPlan, task: Mission, phase: str
-    ) -> tuple[str, ...]:
+    ) -> tuple[str, ...] | MissionResult:
         """Step 7 for one plan: execute, verify, watch its consequences, have its outcome judged.
 
-        Return why it was halted. The report has a plan that was cut short as well.
+        Return why it was halted, or what the mission comes to whose plan in steps was not done. The
+        report has a plan that was cut short as well.
         """
         decided, shown, services = approved.decided, approved.planned.best, self._services
         services.gate.grant(decided.request, decided.decision, services.rulebook)
@@ -321,11 +357,14 @@ class MissionRun:
         moved = {name for move in ordered for name in (move.agent, move.target, move.before)}
         services.standing.moves(self.mission.id, moved, ordered)
         plan_ = shown.examination.plan
+        if len(plan_.steps) > 1:
+            return await self._carry_out_steps(approved, task, phase)
         facts = PlanFacts(plan_, task.text, decision=decided.decision, unmet=shown.unmet)
         self.moving = True
         try:
             try:
-                executed = await self._execution.run(shown.examination, decided.request)
+                step = ApprovedStep.whole(shown.examination, decided.request)
+                executed = await self._execution.run(step)
             except asyncio.CancelledError:
                 self._facts.plans.append(replace(facts, halted=("interrupted before its end",)))
                 raise
@@ -344,6 +383,27 @@ class MissionRun:
             said = shown.verdict.feedback if shown.verdict is not None else ""
             case = OutcomeCase(task, executed.before, picture, selection, plan_, verification, said)
             self._station.verdicts.ask(self._context, shown.attempt, case)
+        return ()
+
+    async def _carry_out_steps(
+        self, approved: ApprovedPlan, task: Mission, phase: str
+    ) -> tuple[str, ...] | MissionResult:
+        """Step 7 for a plan in steps; what it comes to if it was not done to its end.
+
+        Each step is verified by itself; the judge is not asked about the outcome of all of them.
+        """
+        context, shown = self._context, approved.planned.best
+        steps = StepByStep(context, self._execution, approved, task, self._results, self._facts)
+        self.moving = True
+        try:
+            if (ended := await steps.run()) is not None:
+                return ended
+            if self._services.variant.workflows:
+                self._tell(self._progress.join(shown.examination.plan, self._now()))
+                await self._watch_outcome(phase, task)
+        finally:
+            self._done += steps.done
+            self.moving = False
         return ()
 
     async def _see_it_out(self, shown: Candidate, phase: str, task: Mission) -> None:

@@ -2,9 +2,11 @@
 
 import asyncio
 from dataclasses import dataclass, replace
+from datetime import datetime
 from time import perf_counter
 
 from pa_console.language.demands import contradiction
+from pa_console.language.order_steps import ReadSteps, read_steps
 from pa_console.language.references.conversation import LEANING, Unclear
 from pa_console.language.references.resolution import Answers, resolve
 from pa_console.language.references.scene import ReferenceScene
@@ -49,6 +51,8 @@ class Understood:
     """True if it takes back the last order."""
     corrects: bool = False
     """True if it replaces the last order."""
+    steps: tuple[str, ...] = ()
+    """The words of each step, where it is an order in steps; each is read at its turn."""
 
 
 @dataclass(frozen=True)
@@ -79,12 +83,26 @@ async def understand(
         standing = await _standing(context) or await _timed(context, answers)
         if standing is not None:
             return standing
+    if (steps := _in_steps(context)) is not None:
+        return steps
     if context.mission.agent and _is_for_later(context):
         return RefusedMission("an agent proposes no order that is to hold from now on")
     read = await asyncio.to_thread(_read, context, answers)
     if isinstance(read, Understood) and read.mission is not context.mission:
         return await _refused(context, read.mission) or read
     return read
+
+
+def _in_steps(context: MissionContext) -> NotUnderstood | Understood | None:
+    """Return an order in steps, or what to ask about them; None for an order of one step.
+
+    A plan that came with the words has its own steps.
+    """
+    mission = context.mission
+    found = read_steps(_scene(context), mission.text) if mission.proposed is None else None
+    if isinstance(found, Unclear):
+        return NotUnderstood(found.question, found.said, found.choices)
+    return Understood(mission, steps=found.steps) if found is not None else None
 
 
 def _is_for_later(context: MissionContext) -> bool:
@@ -155,10 +173,13 @@ async def _timed(
         return None
     if isinstance(found, Unclear):
         return NotUnderstood(found.question, found.said, found.choices)
+    if problem := _time_of_a_step(_scene(context), mission.text, found.order, now):
+        return NotUnderstood(problem)
     sample = mission.model_copy(update={"text": found.order, "typed": ""})
     if refused := await _refused(context, sample):
         return refused
-    read = await asyncio.to_thread(_read, replace(context, mission=sample), answers)
+    trial = replace(context, mission=sample)
+    read = _in_steps(trial) or await asyncio.to_thread(_read, trial, answers)
     if isinstance(read, NotUnderstood):
         if read.said:
             return read
@@ -174,6 +195,17 @@ async def _timed(
         unasked=unasked,
     )
     return StandingOffer(Agenda(order), (StandingStart(order=read.mission.text),))
+
+
+def _time_of_a_step(scene: ReferenceScene, text: str, order: str, now: datetime) -> str:
+    """Return what to ask where a time stands in a later step of an order in steps; else ''."""
+    whole, rest = read_steps(scene, text), read_steps(scene, order)
+    if not isinstance(whole, ReadSteps) or not isinstance(rest, ReadSteps):
+        return ""
+    late = [step for step in whole.steps[1:] if read_timed(scene.world, step, now) is not None]
+    if not late or len(whole.steps) != len(rest.steps):
+        return ""
+    return f"“{late[0]}” has a time of its own: give it as an order of its own, or none for it."
 
 
 def _read(context: MissionContext, answers: Answers) -> NotUnderstood | Understood:

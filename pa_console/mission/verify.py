@@ -51,15 +51,19 @@ class _Evidence:
     end_s: float
 
 
-def verify(context: MissionContext, plan: Plan, executed: ExecutedPlan) -> Verification:
+def verify(
+    context: MissionContext, plan: Plan, executed: ExecutedPlan, step: int = 0
+) -> Verification:
     """Step 7: compare the present telemetry with what an executed plan should have brought about.
 
-    A plan that was halted is not verified.
+    A plan that was halted is not verified. `step` is the number of the step that the plan is, 0
+    for a plan as a whole.
     """
     started, fleet = perf_counter(), context.services.fleet
     before, after = executed.before, fleet.picture()
     verification = verify_plan(plan, fleet.world, before, after, executed.ended)
-    context.emit(ev.MissionVerified(verification=verification, seconds=perf_counter() - started))
+    seconds = perf_counter() - started
+    context.emit(ev.MissionVerified(verification=verification, seconds=seconds, step=step))
     return verification
 
 

@@ -247,6 +247,8 @@ class MissionSpans:
                 self._note(traced, "command refused", t, about)
             case ev.PlanHalted(attempt=attempt):
                 self._close(traced, "execute", t, {"pa.attempt": attempt, "pa.halted": True})
+            case ev.StepsHeld(orders=orders):
+                self._note(traced, "steps held", t, {"pa.orders": list(orders)})
             case ev.MissionVerified(verification=found, seconds=seconds):
                 self._close(traced, "execute", t)
                 self._whole(traced, "verify", t, seconds, {"pa.outcome": found.outcome})

@@ -6,6 +6,7 @@ nobody can take them out of force. Nothing is dropped or mended: the plan comes 
 
 from collections import Counter
 from collections.abc import Iterable
+from itertools import combinations
 
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.finding import Finding, FindingStatus
@@ -47,15 +48,27 @@ ORDER_ID = "ORDER"
 def problems(plan: Plan, world: World, picture: Picture) -> tuple[Finding, ...]:
     """Return one critical finding for everything that keeps `plan` from being rehearsed."""
     found = [text for action in plan.actions for text in _problems(action, world, picture)]
-    found += [
-        f"{agent} has {count} commands, at most one is allowed"
-        for agent, count in Counter(plan.agents).items()
-        if count > 1
-    ]
+    found += _at_once(plan)
     return tuple(
         Finding(rule_id=STRUCTURE_ID, priority="critical", status="violates", message=text)
         for text in dict.fromkeys(found)
     )
+
+
+def _at_once(plan: Plan) -> Iterable[str]:
+    """Yield the agents that have several commands of which none comes after the other."""
+    several = [agent for agent, count in Counter(plan.agents).items() if count > 1]
+    for agent in several:
+        own = [number for number, each in enumerate(plan.agents, start=1) if each == agent]
+        if len(plan.steps) == 1:
+            yield f"{agent} has {len(own)} commands, at most one is allowed"
+            continue
+        for one, other in combinations(own, 2):
+            if other not in plan.depends_on((one,)) and one not in plan.depends_on((other,)):
+                yield (
+                    f"{agent} is needed twice at once, by actions {one} and {other}: "
+                    "let one of them come after the other"
+                )
 
 
 def _problems(action: Action, world: World, picture: Picture) -> Iterable[str]:

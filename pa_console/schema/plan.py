@@ -1,15 +1,19 @@
 """The plan that the LLM writes: a reason and device commands (paper, Section IV-E)."""
 
 import json
-from typing import Annotated, cast
+from collections.abc import Iterable
+from graphlib import CycleError, TopologicalSorter
+from typing import Annotated, Self, cast
 
-from pydantic import BeforeValidator, Field, field_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from pa_console.schema.base import StrictModel
 from pa_console.schema.command import COMMANDS, Verb
 
 MAX_ACTIONS = 64
 MAX_REASON = 600
+MAX_STAY_S = 3600.0
+"""The longest stay after an action, seconds."""
 
 
 def _without_frame_prefix(value: object) -> object:
@@ -21,10 +25,26 @@ Token = Annotated[str, BeforeValidator(_without_frame_prefix)]
 
 
 class Action(StrictModel):
-    """One device command, e.g. agent `Drone_T01`, command `move_to EastGate`."""
+    """One device command, e.g. agent `Drone_T01`, command `move_to EastGate`.
+
+    It is sent once telemetry has verified every action that it comes `after`.
+    """
 
     agent: Token = Field(min_length=1, max_length=64)
     command: Token = Field(min_length=1, max_length=160)
+    after: tuple[int, ...] = Field(
+        default=(),
+        max_length=MAX_ACTIONS,
+        exclude_if=lambda numbers: not numbers,
+        description="numbers of the actions, counted from 1, that must have been verified",
+    )
+    stay_s: float = Field(
+        default=0.0,
+        ge=0.0,
+        le=MAX_STAY_S,
+        exclude_if=lambda seconds: not seconds,
+        description="seconds from its verification until what comes after it is sent",
+    )
 
     @field_validator("command")
     @classmethod
@@ -51,10 +71,65 @@ class Action(StrictModel):
 
 
 class Plan(StrictModel):
-    """A reason and the actions it leads to; actions start together, in list order."""
+    """A reason and the actions it leads to.
+
+    Actions start together, in list order, unless they come after others. Raises ValueError for
+    actions that wait for themselves or for one that is not there.
+    """
 
     reason: str = Field(max_length=MAX_REASON)
     actions: tuple[Action, ...] = Field(max_length=MAX_ACTIONS)
+
+    @model_validator(mode="after")
+    def _in_some_order(self) -> Self:
+        for number, action in enumerate(self.actions, start=1):
+            for other in action.after:
+                if not 1 <= other <= len(self.actions):
+                    waits = f"action {number} ({action.agent} {action.command})"
+                    there = f"the plan has actions 1 to {len(self.actions)}"
+                    raise ValueError(f"{waits} comes after action {other}, and {there}")
+        try:
+            self._sorter().prepare()
+        except CycleError as error:
+            circle = ", ".join(str(number) for number in cast(list[int], error.args[1]))
+            raise ValueError(
+                f"actions {circle} wait for each other in a circle: take one number out of `after`"
+            ) from None
+        return self
+
+    def _sorter(self) -> TopologicalSorter[int]:
+        waits = {number: action.after for number, action in enumerate(self.actions, start=1)}
+        return TopologicalSorter(waits)
+
+    @property
+    def steps(self) -> tuple[tuple[int, ...], ...]:
+        """The numbers of the actions that are sent together, step after step.
+
+        A step begins once all that its actions come after is verified; one step where none waits.
+        """
+        if not any(action.after for action in self.actions):
+            return (tuple(range(1, len(self.actions) + 1)),)
+        sorter, found = self._sorter(), list[tuple[int, ...]]()
+        sorter.prepare()
+        while sorter.is_active():
+            ready = tuple(sorted(sorter.get_ready()))
+            found.append(ready)
+            sorter.done(*ready)
+        return tuple(found)
+
+    def part(self, numbers: Iterable[int]) -> "Plan":
+        """Return the plan of the actions of those numbers alone, which wait for nothing."""
+        chosen = tuple(
+            self.actions[number - 1].model_copy(update={"after": ()}) for number in numbers
+        )
+        return Plan(reason=self.reason, actions=chosen)
+
+    def depends_on(self, numbers: Iterable[int]) -> frozenset[int]:
+        """Return the actions of those numbers, and all that come after one of them."""
+        found = set(numbers)
+        for step in self.steps:
+            found.update(number for number in step if found & {*self.actions[number - 1].after})
+        return frozenset(found)
 
     @property
     def agents(self) -> tuple[str, ...]:

@@ -31,6 +31,8 @@ class Attempt:
     number: int
     round: int = 0
     phase: str = ""
+    step: str = ""
+    """The step of the order that it is for alone; '' for the whole order."""
     digest: Digest | None = None
     author: str = "planner"
     system: str = ""
@@ -128,6 +130,8 @@ class VerifiedPlan:
     verification: Verification
     round: int = 0
     attempt: int = 0
+    step: int = 0
+    """The step of the plan, counted from 1; 0 for a plan of one step."""
     judged: bool = False
     verdict: Verdict | None = None
     error: str = ""
@@ -160,6 +164,8 @@ class MissionTrace:
     """Questions to the operator before planning."""
     answers: list[ev.QuestionAnswered] = field(default_factory=list[ev.QuestionAnswered])
     """The operator's questions about the mission, with their answers."""
+    step: str = ""
+    """The step of the order that is being planned; '' for the whole order."""
     references: tuple[ev.Reference, ...] = ()
     """Words of the order that refer to something, with their meanings."""
     standing: ev.StandingOrderRead | None = None
@@ -168,6 +174,8 @@ class MissionTrace:
     preempted: str = ""
     commands: dict[str, CommandTrace] = field(default_factory=dict[str, CommandTrace])
     halts: list[ev.PlanHalted] = field(default_factory=list[ev.PlanHalted])
+    held: list[ev.StepsHeld] = field(default_factory=list[ev.StepsHeld])
+    """The actions of plans in steps that were not sent, each with why."""
     verified: list[VerifiedPlan] = field(default_factory=list[VerifiedPlan])
     unasked_verdict: Verdict | None = None
     unasked_error: str = ""
@@ -184,7 +192,9 @@ class MissionTrace:
         """Return attempt `number`, from 1; a new one is added."""
         found = self.find(number)
         if found is None:
-            found = Attempt(number, round=self.round, phase=self.phase, digest=self.digest)
+            found = Attempt(
+                number, round=self.round, phase=self.phase, step=self.step, digest=self.digest
+            )
             self.attempts.append(found)
         return found
 
@@ -266,6 +276,8 @@ def _apply_reading(trace: MissionTrace, data: ev.EventPayload) -> None:
             words = {"text": text, "typed": typed if typed != text else ""}
             trace.mission = trace.mission.model_copy(update=words)
             trace.references = references
+        case ev.OrderStepRead(step=step, steps=steps, text=text):
+            trace.step = f"step {step} of {steps}: {text}"
         case ev.StandingOrderRead():
             trace.standing = data
         case _:
@@ -309,6 +321,7 @@ def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
                 attempt.judge_text += text
         case ev.PlanProposed(attempt=number):
             trace.stage = "safeguards"
+            trace.step = "" if data.author == "console" else trace.step
             attempt = trace.attempt(number)
             attempt.author, attempt.text, attempt.plan = data.author, data.text, data.plan
             attempt.error, attempt.usage = data.error, data.usage
@@ -374,9 +387,11 @@ def _apply_execution(trace: MissionTrace, data: ev.EventPayload) -> None:
         case ev.PlanHalted():
             trace.halts.append(data)
             trace.next_round()
-        case ev.MissionVerified(verification=verification):
+        case ev.StepsHeld():
+            trace.held.append(data)
+        case ev.MissionVerified(verification=verification, step=step):
             trace.stage = "verify"
-            verified = VerifiedPlan(verification, _executing_round(trace), trace.executing)
+            verified = VerifiedPlan(verification, _executing_round(trace), trace.executing, step)
             trace.verified.append(verified)
             trace.next_round()
         case ev.OutcomeJudged(attempt=number, verdict=verdict, error=error, usage=usage):
@@ -419,6 +434,7 @@ class Round:
     decisions: list[ev.DecisionMade] = field(default_factory=list[ev.DecisionMade])
     commands: list[CommandTrace] = field(default_factory=list[CommandTrace])
     halts: list[ev.PlanHalted] = field(default_factory=list[ev.PlanHalted])
+    held: list[ev.StepsHeld] = field(default_factory=list[ev.StepsHeld])
     verified: list[VerifiedPlan] = field(default_factory=list[VerifiedPlan])
     voided: str = ""
 
@@ -449,6 +465,8 @@ def rounds(trace: MissionTrace) -> list[Round]:
         result[min(sent.round, last)].commands.append(sent)
     for halt in trace.halts:
         result[by_attempt.get(halt.attempt, last)].halts.append(halt)
+    for held in trace.held:
+        result[by_attempt.get(held.attempt, last)].held.append(held)
     for item in trace.verified:
         result[min(item.round, last)].verified.append(item)
     result[-1].voided = trace.voided

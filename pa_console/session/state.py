@@ -408,6 +408,9 @@ class SessionState:
                 self._notice(event, "warning", event.mission or "", text)
             case ev.PlanHalted(reasons=reasons):
                 self._notice(event, "alarm", event.mission or "", f"halted: {'; '.join(reasons)}")
+            case ev.StepsHeld(orders=orders, reason=reason):
+                text = f"not sent: {'; '.join(orders)}: {reason}"
+                self._notice(event, "alarm", event.mission or "", text)
             case ev.DecisionMade(accepted=True, decision=decision, attempt=number):
                 if said := deviations_in_words(decision):
                     self._notice(event, "warning", event.mission or "", f"plan {number}: {said}")

@@ -79,7 +79,9 @@ def _is_fault(data: ev.EventPayload) -> bool:
         case ev.CommandReplied(reply=reply):
             return reply.status in ("failed", "refused")
         case _:
-            return isinstance(data, ev.PlanHalted | ev.AllStopped | ev.CommandRefused)
+            return isinstance(
+                data, ev.PlanHalted | ev.StepsHeld | ev.AllStopped | ev.CommandRefused
+            )
 
 
 def _breaks(incident: Incident) -> bool:

@@ -10,7 +10,7 @@ from pa_console.language.plain_words import plain_reading
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident, Reaction, RevealTrack, SpawnTrack
 from pa_console.schema.mission import StandingOrder
-from pa_console.schema.plan import Action, Plan
+from pa_console.schema.plan import Action
 from pa_console.schema.text import clock_text
 from pa_console.session.recording import Recording
 from pa_console.session.wording import (
@@ -23,6 +23,7 @@ from pa_console.session.wording import (
     unconfirmed_in_words,
 )
 from pa_console.views.status_words import status_of
+from pa_console.views.step_words import plan_in_words
 
 _REACTIONS: dict[Reaction, str] = {
     "leave": "leaves when warned",
@@ -47,12 +48,12 @@ def incident_truth_in_words(incident: Incident) -> str:
 
 def safety_in_words(declared: Sequence[Action]) -> str:
     """Return a plan's declared way to safety: the assets that go back, and those that hold."""
+    back = {action.agent: action.target for action in declared if action.target is not None}
     parts = [
-        f"{action.agent} back to {action.target} (holds if another covers it by then)"
-        for action in declared
-        if action.target is not None
+        f"{agent} back to {target} (holds if another covers it by then)"
+        for agent, target in back.items()
     ]
-    holding = [action.agent for action in declared if action.target is None]
+    holding = [*dict.fromkeys(a.agent for a in declared if a.agent not in back)]
     if holding:
         parts.append(f"{', '.join(holding)} {'hold' if len(holding) > 1 else 'holds'}")
     return "; ".join(parts)
@@ -194,13 +195,15 @@ def _planning_event(data: ev.EventPayload) -> str:
             words = f"{question} {' | '.join(choices)}".strip()
         case ev.OrderRead(text=text, references=references):
             words = f"{text} | {references_in_words(references)}"
+        case ev.OrderStepRead(step=step, steps=steps, text=text):
+            words = f"step {step} of {steps}: {text}"
         case ev.WorkflowMoved():
             step = data.phases[data.phase] if 0 <= data.phase < len(data.phases) else data.outcome
             words = f"{data.track}: {step}"
         case ev.RulesRetrieved(hits=hits):
             words = ", ".join(hit.rule_id for hit in hits)
         case ev.PlanProposed(plan=plan, error=error):
-            words = _plan(plan) if plan is not None else error
+            words = plan_in_words(plan) if plan is not None else error
         case ev.PlanChecked(findings=findings, unmet=unmet):
             broken = [finding.rule_id for finding in findings if finding.broken]
             words = f"broken: {', '.join(broken)}" if broken else "no rule broken"
@@ -215,7 +218,7 @@ def _planning_event(data: ev.EventPayload) -> str:
         case ev.RepairRequested(reasons=reasons):
             words = "; ".join(reasons)
         case ev.ApprovalRequested(blocked_by=blocked, plan=plan, readings=readings):
-            words = _state(data) + ("; ".join(blocked) if blocked else _plan(plan))
+            words = _state(data) + ("; ".join(blocked) if blocked else plan_in_words(plan))
             words += f" | if halted: {safety_in_words(data.if_halted)}" if data.if_halted else ""
             words += "".join(f" | or: {plain_reading(asked)}" for asked in readings)
         case ev.DecisionMade(decision=decision, accepted=accepted, detail=detail):
@@ -248,6 +251,8 @@ def _execution_event(data: ev.EventPayload) -> str:
             return f"{command.agent}: {order_in_words(command)}: {reason}"
         case ev.PlanHalted(reasons=reasons):
             return "; ".join(reasons)
+        case ev.StepsHeld(orders=orders, reason=reason):
+            return f"not sent: {'; '.join(orders)}: {reason}"
         case ev.MissionReported(text=text):
             return " ".join(text.split())
         case ev.StopUnconfirmed(assets=assets):
@@ -256,10 +261,6 @@ def _execution_event(data: ev.EventPayload) -> str:
             return f"{', '.join(assets)}{f' back, given anew as {again}' if again else ''}"
         case _:
             return ""
-
-
-def _plan(plan: Plan) -> str:
-    return "; ".join(f"{action.agent} {action.command}" for action in plan.actions) or "no action"
 
 
 AROUND = 60

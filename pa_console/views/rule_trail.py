@@ -234,6 +234,8 @@ def _entries(
         case ev.PlanHalted(attempt=attempt, reasons=reasons):
             for text in _about(rule_id, reasons):
                 yield attempt, "halted", text
+        case ev.StepsHeld(attempt=attempt, reason=reason) if f" {rule_id}: " in reason:
+            yield attempt, "halted", reason
         case ev.WorkflowMoved(rule_id=of, track=track, command=command, outcome=outcome):
             if of == rule_id:
                 yield 0, "prescribed", f"{track}: {command or outcome}"

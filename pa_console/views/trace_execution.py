@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 
 from pa_console.language.plain_words import plain_reading
-from pa_console.schema.events.event import DecisionMade, PlanHalted
+from pa_console.schema.events.event import DecisionMade, PlanHalted, StepsHeld
 from pa_console.schema.finding import Verdict
 from pa_console.schema.text import clock_text, duration_text
 from pa_console.session.mission_trace import CommandTrace, MissionTrace, VerifiedPlan
@@ -114,6 +114,20 @@ def _halt(given: PlanHalted, number: int) -> TraceSection:
     return TraceSection(key, title, tuple(blocks), step=7, mark=status_of("outcome", "halted"))
 
 
+def held(given: Sequence[StepsHeld]) -> list[TraceSection]:
+    """Return step 7: what of a plan in steps was not sent, and why."""
+    return [
+        TraceSection(
+            f"held-{item.attempt}.{number}",
+            "Not sent",
+            (*(labelled("held", order) for order in item.orders), statement(item.reason, "bad")),
+            step=7,
+            mark=status_of("outcome", "halted"),
+        )
+        for number, item in enumerate(given)
+    ]
+
+
 def verification(given: VerifiedPlan, number: int) -> TraceSection:
     """Return step 7: the verification by telemetry, its time, and the judge's verdict on it."""
     blocks: list[Block] = []
@@ -140,8 +154,9 @@ def verification(given: VerifiedPlan, number: int) -> TraceSection:
         blocks += outcome_verdict(given.verdict, given.error)
     note = f"as of {clock_text(found.as_of_s)}" if found.as_of_s else ""
     mark = status_of("outcome", found.outcome)
-    key = f"verification-{number}"
-    return TraceSection(key, "Verification", tuple(blocks), step=7, mark=mark, note=note)
+    key, title = f"verification-{number}", "Verification"
+    title += f" of step {given.step}" if given.step else ""
+    return TraceSection(key, title, tuple(blocks), step=7, mark=mark, note=note)
 
 
 def judged_outcome(verdict: Verdict | None, error: str) -> TraceSection:

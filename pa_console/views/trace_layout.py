@@ -109,7 +109,9 @@ def _not_chosen(
     objected = attempt.verdict is not None and attempt.verdict.verdict == "Failure"
     unused = "the judge objects" if objected else "not used"
     mark = Status("✘", ", ".join(broken) or attempt.error or unused, "bad")
-    note = f"instead of {attempt.instead_of}" if attempt.instead_of is not None else ""
+    if attempt.step and not (broken or attempt.error or objected):
+        mark = Status("·", "a step of the plan", "quiet")
+    note = f"instead of {attempt.instead_of}" if attempt.instead_of is not None else attempt.step
     key, title = f"attempt-{attempt.number}", f"Attempt {attempt.number}"
     section = TraceSection(key, title, mark=mark, note=note, collapsed=True)
     return _heading(attempt, section, _folded_attempt(attempt, trace, rules, options))
@@ -207,6 +209,7 @@ def _carried_out(given: Round, options: TraceOptions) -> list[TraceSection]:
     if given.commands:
         result.append(execution.commands(given.commands, options))
     result += execution.halts(given.halts)
+    result += execution.held(given.held)
     numbered = list(enumerate(given.verified, start=1))
     result += [execution.verification(item, number) for number, item in reversed(numbered)]
     return result

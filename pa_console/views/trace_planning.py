@@ -8,6 +8,7 @@ from typing import cast
 from pa_console.language.plain_words import plain_reading
 from pa_console.schema.events.event import ApprovalRequested, OrderReadAgain
 from pa_console.schema.finding import Finding, Usage, Verdict
+from pa_console.schema.plan import Action
 from pa_console.schema.rehearsal import (
     AssetTimeline,
     GateTimeline,
@@ -22,6 +23,7 @@ from pa_console.session.mission_trace import Attempt, MissionTrace
 from pa_console.views.event_words import safety_in_words
 from pa_console.views.rule_trail import DecisionEvidence
 from pa_console.views.status_words import Status, Tone, status_of
+from pa_console.views.step_words import in_steps, when_in_words
 from pa_console.views.trace_parts import (
     Block,
     Column,
@@ -157,6 +159,12 @@ def plan(attempt: Attempt) -> TraceSection:
         (f"{number}", action.agent, action.verb, action.target or "")
         for number, action in enumerate(read.actions, start=1)
     ]
+    if in_steps(read):
+        columns = (*columns, Column("when", tone="note"))
+        actions = [
+            (*cells, f"{when_in_words(read, number)}{_stay(read.actions[number - 1])}")
+            for number, cells in enumerate(actions, start=1)
+        ]
     blocks.append(
         table(columns, actions) if actions else statement("no action: nothing would move", "quiet")
     )
@@ -167,6 +175,10 @@ def plan(attempt: Attempt) -> TraceSection:
     spent = f"{count(usage.completion_tokens, 'token')}, {_took(usage)}"
     note = f"by the {attempt.author}" if attempt.author != "planner" else spent
     return TraceSection(key, "Plan", tuple(blocks), step=5, note=note)
+
+
+def _stay(action: Action) -> str:
+    return f"; stays {duration_text(action.stay_s)}" if action.stay_s else ""
 
 
 def plan_json(attempt: Attempt) -> TraceSection:

@@ -20,6 +20,7 @@ from pa_console.schema.events.execution import (
     MissionVerified,
     OutcomeJudged,
     PlanHalted,
+    StepsHeld,
     StopReleased,
     StopUnconfirmed,
 )
@@ -33,6 +34,7 @@ from pa_console.schema.events.intake import (
     MissionReceived,
     MissionStarted,
     OrderRead,
+    OrderStepRead,
     QuestionAnswered,
     QuestionAsked,
     QuestionTopic,
@@ -112,7 +114,7 @@ EventPayload = Annotated[
     | SessionResumed | CommandTaken | AuthorityChanged | LogSigned | LogTroubled
     | StandingOrderRead | StandingOrderApproved
     | StandingOrderStarted | StandingOrderWithheld | StandingOrderRevoked
-    | StandingOrderScheduled | QuestionAnswered
+    | StandingOrderScheduled | QuestionAnswered | OrderStepRead | StepsHeld
     | TakChanged | ContactReported | ContactLost | ContactsLeftOut | AgentMuted
     | ManualControlTaken | ManualControlEnded | MissionAwaitsAssets,
     Field(discriminator="kind"),

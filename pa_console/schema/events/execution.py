@@ -45,6 +45,15 @@ class PlanHalted(Payload):
     safe_state: tuple[str, ...] = Field(default=(), description="what each asset was told")
 
 
+class StepsHeld(Payload):
+    """Step 7: actions of an approved plan that are not sent, because of what came before them."""
+
+    kind: Literal["steps_held"] = "steps_held"
+    attempt: int
+    orders: tuple[str, ...] = Field(description="what is not sent: agent and command")
+    reason: str
+
+
 class CommandReplied(Payload):
     """Step 7: a device answered, or was given up on (`failed`, timed out)."""
 
@@ -58,6 +67,11 @@ class MissionVerified(Payload):
     kind: Literal["mission_verified"] = "mission_verified"
     verification: Verification
     seconds: float
+    step: int = Field(
+        default=0,
+        exclude_if=lambda step: not step,
+        description="the step of the plan, counted from 1; 0 for a plan of one step",
+    )
 
 
 class OutcomeJudged(Payload):

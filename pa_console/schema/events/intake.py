@@ -107,6 +107,15 @@ class OrderRead(Payload):
     references: tuple[Reference, ...] = ()
 
 
+class OrderStepRead(Payload):
+    """Step 1: one step of an order in steps; the plans that follow are for it alone."""
+
+    kind: Literal["order_step_read"] = "order_step_read"
+    step: int = Field(ge=1, description="its number, counted from 1")
+    steps: int = Field(ge=1, description="how many the order has")
+    text: str = Field(description="its words, with names for what they point at")
+
+
 QuestionTopic = Literal[
     "plan",  # why this plan, or why none
     "asset",  # why this asset

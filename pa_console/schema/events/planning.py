@@ -64,7 +64,9 @@ class PlanProposed(Payload):
 
     kind: Literal["plan_proposed"] = "plan_proposed"
     attempt: int
-    author: Literal["planner", "operator", "agent"] = "planner"
+    author: Literal["planner", "operator", "agent", "console"] = Field(
+        default="planner", description="the console joins the plans of an order's steps"
+    )
     text: str
     plan: Plan | None
     error: str = ""

@@ -27,6 +27,7 @@ from pa_console.tui.plan_preview import PlanPreview
 from pa_console.tui.rows import Part, WrappedRow, phrased, row
 from pa_console.tui.status_words import BAD, CALM, GOOD, KIND_WORDS, NOTE, QUIET, WARN, term
 from pa_console.views.event_words import asked_in_words, moments_in_words, safety_in_words
+from pa_console.views.step_words import in_steps, step_lines
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,20 @@ def action_rows(preview: PlanPreview) -> Iterator[WrappedRow]:
         groups.setdefault(_deed(action, preview), []).append(action)
     for deed, actions in groups.items():
         yield _row(deed, actions, preview)
+
+
+def step_rows(preview: PlanPreview) -> Iterator[WrappedRow]:
+    """Yield a row for each line of a plan in steps, then the gates whose guards change."""
+    for line in step_lines(preview.plan):
+        when: list[Part] = [(line.when, NOTE)] if line.when else []
+        lead = f"{line.numbers}  {line.agent}  "
+        yield phrased((lead, "bold"), [line.does, *when])
+    names = tuple(dict.fromkeys(preview.plan.agents))
+    spent: list[Part] = [f"{preview.duration_s:.0f} s in all", (_battery(names, preview), QUIET)]
+    spent += [(why, WARN) for why in _unfinished(names, preview)]
+    yield phrased(("Steps  ", QUIET), spent)
+    if changed := cover_row(preview):
+        yield changed
 
 
 def unrehearsed_row(action: Action) -> WrappedRow:
@@ -238,6 +253,8 @@ def _actions(request: ApprovalRequested, preview: PlanPreview | None) -> Iterato
         yield row("", "nothing moves: the plan has no action")
     elif preview is None:
         yield from map(unrehearsed_row, request.plan.actions)
+    elif in_steps(preview.plan):
+        yield from step_rows(preview)
     else:
         yield from action_rows(preview)
         if changed := cover_row(preview):

@@ -1,0 +1,127 @@
+"""Step 7 of a plan in steps: each is checked, executed and verified before the next one is sent.
+
+A step that waits is examined again at its moment. What comes after an action that failed, or that
+telemetry does not show, is never sent, and an event names it.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from pa_console.mission.context import MissionContext, MissionResult
+from pa_console.mission.decide import ApprovedPlan
+from pa_console.mission.execute import ApprovedStep, Execution
+from pa_console.mission.outcome import Results
+from pa_console.mission.plan import safeguards
+from pa_console.mission.report import PlanFacts, ReportFacts
+from pa_console.mission.verify import verify
+from pa_console.schema.events import event as ev
+from pa_console.schema.mission import Mission, MissionStatus, Verification
+from pa_console.schema.plan import Plan
+
+
+@dataclass
+class StepByStep:
+    """Carries out one `approved` plan of several steps for `task`; its `facts` are reported."""
+
+    context: MissionContext
+    execution: Execution
+    approved: ApprovedPlan
+    task: Mission
+    results: Results
+    facts: ReportFacts
+    done: int = 0
+    """The number of steps that telemetry has shown to be done, from the first on."""
+    _held: frozenset[int] = frozenset()
+
+    @property
+    def _plan(self) -> Plan:
+        return self.approved.planned.best.examination.plan
+
+    async def run(self) -> MissionResult | None:
+        """Carry the plan out; return why it ended before its end, None where all is verified."""
+        lacks: list[MissionResult] = []
+        for position, numbers in enumerate(self._plan.steps, start=1):
+            if due := tuple(number for number in numbers if number not in self._held):
+                lacking = await self._step(position, due)
+                lacks += [lacking] if lacking is not None else []
+                self.done += not lacks
+        self.context.services.gate.finish()
+        if not lacks:
+            return None
+        return MissionResult(lacks[-1].status, "; ".join(one.reason for one in lacks))
+
+    def _left(self, position: int) -> frozenset[int]:
+        """Return the numbers of the actions of all steps after the one at `position`."""
+        return frozenset(number for step in self._plan.steps[position:] for number in step)
+
+    async def _step(self, position: int, due: tuple[int, ...]) -> MissionResult | None:
+        """Check, execute and verify the actions `due`; return what keeps others from being sent."""
+        context, count = self.context, len(self._plan.steps)
+        part = self._plan.part(due)
+        facts = PlanFacts(
+            self._plan if position == 1 else part,
+            self.task.text,
+            decision=self.approved.decided.decision,
+            unmet=self.approved.planned.best.unmet,
+            step=position,
+            steps=count,
+        )
+        found = await safeguards(context, self.task, part)
+        if found.blocked:
+            why = f"step {position} of {count} would break a rule now: {'; '.join(found.faults)}"
+            self.facts.plans.append(replace(facts, held=why))
+            return self._hold(self._left(position - 1), why, "held")
+        step = ApprovedStep(
+            found, self.approved.decided.request, due, goes_on=bool(self._left(position))
+        )
+        self.facts.plans.append(facts)
+        facts.halted = ("interrupted before its end",)
+        executed = await self.execution.run(step)
+        facts.halted = executed.halted
+        if executed.halted:
+            why = f"step {position} of {count} was halted: {'; '.join(executed.halted)}"
+            return self._hold(self._left(position), why, "unverified", facts)
+        facts.verification = seen = verify(context, part, executed, position)
+        self.results.verifications.append(seen)
+        passed = _passed(due, seen)
+        context.services.gate.verified(passed)
+        if lacking := [number for number in due if number not in passed]:
+            after = self._plan.depends_on(lacking) if passed else self._left(position)
+            why = f"step {position} of {count} is not verified: {seen.reason}"
+            return self._hold(after & self._left(position), why, "unverified", facts)
+        if self._left(position) - self._held and (stay_s := _stay_s(step)):
+            await self.execution.stay(stay_s)
+        return None
+
+    def _hold(
+        self,
+        numbers: Iterable[int],
+        why: str,
+        status: MissionStatus,
+        facts: PlanFacts | None = None,
+    ) -> MissionResult:
+        """Send nothing of those `numbers` any more, and tell what that is."""
+        new = sorted({*numbers} - self._held)
+        self._held |= {*new}
+        actions = [self._plan.actions[number - 1] for number in new]
+        orders = tuple(f"{action.agent} {action.command}" for action in actions)
+        if not orders:
+            return MissionResult(status, why)
+        self.context.emit(
+            ev.StepsHeld(attempt=self.approved.decided.request.attempt, orders=orders, reason=why)
+        )
+        if facts is not None:
+            facts.held = "; ".join(orders)
+        return MissionResult(status, f"{why}; not sent: {'; '.join(orders)}")
+
+
+def _passed(due: tuple[int, ...], seen: Verification) -> frozenset[int]:
+    """Return the actions that are verified: none where a gate has lost its cover."""
+    if seen.gates_lost or seen.gates_unknown:
+        return frozenset()
+    outcomes = zip(due, seen.actions, strict=True)
+    return frozenset(number for number, one in outcomes if one.outcome == "pass")
+
+
+def _stay_s(step: ApprovedStep) -> float:
+    return max(action.stay_s for action in step.examination.plan.actions)

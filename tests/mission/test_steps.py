@@ -1,0 +1,114 @@
+"""Plans in steps: nothing is sent before what it comes after is verified, and nothing is lost."""
+
+import json
+from typing import TypeVar
+
+from pa_console.schema.events import event as ev
+from pa_console.schema.incident import FailAsset
+from pa_console.station.station import ControlStation
+from tests.rig import Rig
+from tests.scripted import FAILURE, SUCCESS, ScriptedEngine
+
+Order = tuple[str, str, tuple[int, ...]]
+
+
+def plan(*orders: Order, stay_s: float = 0.0) -> str:
+    """Return the JSON text of a plan of (agent, command, after)."""
+    stay = {"stay_s": stay_s} if stay_s else {}
+    actions = [
+        {"agent": agent, "command": command, **({"after": after} if after else {}), **stay}
+        for agent, command, after in orders
+    ]
+    return json.dumps({"reason": "scripted", "actions": actions})
+
+
+TWO = plan(("Robot_T01", "move_to NorthGate", ()), ("Drone_T04", "return_to_base", (1,)))
+
+
+Kind = TypeVar("Kind")
+
+
+def of_kind(rig: Rig, kind: type[Kind]) -> list[Kind]:
+    """Return the payloads of a kind, in order."""
+    return [event.data for event in rig.events if isinstance(event.data, kind)]
+
+
+async def test_the_second_step_is_sent_once_the_first_is_verified(rig: Rig) -> None:
+    trace = await rig.run(ScriptedEngine([TWO]))
+    assert trace.status == "verified"
+    told = [
+        event.data.command.agent if isinstance(event.data, ev.CommandSent) else "verified"
+        for event in rig.events
+        if isinstance(event.data, ev.CommandSent | ev.MissionVerified)
+    ]
+    assert told == ["Robot_T01", "verified", "Drone_T04", "verified"]
+    assert [seen.step for seen in of_kind(rig, ev.MissionVerified)] == [1, 2]
+    assert "Step 1 of 2" in trace.report
+    assert "Step 2 of 2" in trace.report
+
+
+async def test_a_step_that_fails_holds_what_comes_after_it_and_says_so(rig: Rig) -> None:
+    def fail(event: ev.Event, station: ControlStation) -> None:
+        if isinstance(event.data, ev.CommandSent):
+            station.inject(FailAsset(kind="fail", asset="Robot_T01"))
+
+    trace = await rig.run(ScriptedEngine([TWO]), on_event=fail)
+    assert [c.command.agent for c in trace.commands.values()] == ["Robot_T01"]
+    (held,) = of_kind(rig, ev.StepsHeld)
+    assert held.orders == ("Drone_T04 return_to_base",)
+    assert trace.status == "unverified"
+    assert "not sent: Drone_T04 return_to_base" in trace.reason
+    assert any(n.level == "alarm" and "not sent" in n.text for n in rig.state.notices)
+
+
+ORDER = "First Robot_T01 to the north gate, then bring Drone_T04 home."
+STEPS = (
+    plan(("Robot_T01", "move_to NorthGate", ())),
+    plan(("Drone_T04", "return_to_base", ())),
+)
+
+
+async def test_words_of_order_become_one_plan_in_steps_approved_once(rig: Rig) -> None:
+    trace = await rig.run(ScriptedEngine(STEPS), text=ORDER)
+    (asked,) = of_kind(rig, ev.ApprovalRequested)
+    assert [(a.agent, a.after) for a in asked.plan.actions] == [
+        ("Robot_T01", ()),
+        ("Drone_T04", (1,)),
+    ]
+    assert [read.text for read in of_kind(rig, ev.OrderStepRead)] == [
+        "Robot_T01 to the north gate.",
+        "Bring Drone_T04 home.",
+    ]
+    assert trace.status == "verified"
+    sent = [command.command.agent for command in trace.commands.values()]
+    assert sent == ["Robot_T01", "Drone_T04"]
+
+
+async def test_a_later_step_is_planned_in_the_picture_that_the_first_one_leaves(rig: Rig) -> None:
+    steps = (
+        plan(("Robot_T01", "move_to NorthGate", ())),
+        plan(("Robot_T01", "move_to EastGate", ())),
+    )
+    text = "Send Robot_T01 to the north gate and then to the east gate."
+    trace = await rig.run(ScriptedEngine(steps), text=text)
+    second = of_kind(rig, ev.OrderStepRead)[1]
+    assert second.text == "Send Robot_T01 to EastGate."
+    assert trace.status == "verified"
+    rehearsals = of_kind(rig, ev.PlanRehearsed)
+    assert rehearsals[1].rehearsal.before.assets["Robot_T01"].at == "NorthGate"
+
+
+async def test_a_step_that_breaks_a_rule_blocks_the_whole_order(rig: Rig) -> None:
+    home = plan(("Drone_T02", "return_to_base", ()))
+    text = "First bring Drone_T02 home, then send Drone_T04 to the north gate."
+    trace = await rig.run(ScriptedEngine([home]), text=text)
+    assert trace.status == "refused"
+    assert not trace.commands
+
+
+async def test_a_judge_that_objects_to_one_step_objects_to_the_order(rig: Rig) -> None:
+    engine = ScriptedEngine(STEPS, [SUCCESS, FAILURE])
+    trace = await rig.run(engine, text=ORDER)
+    (asked,) = of_kind(rig, ev.ApprovalRequested)
+    assert asked.needs_override
+    assert not trace.commands
