@@ -1,6 +1,7 @@
 """The checkpoint as data: frames, walls, lanes, zones, platforms and assets, all in metres."""
 
-from typing import Literal, Self, get_args
+from math import floor
+from typing import Annotated, Literal, Self, get_args
 
 from pydantic import Field, model_validator
 
@@ -121,6 +122,43 @@ class Origin(StrictModel):
     )
 
 
+OCCUPIED_CELL, FREE_CELL, UNKNOWN_CELL = "#", ".", "?"
+"""The characters of a background's cells."""
+
+MOST_ROWS = 400
+"""The largest number of rows and of columns of a background."""
+
+
+class Background(StrictModel):
+    """A robot's map under the world's: what is drawn, and no barrier to any route."""
+
+    origin: Point = Field(description="the lower left corner, metres")
+    cell_m: Positive = Field(description="the side of a cell, metres")
+    rows: tuple[Annotated[str, Field(pattern=r"^[#.?]+$", max_length=MOST_ROWS)], ...] = Field(
+        min_length=1,
+        max_length=MOST_ROWS,
+        description="# occupied, . free, ? unknown; the first row is the farthest north",
+    )
+
+    @property
+    def size_m(self) -> tuple[float, float]:
+        """Its extent in metres, east and north."""
+        return len(self.rows[0]) * self.cell_m, len(self.rows) * self.cell_m
+
+    def is_occupied(self, point: Point) -> bool:
+        """Return whether the cell of a point in metres is occupied."""
+        column = floor((point[0] - self.origin[0]) / self.cell_m)
+        row = len(self.rows) - 1 - floor((point[1] - self.origin[1]) / self.cell_m)
+        inside = 0 <= row < len(self.rows) and 0 <= column < len(self.rows[0])
+        return inside and self.rows[row][column] == OCCUPIED_CELL
+
+    @model_validator(mode="after")
+    def _is_even(self) -> Self:
+        if len({len(row) for row in self.rows}) > 1:
+            raise ValueError("rows: all rows must have the same length")
+        return self
+
+
 class World(StrictModel):
     """Everything about a checkpoint that does not change while it is simulated."""
 
@@ -141,6 +179,7 @@ class World(StrictModel):
     lanes: dict[Name, Lane] = Field(default={}, max_length=150)
     zones: dict[Name, Zone] = Field(default={}, max_length=100)
     cameras: dict[Name, Camera] = Field(default={}, max_length=150)
+    background: Background | None = Field(default=None, exclude_if=lambda it: it is None)
     platforms: dict[AssetKind, Platform]
     assets: dict[Name, AssetSpec] = Field(max_length=2000)
 

@@ -1,15 +1,22 @@
 """`pa-console world` and `pa-console scenarios`."""
 
 import shutil
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
 
+from pa_console.cli.sessions.links import survey
+from pa_console.fleets import link as links
+from pa_console.fleets.link import GROUP, FoundRobot
 from pa_console.schema.incident import Scenario
+from pa_console.schema.world import World
+from pa_console.settings.schema import Settings
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.scenario_file import list_scenarios
 from pa_console.sim.worlds.world_file import open_world
 from tests.cli.inside import Call
+from tests.fleets.scripted_link import Desk, ScriptedLink
 
 
 def test_a_generated_world_opens_again_with_what_was_asked_for(call: Call, tmp_path: Path) -> None:
@@ -197,3 +204,73 @@ def test_a_situation_of_another_world_is_refused(call: Call, tmp_path: Path) -> 
     done = call("scenarios", "check", str(own), "--world", str(world))
     assert done.code == 2
     assert f"{own}:" in done.err
+
+
+class Finder(ScriptedLink):
+    """A link that finds a robot the world does not have, and hears one that it has."""
+
+    def discover(self) -> list[FoundRobot]:
+        """Return what is on the link."""
+        return [
+            FoundRobot("walker", "robot", (0.4, 4.5), "of acme"),
+            FoundRobot("no name", "robot"),
+        ]
+
+
+def open_finder(address: str, world: World, settings: Settings) -> Finder:
+    link = Finder("own:lab", {"Drone_T01"} & world.assets.keys())
+    if address == "lab":
+        link.news.append(Desk(world).report("Drone_T01", world.base))
+    return link
+
+
+@pytest.fixture
+def own_scheme(monkeypatch: pytest.MonkeyPatch) -> None:
+    point = EntryPoint("own", f"{__name__}:open_finder", GROUP)
+    monkeypatch.setattr(links, "link_schemes", lambda: {"own": point})
+    monkeypatch.setattr(survey, "__defaults__", (0.2,))
+
+
+@pytest.mark.usefixtures("own_scheme")
+def test_a_world_from_robots_has_those_that_are_there_and_their_map(
+    call: Call, tmp_path: Path
+) -> None:
+    (tmp_path / "lab.pgm").write_bytes(b"P5 4 2 255\n" + bytes((0, 255, 255, 0) * 2))
+    lab = tmp_path / "lab.yaml"
+    lab.write_text("image: lab.pgm\nresolution: 2.5\norigin: [0.0, 0.0, 0.0]\n", encoding="utf-8")
+    path = tmp_path / "world.yaml"
+    words = ["--fleet", "own:lab", "--map", str(lab), "-o", str(path)]
+    words += ["--place", "Dock=1,1,base", "--place", "Door=9,1,gate", "--place", "Desk=1,4.5"]
+    done = call("world", "from", *words)
+    assert done.code == 0, done.err
+    assert "walker of acme joins as a robot" in done.err
+    assert "no name cannot join" in done.err
+    assert f"pa-console console --world {path} --fleet own:lab" in done.said
+    world, _ = open_world(str(path))
+    posts = {name: (spec.kind, spec.post) for name, spec in world.assets.items()}
+    assert posts == {"Drone_T01": ("uav", "Dock"), "walker": ("robot", "Desk")}
+    assert world.gates == ("Door",)
+    assert world.background is not None
+    assert world.background.rows == ("#..#", "#..#")
+    assert call("world", "check", str(path)).code == 0
+    assert Checkpoint(world).picture().assets.keys() == posts.keys()
+
+
+@pytest.mark.usefixtures("own_scheme")
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--place", "Dock"), "NAME=X,Y"),
+        (("--place", "Dock=1,here"), "NAME=X,Y"),
+        (("--place", "Dock=1,1,pier"), "--place Dock: kind"),
+        (("--place", "Dock=1,1,base"), "gate"),
+        (("--map", "nowhere.yaml"), "nowhere.yaml"),
+        (("--fleet", "other:1"), "no link 'other'"),
+    ],
+)
+def test_what_makes_no_world_of_robots_is_said(
+    call: Call, words: tuple[str, ...], says: str
+) -> None:
+    done = call("world", "from", "--fleet", "own:lab", *words)
+    assert (done.code, done.out) == (2, "")
+    assert says in done.err

@@ -8,8 +8,11 @@ from rich.table import Table
 
 from pa_console.cli import completion
 from pa_console.cli.options import JsonOption, WorldOption
+from pa_console.cli.settings_defaults import settings_of
+from pa_console.fleets.link import FoundRobot
 from pa_console.schema.incident import After, AssetIs, AssetReach, IncidentCondition, TrackIs
 from pa_console.schema.text import count
+from pa_console.schema.world import World
 from pa_console.session.log.writer import refuse_audit_file
 from pa_console.sim.worlds.scenario_file import list_scenarios, open_scenario
 from pa_console.sim.worlds.world_file import open_world
@@ -17,7 +20,9 @@ from pa_console.sim.worlds.world_generator import generate_world, world_yaml
 from pa_console.terminal.output import errors, out, print_document, print_json
 from pa_console.views.event_words import incident_truth_in_words
 
-app = typer.Typer(no_args_is_help=True, help="Generate a checkpoint world, or check one.")
+app = typer.Typer(
+    no_args_is_help=True, help="Generate a checkpoint world, make one from robots, or check one."
+)
 
 
 @app.command()
@@ -31,10 +36,82 @@ def generate(
     force: Annotated[bool, typer.Option("--force", help="Write over an existing file.")] = False,
 ) -> None:
     """Generate a valid world: other gates, shapes and teams for every seed."""
+    _refuse_existing(output, force=force)
+    with errors.status(f"laying out {count(gates, 'gate')} and {count(assets, 'asset')}"):
+        made = generate_world(gates, assets, seed)
+    _write(made, output, "")
+
+
+@app.command("from")
+def from_robots(
+    context: typer.Context,
+    fleet: Annotated[
+        list[str],
+        typer.Option(
+            "--fleet",
+            metavar="URL",
+            help="A link with robots on it, such as ros2:ADDRESS; repeatable. Nothing is sent.",
+        ),
+    ],
+    world: WorldOption = "checkpoint",
+    place: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=X,Y[,KIND]",
+            help="A place in metres, in place of those of --world; repeatable. KIND is gate, post "
+            "or base; one base and a gate are needed.",
+        ),
+    ] = None,
+    map_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--map",
+            metavar="FILE",
+            help="The map.yaml of a robot's occupancy map (ROS map_server, PGM) as background.",
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--out", "-o", help="File to write; stdout when left out.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Write over an existing file.")] = False,
+) -> None:
+    """Write a world with the robots that are on these links, and their map as its background."""
+    from pa_console.cli.sessions.links import survey  # noqa: PLC0415 - with robots only
+    from pa_console.fleets import newcomers  # noqa: PLC0415
+    from pa_console.sim.worlds.occupancy_map import read_occupancy_map  # noqa: PLC0415
+
+    _refuse_existing(output, force=force)
+    base, _ = open_world(world)
+    background = read_occupancy_map(map_file) if map_file is not None else None
+    if place:
+        places = newcomers.places_of(place)
+        base = newcomers.around_places(base, "World of robots", places, background)
+    elif background is not None:
+        base = base.model_copy(update={"background": background})
+    present: set[str] = set()
+    found: dict[str, FoundRobot] = {}
+    for url in fleet:
+        with errors.status(f"looking at {url}"):
+            seen = survey(url, base, settings_of(context).values)
+        errors.print_line(seen.in_words())
+        present |= seen.reports.keys()
+        found |= {robot.name: robot for robot in seen.found}
+    made, told = newcomers.world_of_robots(base, present | found.keys(), found.values())
+    for line in told:
+        errors.print_line(line)
+    options = " ".join(f"--fleet {url}" for url in fleet)
+    _write(made, output, f" {options}")
+
+
+def _refuse_existing(output: Path | None, *, force: bool) -> None:
+    """Raise ValueError for a file that is there and may not be written over."""
     if output is not None and output.exists() and not force:
         raise ValueError(f"{output} exists; give another name, or --force to write over it")
-    with errors.status(f"laying out {count(gates, 'gate')} and {count(assets, 'asset')}"):
-        text = world_yaml(generate_world(gates, assets, seed))
+
+
+def _write(world: World, output: Path | None, options: str) -> None:
+    """Write a world to its file, or to stdout without one; `options` are those to open it with."""
+    text = world_yaml(world)
     if output is None:
         print_document(text)
         return
@@ -42,8 +119,8 @@ def generate(
     output.parent.mkdir(parents=True, exist_ok=True)
     output.write_text(text, encoding="utf-8")
     out.print_line(
-        f"{output}: {count(gates, 'gate')}, {count(assets, 'asset')}; "
-        f"open it with: pa-console console --world {output}"
+        f"{output}: {count(len(world.gates), 'gate')}, {count(len(world.assets), 'asset')}; "
+        f"open it with: pa-console console --world {output}{options}"
     )
 
 

@@ -5,17 +5,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from time import monotonic
 
-from pydantic import TypeAdapter, ValidationError
-
+from pa_console.fleets.link import FoundRobot
+from pa_console.fleets.newcomers import with_robots
 from pa_console.fleets.vda5050 import additions, messages
 from pa_console.fleets.vda5050.additions import Countersignature, RecordsAsked, StopAsked
 from pa_console.fleets.vda5050.broker import BrokerAddress, Credentials
 from pa_console.fleets.vda5050.messages import Factsheet
 from pa_console.fleets.vda5050.station_link import Delivery, StationLink
 from pa_console.fleets.vda5050.wire import Identity
-from pa_console.schema.base import Name
 from pa_console.schema.command import COMMANDS
-from pa_console.schema.world import AssetKind, AssetSpec, World
+from pa_console.schema.world import AssetKind, World
 
 TELEMETRY = (
     messages.RobotConnection,
@@ -100,36 +99,20 @@ def take_retained(link: StationLink) -> list[Delivery]:
     return deliveries
 
 
-_NAME: TypeAdapter[str] = TypeAdapter(Name)
-
-
 def with_newcomers(world: World, joined: JoinedBus) -> tuple[World, tuple[str, ...]]:
     """Return `world` with the robots that are on the bus and not in it, and a line about each.
 
     Each becomes an asset of the kind that its factsheet shows, with that kind's platform.
     """
-    added: dict[str, AssetSpec] = {}
-    told: list[str] = []
-    for identity, sheet in sorted(joined.factsheets.items()):
-        name = identity.serial_number
-        if identity not in joined.online:
-            continue
-        if name in world.assets or name in world.cameras or name in added:
-            continue
-        kind = kind_of(sheet)
-        try:
-            _NAME.validate_python(name)
-        except ValidationError:
-            told.append(f"{name} cannot join: its serial number is no name, such as Robot_T03")
-            continue
-        if kind not in world.platforms:
-            told.append(f"{name} cannot join: this world has no platform for a {kind}")
-            continue
-        added[name] = AssetSpec(kind=kind, post=world.base)
-        told.append(f"{name} of {identity.manufacturer} joins as a {kind}")
+    found = [
+        FoundRobot(identity.serial_number, kind_of(sheet), detail=f"of {identity.manufacturer}")
+        for identity, sheet in sorted(joined.factsheets.items())
+        if identity in joined.online
+    ]
+    added, told = with_robots(world, found)
     if not added:
-        return world, tuple(told)
-    return world.model_copy(update={"assets": {**world.assets, **added}}), tuple(told)
+        return world, told
+    return world.model_copy(update={"assets": {**world.assets, **added}}), told
 
 
 def kind_of(sheet: Factsheet) -> AssetKind:

@@ -19,7 +19,9 @@ Spot = tuple[float, float]
 Run = tuple[str, str]
 """(text, role)"""
 
-FREE = frozenset(("", "lane", "zone", "asset-field", "camera-field", "trail", "route"))
+FREE = frozenset(
+    ("", "background", "lane", "zone", "asset-field", "camera-field", "trail", "route")
+)
 """The roles of cells where something else may be drawn."""
 
 

@@ -1,8 +1,9 @@
-"""Draws what does not move: lanes, zones, walls and frames.
+"""Draws what does not move: background, lanes, zones, walls and frames.
 
 Walls and the edges of site and zones are barriers: no name may lie on or beyond one.
 """
 
+import re
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 from shapely import Polygon, contains_xy
 
 from pa_console.schema.base import Point
-from pa_console.schema.world import World
+from pa_console.schema.world import OCCUPIED_CELL, Background, World
 from pa_console.tui.map.canvas import Blocks, Canvas, Cell, Spot, Strokes, touched
 from pa_console.tui.map.projection import Projection
 
@@ -65,7 +66,16 @@ def _cross(a: Spot, b: Spot, c: Spot, d: Spot) -> bool:
 
 
 FRAME_GLYPHS = {"gate": "◆", "post": "○", "base": "⌂"}
-_COST = {"": 0, "lane": 2, "zone": 3, "leader": 20, "wall": 40, "frame": 60, "label": 60}
+_COST = {
+    "": 0,
+    "background": 1,
+    "lane": 2,
+    "zone": 3,
+    "leader": 20,
+    "wall": 40,
+    "frame": 60,
+    "label": 60,
+}
 _CROWDED = 10
 """The number of frames above which a name that would hide something is left out."""
 
@@ -88,6 +98,8 @@ def draw_ground(world: World, view: Projection) -> MapGround:
     canvas = Canvas(view.width, view.height)
     barriers = Barriers(world, view)
     edges, lanes, walls = Strokes(), Strokes(), Blocks()
+    if world.background is not None:
+        _shade(canvas, view, world.background)
     for zone in world.zones.values():
         _hatch(canvas, view, barriers, zone.polygon)
         edges.path([view.spot(point) for point in (*zone.polygon, zone.polygon[0])])
@@ -172,6 +184,23 @@ def _hatch(canvas: Canvas, view: Projection, barriers: Barriers, polygon: Sequen
             cell = column, row
             if cell not in barriers and contains_xy(area, *view.centre(cell)):
                 canvas.put(cell, "╱", "zone")
+
+
+def _shade(canvas: Canvas, view: Projection, background: Background) -> None:
+    """Shade what a robot's map has as occupied: every cell of it, or of the view if those are less.
+
+    So nothing gets lost in a view of the whole site, and nothing has gaps in a near one.
+    """
+    (west, south), cell_m = background.origin, background.cell_m
+    for number, row in enumerate(reversed(background.rows)):
+        north = south + (number + 0.5) * cell_m
+        for found in re.finditer(OCCUPIED_CELL, row):
+            canvas.put(view.cell((west + (found.start() + 0.5) * cell_m, north)), "▒", "background")
+    if view.columns_per_metre * cell_m > 1.0:
+        for line in range(canvas.height):
+            for column in range(canvas.width):
+                if background.is_occupied(view.centre((column, line))):
+                    canvas.put((column, line), "▒", "background")
 
 
 def _middle(points: Sequence[Point]) -> Point:

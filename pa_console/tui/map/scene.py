@@ -162,7 +162,7 @@ def short_name(name: str) -> str:
 
 
 ROLES = (
-    "lane", "zone", "zone-label", "wall", "frame", "label", "leader", "gate-covered",
+    "background", "lane", "zone", "zone-label", "wall", "frame", "label", "leader", "gate-covered",
     "gate-uncovered", "gate-unknown", "label-uncovered", "label-unknown", "asset-field",
     "camera-field", "trail", "route", "uav", "ugv", "robot", "down", "stale", "suspect", "crowd",
     "crowd-down", "crowd-stale", "camera", "camera-failed", "camera-unknown", "track-unknown",

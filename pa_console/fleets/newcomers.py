@@ -1,0 +1,138 @@
+"""Robots that were found on a bus or a link, as assets of a world; and a world for them."""
+
+from collections.abc import Collection, Iterable, Mapping
+from math import dist
+
+from pydantic import TypeAdapter, ValidationError
+
+from pa_console.fleets.link import FoundRobot
+from pa_console.schema.base import Name, Point
+from pa_console.schema.world import AssetSpec, Background, Frame, World
+from pa_console.sim.worlds.world_file import geometry_problems
+
+_NAME: TypeAdapter[str] = TypeAdapter(Name)
+
+
+def with_robots(
+    world: World, found: Iterable[FoundRobot]
+) -> tuple[Mapping[str, AssetSpec], tuple[str, ...]]:
+    """Return the robots of `found` that can be new assets of `world`, and a line about each.
+
+    Each has the platform of its kind, and is posted at the nearest place if its own is known.
+    """
+    added: dict[str, AssetSpec] = {}
+    told: list[str] = []
+    for robot in found:
+        name = robot.name
+        if name in world.assets or name in world.cameras or name in added:
+            continue
+        try:
+            _NAME.validate_python(name)
+        except ValidationError:
+            told.append(f"{name} cannot join: that is no name of an asset, such as Robot_T03")
+            continue
+        if robot.kind not in world.platforms:
+            told.append(f"{name} cannot join: this world has no platform for a {robot.kind}")
+            continue
+        added[name] = AssetSpec(kind=robot.kind, post=_post(world, robot))
+        told.append(f"{name}{f' {robot.detail}' if robot.detail else ''} joins as a {robot.kind}")
+    return added, tuple(told)
+
+
+MARGIN_M = 5.0
+"""The least distance from a place to the perimeter of a world that is made around places."""
+
+MOST_RADIUS_M = 8.0
+
+
+def world_of_robots(
+    base: World, present: Collection[str], found: Iterable[FoundRobot]
+) -> tuple[World, tuple[str, ...]]:
+    """Return `base` with the robots that are there, and a line about each new one.
+
+    They are the assets of `base` that are `present`, and those of `found`. Raises ValueError for
+    a world without robots, or with more of them than there is room for.
+    """
+    added, told = with_robots(base, found)
+    known = {name: spec for name, spec in base.assets.items() if name in present}
+    if not known and not added:
+        raise ValueError("no robot was found: switch one on, and see its address and its name")
+    world = base.model_copy(update={"assets": {**known, **added}})
+    for field, problem in geometry_problems(world):
+        raise ValueError(f"{'.'.join(map(str, field))}: {problem}")
+    return world, told
+
+
+def around_places(
+    base: World, title: str, places: Mapping[str, Frame], background: Background | None
+) -> World:
+    """Return a world of these places, with the platforms and limits of `base`, and no barrier.
+
+    Its perimeter encloses the places and the background. Raises ValueError for places that make no
+    world, such as none of the kind `gate`.
+    """
+    corners = [frame.at for frame in places.values()]
+    if background is not None:
+        (west, south), (east, north) = background.origin, background.size_m
+        corners += [(west, south), (west + east, south + north)]
+    document = base.model_dump(exclude={"walls", "lanes", "zones", "cameras", "origin"})
+    document |= {
+        "name": "from_robots",
+        "title": title,
+        "perimeter": _enclosing(corners),
+        "frames": {name: frame.model_dump() for name, frame in places.items()},
+        "background": background.model_dump() if background is not None else None,
+    }
+    home = next((name for name, frame in places.items() if frame.kind == "base"), "")
+    document["assets"] = {
+        name: {**spec.model_dump(), "post": home} for name, spec in base.assets.items()
+    }
+    try:
+        return World.model_validate(document)
+    except ValidationError as error:
+        said = error.errors(include_url=False)[0]["msg"].removeprefix("Value error, ")
+        raise ValueError(f"--place: {said}") from error
+
+
+def places_of(written: Iterable[str]) -> dict[str, Frame]:
+    """Return the places of NAME=X,Y[,KIND] in metres, KIND gate, post or base; post by default.
+
+    A place reaches as far as it can without meeting another one, 8 m at most. Raises ValueError
+    naming the one that cannot be read.
+    """
+    kinds: dict[str, str] = {}
+    at: dict[str, Point] = {}
+    for word in written:
+        name, sign, rest = word.partition("=")
+        x, y, *kind = rest.split(",")[:4] if sign and "," in rest else ("", "")
+        try:
+            at[name], kinds[name] = (float(x), float(y)), kind[0] if kind else "post"
+        except ValueError:
+            raise ValueError(f"--place {word}: give NAME=X,Y or NAME=X,Y,KIND") from None
+    found: dict[str, Frame] = {}
+    for name, point in at.items():
+        gap = min((dist(point, other) for n, other in at.items() if n != name), default=1e9)
+        frame = {"kind": kinds[name], "at": point, "radius_m": min(MOST_RADIUS_M, 0.49 * gap)}
+        try:
+            found[name] = Frame.model_validate(frame)
+        except ValidationError as error:
+            wrong = error.errors(include_url=False)[0]
+            field = ".".join(map(str, wrong["loc"]))
+            raise ValueError(f"--place {name}: {field}: {wrong['msg']}") from error
+    return found
+
+
+def _enclosing(corners: Iterable[Point]) -> tuple[Point, ...]:
+    """Return the rectangle around the corners, with a margin."""
+    xs, ys = zip(*corners, strict=True)
+    west, east = min(xs) - MARGIN_M, max(xs) + MARGIN_M
+    south, north = min(ys) - MARGIN_M, max(ys) + MARGIN_M
+    return (west, south), (east, south), (east, north), (west, north)
+
+
+def _post(world: World, robot: FoundRobot) -> str:
+    """Return the place nearest to a robot, the base while its own is unknown."""
+    at = robot.position
+    if at is None:
+        return world.base
+    return min(world.frames, key=lambda name: dist(world.frames[name].at, at))
