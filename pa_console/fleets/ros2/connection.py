@@ -1,6 +1,6 @@
 """The connection file: which robots there are, what they can do, and where their map lies.
 
-It is the YAML file that an address names, `ros2:tcp/HOST:PORT?robots=FILE`.
+It is the YAML file that an address names, `ros2:tcp/HOST:PORT#FILE`.
 """
 
 import cmath
@@ -9,7 +9,6 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, Self
-from urllib.parse import parse_qs
 
 from pydantic import Field, model_validator
 
@@ -110,20 +109,19 @@ class Ros2Address:
 
     @classmethod
     def parse(cls, address: str) -> Self:
-        """Return the parts of `tcp/HOST:PORT?robots=FILE`; raises ValueError with the remedy."""
-        locator, _, query = address.partition("?")
-        given = parse_qs(query, keep_blank_values=True)
+        """Return the parts of `tcp/HOST:PORT#FILE`; raises ValueError with the remedy."""
+        locator, _, name = address.rpartition("#")
+        if not locator or not name:
+            raise ValueError(
+                f"ros2:{address}: name the connection file after the locator: "
+                f"ros2:{locator or name or 'tcp/HOST:PORT'}#FILE (see 'pa-console manual ros2')"
+            )
         if _LOCATOR.fullmatch(locator) is None:
             raise ValueError(
                 f"ros2:{address}: {locator!r} is no Zenoh locator; write tcp/HOST:PORT or "
-                "tls/HOST:PORT, such as ros2:tcp/127.0.0.1:7447?robots=robots.yaml"
+                "tls/HOST:PORT, such as ros2:tcp/127.0.0.1:7447#robots.yaml"
             )
-        if set(given) != {"robots"} or not given["robots"][0]:
-            raise ValueError(
-                f"ros2:{address}: name the connection file, and nothing else, after the locator: "
-                f"ros2:{locator}?robots=FILE (see 'pa-console manual ros2')"
-            )
-        return cls(locator, Path(given["robots"][0]))
+        return cls(locator, Path(name))
 
     @property
     def exposed(self) -> bool:
@@ -200,7 +198,7 @@ class MapFit:
         middle = sum(there.values()) / len(there)
         target = sum(here.values()) / len(here)
         turned = sum((here[name] - target) * (there[name] - middle).conjugate() for name in on_map)
-        turn = cmath.phase(turned)
+        turn = math.atan2(turned.imag, turned.real)
         shift = target - cmath.rect(1.0, turn) * middle
         off = {
             name: abs(cmath.rect(1.0, turn) * there[name] + shift - here[name]) for name in on_map

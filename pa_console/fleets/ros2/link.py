@@ -409,7 +409,7 @@ class _Answer:
 
 
 def open_link(address: str, world: World, settings: Settings) -> Ros2Link:  # noqa: ARG001
-    """Return the link at `tcp/HOST:PORT?robots=FILE`, for the assets that the file names.
+    """Return the link at `tcp/HOST:PORT#FILE`, for the assets that the file names.
 
     Raises ValueError with the remedy for an address or a file that cannot be used, if nothing
     answers there, and if no layout is given and none can be seen.

@@ -190,7 +190,7 @@ def linked(
     """Yield the link to robots of a connection file, at a router on this machine."""
     path = folder / "robots.yaml"
     path.write_text(frames + text)
-    link = open_link(f"tcp/127.0.0.1:{port}?robots={path}", world, Settings())
+    link = open_link(f"tcp/127.0.0.1:{port}#{path}", world, Settings())
     try:
         yield Listener(link)
     finally:

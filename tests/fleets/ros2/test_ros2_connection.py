@@ -52,12 +52,11 @@ def test_an_error_names_file_line_and_field(
 @pytest.mark.parametrize(
     ("address", "said"),
     [
-        ("", "write tcp/HOST:PORT"),
-        ("10.0.0.4:7447", "is no Zenoh locator"),
-        ("tcp/10.0.0.4:7447", "name the connection file"),
-        ("tcp/10.0.0.4:7447?robots=", "name the connection file"),
-        ("tcp/10.0.0.4:7447?robots=a.yaml&map=b", "and nothing else"),
-        ("tcp/10.0.0.4:7447?robots=/none/there.yaml", "/none/there.yaml: No such file"),
+        ("", "ros2:tcp/HOST:PORT#FILE"),
+        ("10.0.0.4:7447#a.yaml", "'10.0.0.4:7447' is no Zenoh locator"),
+        ("tcp/10.0.0.4:7447", "ros2:tcp/10.0.0.4:7447#FILE"),
+        ("tcp/10.0.0.4:7447#", "ros2:tcp/10.0.0.4:7447#FILE"),
+        ("tcp/10.0.0.4:7447#/none/there.yaml", "/none/there.yaml: No such file"),
     ],
 )
 def test_an_address_that_cannot_be_used_names_the_remedy(
@@ -75,12 +74,12 @@ def test_a_router_that_is_not_there_is_named(
     path = tmp_path / "robots.yaml"
     path.write_text(GOOD)
     with pytest.raises(ValueError, match="Is a Zenoh router or zenoh-bridge-ros2dds running"):
-        open_link(f"tcp/127.0.0.1:{free_port()}?robots={path}", world, Settings())
+        open_link(f"tcp/127.0.0.1:{free_port()}#{path}", world, Settings())
 
 
 def test_only_what_stays_on_this_machine_may_be_unencrypted() -> None:
     def exposed(locator: str) -> bool:
-        return Ros2Address.parse(f"{locator}?robots=a").exposed
+        return Ros2Address.parse(f"{locator}#a").exposed
 
     assert exposed("tcp/10.0.0.4:7447")
     assert exposed("tcp/127x.example.org:7447")
