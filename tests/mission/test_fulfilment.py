@@ -7,6 +7,8 @@ from datetime import UTC, datetime
 from functools import cache
 
 import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 from pa_console.language.reading import read_asked
 from pa_console.llm.roles.role_model import PROMPT_FORMATS
@@ -327,6 +329,41 @@ def test_of_an_outcome_what_was_asked_is_not_read_again() -> None:
     assert accepts(anew.goes_on(OPENING), whole)
     unread = ask_about_outcome(compact, WORLD, replace(case, said="the plan is fine"))
     assert unread.grammar == anew.grammar
+
+
+PLACES = st.sampled_from([*WORLD.frames])
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.fixed_dictionaries(dict.fromkeys(WORLD.assets, PLACES)),
+    st.sampled_from(("drone", "vehicle", "robot")),
+    st.sampled_from([*WORLD.gates]),
+    st.dictionaries(st.sampled_from([*WORLD.assets]), PLACES, min_size=2, max_size=4),
+)
+def test_two_moves_never_match_an_order_that_one_would_serve(
+    layout: dict[str, str], kind: str, gate: str, sent: dict[str, str]
+) -> None:
+    setup = tuple(PlaceAsset(asset=name, frame=at) for name, at in layout.items())
+    made = moves(*(f"{name} move_to {at}" for name, at in sent.items()), setup=setup)
+    assume(len(made.moved) > 1)
+    asked = {"drone": "uav", "vehicle": "ugv", "robot": "robot"}[kind]
+    one_will_do = any(
+        asset.kind == asked and name not in made.alone and asset.post != gate
+        for name, asset in made.before.assets.items()
+    )
+    assert found(f"1 {kind} to {gate}", made) or not one_will_do
+
+
+def test_a_guard_leaves_its_gate_only_if_nobody_is_free() -> None:
+    plan = moves("Drone_T02 move_to EastGate", "Drone_T04 move_to NorthGate")
+    assert found("1 drone to EastGate", plan) == (
+        "Drone_T02 leaves NorthGate though Drone_T04 is free",
+    )
+    assert found("Drone_T02 to EastGate", plan) == ()
+    away = (PlaceAsset(asset="Drone_T04", frame="EastGate"), FailAsset(asset="Drone_T04"))
+    relay = moves("Drone_T02 move_to EastGate", "Ugv_T02 move_to NorthGate", setup=away)
+    assert found("1 drone to EastGate", relay) == ()
 
 
 def test_what_the_console_cannot_read_is_left_to_the_model() -> None:

@@ -1,6 +1,8 @@
 """From what was understood of an order the console knows the commands that serve it."""
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from pa_console.language.reading import read_asked
 from pa_console.llm.roles.grammar import CommandSlot, slot_grammar
@@ -213,6 +215,39 @@ def test_a_drone_looks_before_a_robot_identifies() -> None:
         "Drone_T04 observe EastGate",
         "Robot_T01|Robot_T02 identify EastGate",
     ]
+
+
+KINDS = {"drone": "uav", "vehicle": "ugv", "robot": "robot"}
+placed = st.fixed_dictionaries(dict.fromkeys(WORLD.assets, st.sampled_from([*WORLD.frames])))
+incidents = st.lists(
+    st.builds(FailAsset, asset=st.sampled_from([*WORLD.assets]))
+    | st.builds(SetBattery, asset=st.sampled_from([*WORLD.assets]), percent=st.just(15.0)),
+    max_size=3,
+)
+
+
+@settings(deadline=None, max_examples=50)
+@given(placed, incidents, st.sampled_from([*KINDS]), st.sampled_from([*WORLD.gates]))
+def test_nobody_else_moves_where_one_asset_will_do(
+    layout: dict[str, str], broken: list[Incident], kind: str, gate: str
+) -> None:
+    setup = [*(PlaceAsset(asset=name, frame=at) for name, at in layout.items()), *broken]
+    picture = settled(WORLD, setup=setup).picture
+    alone = {cover.by[0] for cover in picture.gates.values() if len(cover.by) == 1}
+    one_will_do = any(
+        asset.available
+        and not asset.low_battery
+        and asset.kind == KINDS[kind]
+        and name not in alone
+        and asset.post != gate
+        for name, asset in picture.assets.items()
+    )
+    reading = read_asked(f"asked: 1 {kind} to {gate}")
+    assert reading is not None
+    for given_to in commands_serving(reading, WORLD, picture):
+        assert sum(slot.verb not in ("hold", "report") for slot in given_to) <= 1
+    first = next(iter(commands_serving(reading, WORLD, picture)))
+    assert (first[0].command == f"move_to {gate}") == one_will_do
 
 
 @pytest.mark.parametrize("number", range(4))

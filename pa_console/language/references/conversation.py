@@ -79,6 +79,7 @@ _ENCOUNTER = frozenset(_WORDS["encounter"])
 """The verbs whose object is a contact, never one of the assets."""
 _SAME_ELSEWHERE = _WORDS["same_elsewhere"]
 _ONWARDS = _WORDS["onwards"]
+_AND_THEN = frozenset(_WORDS["and_then"])
 _DONE = frozenset(_WORDS["done"])
 _STEADY = frozenset(_WORDS["steady"])
 """The words beside places, *next* and *done* in an order to go on."""
@@ -148,7 +149,7 @@ class _Turn:
             found = way() if self._moves else None
             if found is not None:
                 return found
-        return self._pronouns()
+        return self._asked_too() or self._pronouns()
 
     # ---------------------------------------------------------------- what is said
 
@@ -225,6 +226,18 @@ class _Turn:
 
     # ---------------------------------------------------------------- whole orders
 
+    def _asked_too(self) -> ResolvedOrder | None:
+        """Resolve *And Ugv_T02?* after a question about another asset."""
+        rest = [word for at, word in enumerate(self._words) if not self._is_named(at)]
+        if not (self._scene.asked_about and self._asked and rest[-1:] == ["?"]):
+            return None
+        if {*rest} - _AND_THEN:
+            return None
+        return self._whole(_sentence([f"{name} reports" for name in self._asked]))
+
+    def _is_named(self, at: int) -> bool:
+        return any(one.at <= at < one.end for one in self._assets)
+
     def _whole(self, order: str, *, undoes: bool = False, corrects: bool = False) -> ResolvedOrder:
         return ResolvedOrder(order, ((self._text.strip(), order),), undoes, corrects)
 
@@ -282,6 +295,9 @@ class _Turn:
         """Resolve *same for Robot_T02* and *same for north*."""
         elsewhere = self._has(*_SAME_ELSEWHERE)
         same = bool(_SAME & set(self._words)) or bool(self._has("as well")) or bool(elsewhere)
+        after = [self._words[at + 1] for at, word in enumerate(self._words[:-1]) if word == "same"]
+        if any(map(self._scene.members, after)):
+            return None
         if not same or not self._short or self._does or self._has(*_THERE):
             return None
         asked, wanted = self._asked, self._wanted
@@ -407,12 +423,12 @@ class _Turn:
             return None
         agents = [name for name in self._asked if name in {m.agent for m in self._scene.moved}]
         if not agents:
+            if not self._has(*_IT, *_THEM, *_THEY):
+                return None
             meant = self._they() if self._has(*_THEM, *_THEY) else self._it()
             if isinstance(meant, Unclear):
                 return meant
             agents = meant
-        if not agents or not (self._asked or self._has(*_IT, *_THEM, *_THEY)):
-            return None
         orders = self._returns(agents)
         return self._whole(_sentence(orders)) if orders else None
 

@@ -95,6 +95,10 @@ class _DescriptionParser:
         """True if the noun is *one*, which may be a visitor as well as an asset."""
         self._nameless = False
         """True if the noun is *one*, or left out."""
+        self._demonstrative = False
+        """True if its determiner is *the*, *this* or *that*."""
+        self._team: frozenset[str] = frozenset()
+        """The assets of the kind that its noun is."""
         self._other = False
         """True if it leaves out what was picked or mentioned before."""
         self._group: Group | None = None
@@ -106,7 +110,9 @@ class _DescriptionParser:
         ways = (self._possessive, self._pronoun, self._one_of_two, self._noun_phrase)
         if not any(way() for way in ways):
             return None
-        if not told.describes or (not self._definite and told.ranking is None):
+        if not told.describes and not self._spoken_of():
+            return None
+        if not self._definite and told.ranking is None:
             return None
         if self._idle_only and (self._number == 0 or self._bare):
             return None  # who is free is the planner's to choose
@@ -163,6 +169,16 @@ class _DescriptionParser:
         reader = Reader(self.reader.tokens, self._first)
         after = reader.word(-1) in (",", "-", "–", "(") and reader.word() == "whichever"
         return after and self._group is not None and self._group.choice and not self._group.leading
+
+    def _spoken_of(self) -> bool:
+        """Read *the drone* as the one that the order, or else one of the last missions, is about.
+
+        False where none was spoken of: then any drone will do.
+        """
+        if not self._demonstrative or self._number != 1 or not self._team:
+            return False
+        about = self._groups.spoken_of(self._team)
+        return bool(about) and self._told.say(lambda _, name: name in about)
 
     @property
     def _idle_only(self) -> bool:
@@ -289,8 +305,9 @@ class _DescriptionParser:
             self._count()
         elif reader.take_in(words.FREE_CHOICE):
             self._any = self._definite = True
-        elif reader.take_in(words.DEFINITE):
+        elif determiner := reader.take_in(words.DEFINITE):
             self._definite = True
+            self._demonstrative = determiner in ("the", "this", "that")
             self._count()
         elif reader.word() in words.INDEFINITE:
             reader.at += 1
@@ -331,7 +348,7 @@ class _DescriptionParser:
             reader.at += 1
             self._number = number
         else:
-            return bool(reader.take("only", "single", "own", "very")) or self._state()
+            return bool(reader.take("only", "single", "own", "very", "same")) or self._state()
         return True
 
     def _state(self) -> bool:
@@ -379,6 +396,7 @@ class _DescriptionParser:
         self._vague = self._nameless = single == "one"
         if word.endswith("s") and self._number == 1:
             self._number = 0
+        self._team = team
         if team:
             told.traits.append(lambda _, name: name in team)
         elif single == "guard":

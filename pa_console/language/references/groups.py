@@ -5,7 +5,7 @@ names or a plural noun; *the one that*, *whichever*, *the latter*, *the other on
 set that was introduced last.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -21,6 +21,8 @@ DETERMINERS = _WORDS["determiners"]
 _ONE_OF = _WORDS["one_of"]
 _JOINTS = (*_WORDS["joints"], ",", "/", "&")
 _ORDINALS = {word: place for place, word in enumerate(_WORDS["ordinals"])}
+_MEMORY = 2
+"""The number of missions of which *the drone* may be the one that was sent."""
 _CLAUSE = frozenset(_WORDS["clause"])
 
 
@@ -71,6 +73,15 @@ class SentenceGroups:
         """The last set of which something has been picked, and something is left."""
         picked = (g for g in reversed(self.opened) if 0 < len(g.picked) < len(g.members))
         return next(picked, None)
+
+    def spoken_of(self, team: Collection[str]) -> frozenset[str]:
+        """Return who of a `team` was spoken of last: in the order, or in the last two missions."""
+        past = [mission for mission in self.scene.past if not mission.undid]
+        turns = ({move.agent for move in mission.moves} for mission in past[: -_MEMORY - 1 : -1])
+        return next(
+            (frozenset(found) for turn in (self.named, *turns) if (found := turn & {*team})),
+            frozenset(),
+        )
 
     def begins_clause(self, at: int) -> bool:
         """Return whether a clause begins at token `at`."""

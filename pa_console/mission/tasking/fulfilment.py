@@ -63,8 +63,35 @@ def _there(case: PlanForOrder, ask: Ask) -> Iterator[str]:
         left = [name for name in spare if case.moves.ends(name) != place]
         if left:
             yield f"{', '.join(left)} not sent to {place}"
-    elif ask.task == "go" and sent > wanted and (team.kind != "uav" or case.others_stay):
+    elif ask.task == "go" and sent > wanted and not _may_be_looking(case, ask):
         yield f"{sent} instead of {wanted} {word} to {place}"
+
+
+def _may_be_looking(case: PlanForOrder, ask: Ask) -> bool:
+    """Return whether one drone more may go to the place of `ask` for another reason (WF-02)."""
+    flies = ask.who.kind == "uav" and not case.others_stay
+    besides = any(other.place == ask.place for other in case.due if other != ask)
+    return flies and (besides or bool(case.moves.tracks(ask.place)))
+
+
+def _needless(case: PlanForOrder, ask: Ask) -> Iterator[str]:
+    """Yield who leaves a gate for `ask`, so that another one has to come, though one is free."""
+    if ask.who.names or ask.task not in ("go", "look", "cover", "relieve"):
+        return
+    moves, place = case.moves, post_of(case.moves, ask)
+    kind: AssetKind | None = "uav" if ask.task == "look" else ask.who.kind
+    named = {name for each in case.due for name in (*each.who.names, each.leaving)}
+    free = [
+        name
+        for name in moves.free(kind)
+        if moves.post(name) != place
+        and (name not in moves.moved or moves.takes_over(name))
+        and is_of(moves, name, ask)
+        and not unfit(name, ask, moves.world, moves.before)
+    ]
+    for name in moves.sent(place, kind):
+        if free and name in moves.alone and name not in named:
+            yield f"{name} leaves {moves.post(name)} though {free[0]} is free"
 
 
 def _is_left(moves: PlanMoves, name: str) -> bool:
@@ -234,7 +261,9 @@ def gaps(moves: PlanMoves, reading: Reading) -> tuple[str, ...]:
     due = [ask for ask in reading.asks if not obstacle_to(ask, moves.world, moves.before)]
     vain = {w.place for w in reading.asks if w not in due and w.task in _MEETS}
     case = PlanForOrder(moves, tuple(due), reading.others_stay, frozenset(vain))
-    lacking = [text for ask in due for text in FIND_GAPS[ask.task](case, ask)]
+    lacking = [
+        text for ask in due for text in (*FIND_GAPS[ask.task](case, ask), *_needless(case, ask))
+    ]
     unmet = [
         f"nobody sent to deal with {ask.place}"
         for ask in due
