@@ -14,7 +14,7 @@ from pa_console.language.clauses import ASKED, NOTHING, NOWHERE, OTHERS_STAY
 from pa_console.language.exclusions import excluded_names
 from pa_console.language.facts import is_free, sole_covers
 from pa_console.language.lexicon import any_of
-from pa_console.language.mentions import Mention, Sort, find_mentions
+from pa_console.language.mentions import Mention, Sort, find_mentions, without_quotations
 from pa_console.language.name_linking import WORD, link_names
 from pa_console.language.order import KIND_FOR, TASK_OF, Ask, Reading, Task, Who
 from pa_console.language.order_steps import unkept_steps
@@ -267,7 +267,9 @@ class _OrderWords:
     def __init__(
         self, world: World, picture: Picture, text: str, mentions: Sequence[Mention]
     ) -> None:
-        self._world, self._picture, self._text = world, picture, text.lower()
+        self._world, self._picture = world, picture
+        self._text = without_quotations(text).lower()
+        mentions = [one for one in mentions if not one.quoted]
         self._names = {one.means for one in mentions if one.sort in ("place", "asset", "track")}
         self._placed = any(one.sort == "place" for one in mentions)
         self._kinds = {one.means for one in mentions if one.sort == "kind"}

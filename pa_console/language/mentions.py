@@ -55,6 +55,8 @@ _OWN = frozenset(word_lists("mentions")["own"])
 _CAR = re.compile(r"(?:cars?|trucks?|vehicles?)")
 _WORD = re.compile(r"[^\W_][\w-]*", re.UNICODE)
 _QUOTED = re.compile(r"\"[^\"]*\"|“[^”]*”|```.*?```|(?<!\w)'[^']{3,}'(?!\w)|<[^<>]*>")
+_MOST_QUOTED = 3
+"""Words in quotation marks that may still be a name: "the east gate"."""
 _CLAUSE = re.compile(r"[^.!?;,\n]+(?:\.(?=\w)[^.!?;,\n]*)*")
 _TOLD = re.compile(any_of("mentions", "told") + r"|['’](?:s|re|ve)\b", re.IGNORECASE)
 _REQUEST = re.compile(any_of("mentions", "request") + r"|['’]d like", re.IGNORECASE)
@@ -94,6 +96,8 @@ class Mention(NamedTuple):
     """The tasks that a verb goes with."""
     supports: frozenset[Task] = frozenset()
     """The tasks that a verb means."""
+    quoted: bool = False
+    """True in a quotation of several words: what is quoted is no part of the order."""
 
 
 class _MentionClause(NamedTuple):
@@ -118,6 +122,15 @@ def find_mentions(world: World, text: str, tracks: Iterable[str] = ()) -> tuple[
     """
     finder = _Finder(world, tracks)
     return tuple(dict.fromkeys(finder.find(link_names(world, text))))
+
+
+def without_quotations(text: str) -> str:
+    """Return `text` without its quotations of several words."""
+    return _QUOTED.sub(lambda found: " " if _is_quotation(found[0]) else found[0], text)
+
+
+def _is_quotation(quoted: str) -> bool:
+    return len(_WORD.findall(quoted)) > _MOST_QUOTED
 
 
 def speaks_of_site(world: World, text: str) -> bool:
@@ -153,7 +166,8 @@ class _Finder:
 
     def find(self, text: str) -> Iterator[Mention]:
         for clause in _clauses(text):
-            yield from self._of(clause)
+            quoted = clause.quoted and _is_quotation(clause.text)
+            yield from (one._replace(quoted=quoted) for one in self._of(clause))
 
     def _of(self, clause: _MentionClause) -> Iterator[Mention]:
         words = [(found[0], found.start()) for found in _WORD.finditer(clause.text)]

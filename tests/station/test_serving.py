@@ -264,9 +264,9 @@ def _is_served(proven: Proven, now: Situation, rulebook: Rulebook) -> bool:
         f"asked: {canonical_order(proven.order, now.world, now.picture, now.digest)}"
     )
     assert reading is not None
-    for given in commands_serving(reading, now.world, now.picture):
+    for slots_given in commands_serving(reading, now.world, now.picture):
         chosen: dict[str, str] = {}
-        for slot in given:
+        for slot in slots_given:
             chosen[next(name for name in slot.agents if name not in chosen)] = slot.command
         actions = tuple(Action(agent=name, command=said) for name, said in chosen.items())
         made = Plan(reason="r", actions=actions)

@@ -77,11 +77,9 @@ class SentenceGroups:
     def spoken_of(self, team: Collection[str]) -> frozenset[str]:
         """Return who of a `team` was spoken of last: in the order, or in the last two missions."""
         past = [mission for mission in self.scene.past if not mission.undid]
-        turns = ({move.agent for move in mission.moves} for mission in past[: -_MEMORY - 1 : -1])
-        return next(
-            (frozenset(found) for turn in (self.named, *turns) if (found := turn & {*team})),
-            frozenset(),
-        )
+        turns = [{move.agent for move in mission.moves} for mission in past[: -_MEMORY - 1 : -1]]
+        found = (frozenset(team) & turn for turn in (self.named, *turns))
+        return next(filter(None, found), frozenset[str]())
 
     def begins_clause(self, at: int) -> bool:
         """Return whether a clause begins at token `at`."""

@@ -40,6 +40,9 @@ ANY = sent("Put a robot at SouthGate.", ("Robot_T01", "Checkpoint", "SouthGate")
         ("Do the same at north with Ugv_T02.", "Ugv_T02 to NorthGate."),
         ("Who is at the west gate? Warn him.", "Who is at the west gate? Warn him."),
         ("East is clear now.", "East is clear now."),
+        ("Bring the drone home.", "Bring Drone_T04 home."),
+        ("Send the same drone to the south gate.", "Send Drone_T04 to SouthGate."),
+        ("Send the robot to the south gate.", "Send the robot to the south gate."),
         ("Now the north gate is quiet and the south gate too.",
          "Now the north gate is quiet and the south gate too."),
     ],
@@ -136,6 +139,16 @@ def test_it_is_whom_the_last_question_was_about() -> None:
     status = PastMission("How is Ugv_T02?", (Move("Ugv_T02", "report", before="Checkpoint"),))
     where = scene(*standing(DRONE), past=[DRONE, status])
     assert read("Then send it to the west gate.", where) == "Then send Ugv_T02 to WestGate."
+    assert read("And Robot_T01?", where) == "Robot_T01 reports."
+
+
+def test_the_robot_is_one_that_was_spoken_of_or_it_is_asked_which() -> None:
+    where = scene(*standing(DRONE, ROBOTS), past=[DRONE, ROBOTS])
+    assert asked("The robot comes home.", where).choices == ("Robot_T01", "Robot_T02")
+    assert read("The drone comes home.", where) == "Drone_T04 comes home."
+    named = "Robot_T02 is low, bring the robot home."
+    assert read(named, where) == "Robot_T02 is low, bring Robot_T02 home."
+    assert read("Send the drone home.", scene()) == "Send the drone home."
 
 
 def test_it_is_asked_where_there_is_after_two_places() -> None:
