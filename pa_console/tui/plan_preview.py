@@ -7,8 +7,8 @@ from bisect import bisect_right
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
-from math import atan2, degrees
+from itertools import pairwise, takewhile
+from math import atan2, degrees, dist
 
 from pa_console.schema.base import Point
 from pa_console.schema.plan import Action, Plan
@@ -88,6 +88,16 @@ class PlanPreview:
         """Return when an agent is where it is sent, else when its command ends; None: never."""
         motion = self.rehearsal.motion
         return motion.arrived_s.get(agent, motion.ended_s.get(agent))
+
+    def departure_s(self, agent: str) -> float:
+        """Return when an agent sets out: at once, unless its first action comes after others."""
+        first = next((action for action in self.plan.actions if action.agent == agent), None)
+        way = self.ways.get(agent, ())
+        if first is None or not first.after or not way:
+            return 0.0
+        start = way[0][1:]
+        waits = takewhile(lambda point: dist(point[1:], start) < MOVED_M, way)
+        return max(time_s for time_s, *_ in waits)
 
     def finished(self, agent: str) -> bool:
         """Return whether an agent's command ended as done."""

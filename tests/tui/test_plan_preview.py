@@ -125,6 +125,26 @@ def test_the_schedule_tells_who_goes_when_and_how_many_guards_a_gate_has() -> No
     assert counts == {"North": ["1", "0"], "East": ["1", "2", "3"], "West": ["1", "2"]}
 
 
+def test_who_waits_for_others_sets_out_later_on_the_schedule() -> None:
+    given = compound.rehearsal()
+    ways, actions = given.motion.trajectories, compound.PLAN.actions
+    goes = [number for number, action in enumerate(actions) if action.agent in ways]
+    waits, other = actions[goes[0]], actions[goes[1]]
+    assert waits.agent != other.agent
+    ordered = (
+        *actions[: goes[0]],
+        waits.model_copy(update={"after": (goes[1] + 1,)}),
+        *actions[goes[0] + 1 :],
+    )
+    plan = compound.PLAN.model_copy(update={"actions": ordered})
+    start, end = ways[waits.agent][0], ways[waits.agent][-1]
+    way = (start, (3.0, *start[1:]), end)
+    motion = given.motion.model_copy(update={"trajectories": {**ways, waits.agent: way}})
+    shown = PlanPreview(WORLD, plan, given.model_copy(update={"motion": motion}))
+    bars = {line.plain.split()[0]: line.plain for line in schedule_lines(shown, 60)}
+    assert bars[waits.agent].index("━") > bars[other.agent].index("━")
+
+
 def test_a_schedule_points_at_the_moment_that_is_played() -> None:
     at = [schedule_lines(lost(), 60, now)[0].plain.index("▼") for now in (0.0, 5.0, 18.0)]
     assert at == sorted(set(at))

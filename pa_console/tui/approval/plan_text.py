@@ -32,8 +32,8 @@ _DIGITS = 9
 def schedule_lines(preview: PlanPreview, width: int, now_s: float | None = None) -> list[Content]:
     """Return the chart, `width` cells wide: a time axis, a bar an agent, a line a gate.
 
-    A bar is thick while its agent goes and thin while it works there. A gate's line tells
-    the number of its guards. With `now_s` the axis points at that moment.
+    A bar begins when its agent sets out; it is thick on the way and thin at work. A gate's line
+    tells the number of its guards. With `now_s` the axis points at that moment.
     """
     agents = [a for a in dict.fromkeys(preview.plan.agents) if a in preview.ways]
     agents.sort(key=lambda name: preview.arrival_s(name) or 0.0)
@@ -87,10 +87,11 @@ class _Chart:
         ended_s = motion.ended_s.get(agent, preview.duration_s)
         arrived_s = motion.arrived_s.get(agent, ended_s)
         there, end = self._column(arrived_s), self._column(ended_s)
+        leaves = min(self._column(preview.departure_s(agent)), there)
         done = preview.finished(agent)
         mark = (_DONE, GOOD) if done else (_FAILS, BAD)
-        bar = (_GOES * there, CALM), (_WORKS * (end - there), CALM), mark
-        return Content.assemble(*bar, " " * (self._columns - end - 1))
+        bar = (_GOES * (there - leaves), CALM), (_WORKS * (end - there), CALM), mark
+        return Content.assemble(" " * leaves, *bar, " " * (self._columns - end - 1))
 
     def guards(self, gate: str) -> Content:
         """Return how many guards a gate has in each column."""
