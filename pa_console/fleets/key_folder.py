@@ -212,8 +212,8 @@ class KeyFolder:
             key = _key_of(name, roster)
             people = {each: its for each, its in roster.people.items() if its.key != key}
             stations = {each: its for each, its in roster.stations.items() if its != key}
-            self._sign(owner, replace(roster, people=people, stations=stations))
             self._revoke(owner, trust, key)
+            self._sign(owner, replace(roster, people=people, stations=stations))
             if trust.takeover.person == name and trust.takeover.station in stations.values():
                 self._take_over(roster.station_of(trust.takeover.station))
 
@@ -237,8 +237,8 @@ class KeyFolder:
                 self._load("station", name)
                 key = public_of(self._make("station", name))
                 roster = replace(roster, stations={**roster.stations, name: key})
-            self._sign(owner, roster)
             self._revoke(owner, trust, before)
+            self._sign(owner, roster)
             if again and commanding:
                 self._take_over(commanding)
 
@@ -306,6 +306,12 @@ class KeyFolder:
         self._keep("roster", sign_roster(owner, replace(roster, serial=serial, epoch=epoch)))
 
     def _revoke(self, owner: Ed25519PrivateKey, trust: Trust, key: str) -> None:
+        """Revoke `key`, which is taken out of the roster only then.
+
+        A change that is interrupted in between can be made again, as the roster still has the key.
+        The epoch goes into the roster first: a takeover that the key has signed counts no more.
+        """
+        self._sign(owner, trust.roster)
         keys = sorted(trust.revoked | {key})
         self._keep("revocation", sign_revocation(owner, trust.revocation + 1, keys))
 

@@ -150,7 +150,9 @@ class UnclosedSession:
 class ResumedSession:
     """A session as it was at its last record: its world, alarms and sightings, brought back.
 
-    `stops` counts the stops so far. No standing order goes on.
+    `stops` counts the stops so far, with one that a killed console may have sent before its log had
+    it: a stop waits for no disk, and a vehicle takes no command whose id it knows. No standing
+    order goes on.
     """
 
     before: UnclosedSession
@@ -205,8 +207,10 @@ def resume(found: UnclosedSession, world: World, scenario: Scenario | None) -> R
         while fleet.tick < event.tick:
             fleet.step()
         match event.data:
-            case ev.SessionStarted() | ev.SessionResumed():
+            case ev.SessionStarted():
                 first = True
+            case ev.SessionResumed():
+                first, stops = True, stops + 1
             case ev.IncidentHappened(source="operator", incident=incident):
                 fleet.inject(incident)
             case ev.CommandSent(command=command):
@@ -231,4 +235,4 @@ def resume(found: UnclosedSession, world: World, scenario: Scenario | None) -> R
                 alarms.acknowledge(name, "operator")
             case _:
                 pass
-    return ResumedSession(found, fleet, alarms, sightings, stops)
+    return ResumedSession(found, fleet, alarms, sightings, stops + 1)

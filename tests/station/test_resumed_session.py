@@ -143,7 +143,8 @@ async def test_a_stop_stays_latched_and_the_next_one_is_heeded(site: Site, tmp_p
         return len(again) == len(site.world.assets)
 
     await _go_on(station, found.log, step)
-    assert {name.partition(".")[0] for name in again} == {"stop2"}
+    # A killed console may have sent stop2 before its log had it: a vehicle would not heed it twice.
+    assert {name.partition(".")[0] for name in again} == {"stop3"}
 
 
 async def test_a_new_mission_has_an_id_of_its_own(site: Site, tmp_path: Path) -> None:
