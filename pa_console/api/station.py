@@ -211,6 +211,20 @@ class Station:
         """
         self._station.change_standing(order_id, change)
 
+    def take_manual(self, asset: str) -> None:
+        """Take manual control of an asset: nothing but a stop's hold is sent to it.
+
+        Raises ValueError for an unknown one, and for one that is taken.
+        """
+        self._station.manual.take(asset, by="program")
+
+    def end_manual(self, asset: str) -> None:
+        """Give an asset back, by which it does not move; missions that awaited it are queued.
+
+        Raises ValueError where nobody has taken it.
+        """
+        self._station.manual.end(asset, by="program")
+
     def stop_all(self) -> None:
         """Send every asset a hold, now; no mission is taken until `release`."""
         self._station.stop_all(by="program")

@@ -311,6 +311,26 @@ def _add_commands(app: FastAPI, session: ServedSession) -> None:
         """Revoke a standing order, let it pause or go on, or let it skip its next moment."""
         session.change_standing(who, name, change)
 
+    @app.post(
+        "/v1/assets/{id}/manual",
+        tags=["assets"],
+        status_code=204,
+        responses={404: {"model": ProblemDetails}},
+    )
+    async def take_manual(who: Commanding, name: Annotated[str, Path(alias="id")]) -> None:
+        """Take manual control of an asset: nothing but a stop's hold is sent to it."""
+        session.change_manual(who, name, take=True)
+
+    @app.delete(
+        "/v1/assets/{id}/manual",
+        tags=["assets"],
+        status_code=204,
+        responses={404: {"model": ProblemDetails}},
+    )
+    async def end_manual(who: Commanding, name: Annotated[str, Path(alias="id")]) -> None:
+        """Give an asset back; the missions that awaited it are queued, for an approval each."""
+        session.change_manual(who, name, take=False)
+
     @app.post("/v1/stop", tags=["stop"], status_code=204)
     async def stop(who: Stopping) -> None:
         """STOP: every asset is told to hold. It needs no body and is never too often."""

@@ -343,6 +343,17 @@ class ServedSession:
         with _refused("not-changed", "change"):
             self.station.change_standing(name, change, bearer.person)
 
+    def change_manual(self, bearer: Bearer, asset: str, *, take: bool) -> None:
+        """Take manual control of an asset in the bearer's name, or give it back."""
+        if asset not in self.station.world.assets:
+            raise ProblemError(
+                404, "no-such-asset", f"there is no asset {asset!r}", field="id",
+                remedy=f"known: {', '.join(self.station.world.assets)}",
+            )  # fmt: skip
+        manual = self.station.manual
+        with _refused("not-changed", "id"):
+            (manual.take if take else manual.end)(asset, bearer.person)
+
     def cancel(self, name: str) -> None:
         """Cancel the mission with the id `name`, or take it out of the queue."""
         self.mission(name)

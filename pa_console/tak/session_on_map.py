@@ -162,6 +162,8 @@ def asset_words(asset: AssetTelemetry, now_s: float) -> str:
         words.append(f"posted to {asset.post}")
     if asset.status != "ok":
         words.append(asset.status)
+    if asset.manual:
+        words.append("under manual control")
     if asset.low_battery:
         words.append("battery low")
     if asset.comms != "ok":

@@ -10,6 +10,7 @@ from time import monotonic
 from pa_console.language.plain_words import plain_reading
 from pa_console.language.questions import Question
 from pa_console.schema.events import event as ev
+from pa_console.schema.telemetry import AssetTelemetry
 from pa_console.schema.text import clock_text, count
 from pa_console.session.state import MissionTrace, Notice, SessionState
 from pa_console.session.wording import link_in_words, links_in_words, order_in_words
@@ -32,6 +33,8 @@ def status_lines(state: SessionState) -> list[str]:
             f"gates not covered: {', '.join(uncovered)}" if uncovered else "all gates covered"
         )
         lines += links_in_words(picture)
+        driven = [f"{a.id} ({_by_hand(a, state)})" for a in picture.assets.values() if a.manual]
+        lines += [f"MANUAL, nothing is sent to: {', '.join(driven)}"] if driven else []
     if state.stop is not None:
         held, open_ = state.stop.held, state.stop.unconfirmed
         named = [
@@ -70,8 +73,15 @@ def asset_lines(state: SessionState) -> list[str]:
         f"{asset.status}, battery {asset.battery_pct:.0f} %, link {asset.comms}"
         f"{f' {over}' if (over := link_in_words(asset.id, state.picture.links)) else ''}"
         f"{', report is old' if asset.stale else ''}"
+        f"{f', MANUAL, {_by_hand(asset, state)}' if asset.manual else ''}"
         for asset in state.picture.assets.values()
     ]
+
+
+def _by_hand(asset: AssetTelemetry, state: SessionState) -> str:
+    """Return who says that an asset is under manual control."""
+    taken = state.manual.get(asset.id)
+    return f"taken by {taken.by}" if taken is not None else "by its own report"
 
 
 def alarm_lines(state: SessionState) -> list[str]:

@@ -150,7 +150,7 @@ class ConsoleApp(App[None]):
         kept = Favourites(favourites or favourites_file())
         self.controllers = Controllers(
             browsing=browsing,
-            composing=ComposingController(session, browsing, user, kept),
+            composing=ComposingController(session, browsing, commands, user, kept),
             replay=ReplayController(session),
             commands=commands,
             approval=approval,

@@ -124,6 +124,8 @@ class Reliance:
         state = self.report(asset)
         if asset.status == "failed":
             return term("asset", "failed")
+        if state == "fresh" and asset.manual:
+            return term("asset", "manual")
         if state == "fresh":
             return term("asset", asset.status if asset.available else "down")
         mark = term("report", state)
@@ -134,10 +136,13 @@ class Reliance:
     def rank(self, asset: AssetTelemetry) -> int:
         """Return how urgent an asset is; the most urgent is 0."""
         state = self.report(asset)
-        if asset.status == "failed" or (state == "fresh" and not asset.available):
+        down = not (asset.available or asset.manual)
+        if asset.status == "failed" or (state == "fresh" and down):
             return 0
         if state != "fresh":
             return {"suspect": 1, "silent": 2, "stale": 3}[state]
+        if asset.manual:
+            return 4
         if asset.low_battery:
             return 4
         return FINE if (asset.status, asset.comms) == ("ok", "ok") else 5

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections.abc import Iterator
 from datetime import datetime
 from typing import Annotated, Any
 
@@ -46,8 +47,18 @@ class StandingView(BaseModel):
     paused: bool
 
 
+class ManualView(BaseModel):
+    """An asset under manual control: who took it, '' where it reports so by itself."""
+
+    asset: str
+    by: str
+
+
 class StateView(BaseModel):
-    """The session as it stands after the event with the number `event`."""
+    """The session as it stands after the event with the number `event`.
+
+    `awaiting` are the missions that await assets under manual control, with those.
+    """
 
     session: str
     event: int
@@ -64,6 +75,8 @@ class StateView(BaseModel):
     queue: tuple[QueueEntry, ...]
     alarms: tuple[AlarmView, ...]
     standing: tuple[StandingView, ...]
+    manual: tuple[ManualView, ...]
+    awaiting: dict[str, tuple[str, ...]]
     picture: Picture | None
     ended: str
 
@@ -154,9 +167,19 @@ def state_view(state: SessionState, number: int) -> StateView:
         queue=state.queue,
         alarms=tuple(AlarmView.model_validate(item) for item in state.alarms),
         standing=tuple(_standing(trace) for trace in state.standing.values() if trace.in_force),
+        manual=tuple(_manual(state)),
+        awaiting=dict(state.awaiting),
         picture=state.picture,
         ended=state.ended,
     )
+
+
+def _manual(state: SessionState) -> Iterator[ManualView]:
+    """Yield the assets that were taken, then those that report manual control by themselves."""
+    yield from (ManualView(asset=name, by=trace.by) for name, trace in state.manual.items())
+    for name, asset in state.picture.assets.items() if state.picture is not None else ():
+        if asset.manual and name not in state.manual:
+            yield ManualView(asset=name, by="")
 
 
 def _standing(trace: StandingTrace) -> StandingView:

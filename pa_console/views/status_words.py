@@ -67,6 +67,7 @@ STATUSES: dict[str, Status] = {
     "asset.degraded": Status("◐", "degraded", "warn"),
     "asset.failed": Status("✘", "FAILED", "bad"),
     "asset.down": Status("✘", "DOWN", "bad"),
+    "asset.manual": Status("⊕", "MANUAL", "warn"),
     "comms.ok": Status("●", "ok", "good"),
     "comms.degraded": Status("◐", "weak", "warn"),
     "comms.lost": Status("✘", "LOST", "bad"),

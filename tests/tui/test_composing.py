@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from textual.pilot import Pilot
 
 from pa_console.schema.document import DocumentError
+from pa_console.schema.events.event import ManualControlTaken
 from pa_console.session.recording import Player
 from pa_console.settings.sources import load_settings
 from pa_console.tui.app import ConsoleApp
@@ -422,6 +423,29 @@ async def test_a_row_of_the_table_opens_the_card_and_enter_twice_sends_nothing(s
         await pilot.pause()
         assert station.submitted == []
         assert isinstance(app.screen, MainScreen)
+
+
+async def test_manual_control_is_taken_and_given_back_by_a_key_of_the_card(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, station, _):
+        await pilot.press("f3")
+        app.screen.query_one(AssetTable).point_at("Drone_T04")
+        await pilot.press("enter")
+        await pilot.pause()
+        await pilot.press("m")
+        await pilot.pause()
+        assert station.submitted == ["Take over Drone_T04."]
+        station.emit(ManualControlTaken(asset="Drone_T04", by="operator"), mission=None)
+        await settle(pilot, station)
+        await pilot.press("enter")
+        await pilot.pause()
+        card = app.screen
+        assert isinstance(card, Card)
+        assert "MANUAL, taken by operator" in card._lines  # pyright: ignore[reportPrivateUsage]
+        offered = [choice.name for choice in card._choices]  # pyright: ignore[reportPrivateUsage]
+        assert offered == ["Follow on the map", "Give back (m)"]
+        await pilot.press("m")
+        await pilot.pause()
+        assert station.submitted[1:] == ["Give Drone_T04 back."]
 
 
 async def test_the_right_button_opens_a_menu_even_while_a_slot_is_open(show: Show) -> None:

@@ -109,6 +109,8 @@ def _asset_troubles(world: World, asset: str) -> Iterator[WhatIf]:
     yield f"What if: {asset} link degraded", inc.SetComms(asset=asset, comms="degraded")
     yield f"What if: {asset} link lost", inc.SetComms(asset=asset, comms="lost")
     yield f"What if: {asset} link ok", inc.SetComms(asset=asset, comms="ok")
+    yield f"What if: {asset} is driven by hand", inc.DriveByHand(asset=asset)
+    yield f"What if: {asset} is let go", inc.DriveByHand(asset=asset, ends=True)
     yield f"What if: {asset} sensor fails", inc.SensorFault(sensor=asset)
     yield f"What if: {asset} sensor works again", inc.SensorFault(sensor=asset, works=True)
     yield (

@@ -22,10 +22,12 @@ from pa_console.session.past_sessions import newest_logs, summarise
 from pa_console.settings.file import changed_text, write_atomically
 from pa_console.settings.sources import settings_file
 from pa_console.tui.controllers.browsing import BrowsingController
+from pa_console.tui.controllers.commands import CommandController
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.settings import SettingsController
 from pa_console.tui.order_templates import templates
 from pa_console.tui.screens.card import (
+    GIVE,
     MAP_CHOICES,
     Card,
     CardChoice,
@@ -165,11 +167,12 @@ class ComposingController:
         self,
         session: ConsoleSession,
         browsing: BrowsingController,
+        commands: CommandController,
         settings: SettingsController,
         favourites: Favourites,
     ) -> None:
         self._session, self._app, self._browsing = session, session.app, browsing
-        self._settings, self._favourites = settings, favourites
+        self._commands, self._settings, self._favourites = commands, settings, favourites
 
     # Earlier orders, favourites and templates
 
@@ -291,7 +294,7 @@ class ComposingController:
         if self._app.screen is not self._session.shown:
             return
         main = self._session.main
-        if self._commands and main is not None and not menu:
+        if self._may_order and main is not None and not menu:
             prompt = main.query_one(MissionPrompt)
             fitting = [name for name in names if prompt.fitting((name,)) is not None]
             if len(fitting) == 1:
@@ -308,7 +311,7 @@ class ComposingController:
             self._app.push_screen(Card("Map", (), MAP_CHOICES, at), self._map_choice)
 
     @property
-    def _commands(self) -> bool:
+    def _may_order(self) -> bool:
         """Return whether missions can be given here."""
         now = self._session.situation
         return not (now.replay or now.readonly)
@@ -321,7 +324,7 @@ class ComposingController:
             main = self._session.main
             if name is None:
                 return
-            if self._commands and main is not None and main.query_one(MissionPrompt).fill((name,)):
+            if self._may_order and main is not None and main.query_one(MissionPrompt).fill((name,)):
                 return
             self._open_card(name, None)
 
@@ -345,7 +348,9 @@ class ComposingController:
         lines: list[str] = []
         if picture is not None and name in picture.assets:
             asset = picture.assets[name]
-            lines, choices = asset_lines(asset, picture.links), asset_choices(asset)
+            taken = self._session.shown_state.manual.get(name)
+            lines = asset_lines(asset, picture.links, taken.by if taken is not None else "")
+            choices = asset_choices(asset, taken=taken is not None)
         elif picture is not None and name in picture.tracks:
             track = picture.tracks[name]
             lines, choices = track_lines(track), track_choices(track, world)
@@ -354,12 +359,14 @@ class ComposingController:
         else:
             self._session.tell(f"nothing was reported of {name} yet", name, bad=True)
             return
-        if not self._commands:
+        if not self._may_order:
             choices = [choice for choice in choices if not choice.order]
 
         def chosen(choice: CardChoice | None) -> None:
             if choice is not None and choice.does == "follow":
                 self._browsing.follow(name)
+            elif choice is not None and choice.does == GIVE:
+                self._commands.attempt(choice.name, lambda station: station.submit(choice.order))
             elif choice is not None:
                 self._type(choice.order)
 

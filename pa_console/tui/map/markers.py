@@ -50,16 +50,21 @@ def asset_symbol(
 ) -> Symbol:
     """Return e.g. `→ D1`, or `? D1 7s` when the last report is 7 s old and proves nothing more.
 
+    An asset under manual control has the sign of that in place of its heading.
+
     A low battery and a weak link follow the name, e.g. `→ D1 19%▼◐`, unless `health` is false.
     """
     name = short.get(asset.id, asset.id[:2])
     state = look.report(asset)
-    if asset.status == "failed" or (state == "fresh" and not asset.available):
+    down = not (asset.available or asset.manual)
+    if asset.status == "failed" or (state == "fresh" and down):
         return Symbol(term("asset", "failed").glyph, name, "down")
     if state == "suspect":
         return Symbol(term("report", state).glyph, name, "suspect")
     if state != "fresh":
         return Symbol("?", name, "stale", f"{look.age(asset):.0f}s")
+    if asset.manual:
+        return Symbol(term("asset", "manual").glyph, name, "manual")
     if not health:
         return Symbol(arrow(asset.heading_deg), name, asset.kind)
     weak = term("comms", asset.comms).glyph if asset.comms != "ok" else ""

@@ -164,10 +164,11 @@ def short_name(name: str) -> str:
 ROLES = (
     "background", "lane", "zone", "zone-label", "wall", "frame", "label", "leader", "gate-covered",
     "gate-uncovered", "gate-unknown", "label-uncovered", "label-unknown", "asset-field",
-    "camera-field", "trail", "route", "uav", "ugv", "robot", "down", "stale", "suspect", "crowd",
-    "crowd-down", "crowd-stale", "camera", "camera-failed", "camera-unknown", "track-unknown",
-    "track-authorized", "track-unauthorized", "track-hostile", "track-stale", "warning", "detail",
-    "legend", "ghost", "arrival", "gate-gains", "gate-loses", "dimmed", "contact",
+    "camera-field", "trail", "route", "uav", "ugv", "robot", "manual", "down", "stale", "suspect",
+    "crowd", "crowd-down", "crowd-stale", "camera", "camera-failed", "camera-unknown",
+    "track-unknown", "track-authorized", "track-unauthorized", "track-hostile", "track-stale",
+    "warning", "detail", "legend", "ghost", "arrival", "gate-gains", "gate-loses", "dimmed",
+    "contact",
 )  # fmt: skip
 
 CELLS_PER_NAME = 48

@@ -24,13 +24,15 @@ WIDTH = 46
 
 
 class CardChoice(NamedTuple):
-    """A line of the card: it types `order`, or is the console's own action `does`."""
+    """A line of the card: it types `order`, gives it at once, or is the console's action `does`."""
 
     name: str
     order: str = ""
     does: str = ""
 
 
+GIVE = "give"
+"""What a line does whose order is given at once: it moves no asset."""
 FOLLOW = CardChoice("Follow on the map", does="follow")
 MAP_CHOICES = (
     CardChoice("Nearer", does="zoom_in"),
@@ -40,15 +42,21 @@ MAP_CHOICES = (
 """The choices for an empty place on the map."""
 
 
-def asset_choices(asset: AssetTelemetry) -> list[CardChoice]:
-    """Return the possible orders to this asset; one that has failed can only be looked at."""
-    if asset.status == "failed":
+def asset_choices(asset: AssetTelemetry, *, taken: bool) -> list[CardChoice]:
+    """Return the possible orders to this asset; one that has failed can only be looked at.
+
+    Under manual control it takes none: if it was `taken` here, it can be given back.
+    """
+    if taken:
+        return [FOLLOW, CardChoice("Give back (m)", f"Give {asset.id} back.", GIVE)]
+    if asset.status == "failed" or asset.manual:
         return [FOLLOW]
     orders = [
         CardChoice(form.name, form.text.replace("{asset}", asset.id))
         for form in forms_for(asset.kind)
     ]
-    return [*orders, FOLLOW]
+    take = CardChoice("Take manual control (m)", f"Take over {asset.id}.", GIVE)
+    return [*orders, take, FOLLOW]
 
 
 def track_choices(track: Track, world: World) -> list[CardChoice]:
@@ -78,14 +86,19 @@ def frame_choices(name: str, world: World) -> list[CardChoice]:
     return [*found, FOLLOW]
 
 
-def asset_lines(asset: AssetTelemetry, links: Mapping[str, str]) -> list[str]:
-    """Return the last report of an asset in lines; `links` are those of the picture."""
+def asset_lines(asset: AssetTelemetry, links: Mapping[str, str], taken_by: str = "") -> list[str]:
+    """Return the last report of an asset in lines; `links` are those of the picture.
+
+    `taken_by` has taken manual control of it here, '' for nobody.
+    """
     where = f"at {asset.at}" if asset.at else f"to {asset.post}" if asset.post else "between posts"
     over = link_in_words(asset.id, links)
     return [
         f"{KIND_WORDS[asset.kind]} {where}, {asset.task}",
         f"{asset.status}, battery {asset.battery_pct:.0f} %, link {asset.comms}",
         *([over] if over else []),
+        *([f"MANUAL, taken by {taken_by}"] if taken_by else []),
+        *(["MANUAL, by its own report"] if asset.manual and not taken_by else []),
     ]
 
 
@@ -99,10 +112,14 @@ def track_lines(track: Track) -> list[str]:
 
 
 class Card(ModalScreen[CardChoice | None]):
-    """Returns the choice, or None. Choosing gives no command: an order is typed, not sent."""
+    """Returns the choice, or None. Choosing gives no command: an order is typed, not sent.
+
+    Manual control alone is taken and given back at once: the console only sends less by that.
+    """
 
     BINDINGS = [
         Binding("escape", "dismiss", "Back"),
+        Binding("m", "manual", show=False),
         *(Binding(str(number), f"pick({number})", show=False) for number in range(1, 10)),
     ]
 
@@ -134,7 +151,7 @@ class Card(ModalScreen[CardChoice | None]):
         """Set the card's title and the effect of choosing."""
         card = self.query_one("#card", Vertical)
         card.border_title = Content(self._title)
-        if any(choice.order for choice in self._choices):
+        if any(choice.order and not choice.does for choice in self._choices):
             card.border_subtitle = "an order is typed; you send it"
         self.query_one("#card-lines").display = bool(self._lines)
         self.query_one(OptionList).focus()
@@ -165,6 +182,12 @@ class Card(ModalScreen[CardChoice | None]):
         """Go back when the click is beside the card."""
         if event.widget is self:
             self.dismiss(None)
+
+    def action_manual(self) -> None:
+        """Take manual control of the asset, or give it back, if the card offers that."""
+        offered = next((choice for choice in self._choices if choice.does == GIVE), None)
+        if offered is not None:
+            self.dismiss(offered)
 
     def action_pick(self, number: int) -> None:
         """Choose by the number of the line."""

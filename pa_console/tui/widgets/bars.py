@@ -146,7 +146,7 @@ class StatusBar(Static):
         parts += self._servers(state)
         mission, tak = ["  ", self._mission(state, mode)], self._tak(state.tak, wide=wide)
         idle = state.active is None and state.stop is None
-        parts += ["  ", self._gates(state)]
+        parts += ["  ", self._gates(state), *self._manual(state)]
         parts += [*tak, *mission] if idle and state.tak.away else [*mission, *tak]
         line = Content.assemble(*named, *titled, *parts)
         if line.cell_length > self.content_size.width:
@@ -195,6 +195,14 @@ class StatusBar(Static):
             return Content.assemble(*parts)
         mark = term("gate", "covered")
         return Content.styled(f"{mark.glyph} all gates covered", mark.style)
+
+    def _manual(self, state: SessionState) -> list[tuple[str, str]]:
+        """Name the assets under manual control."""
+        assets = state.picture.assets.values() if state.picture is not None else ()
+        names = [asset.id for asset in assets if asset.manual]
+        mark = term("asset", "manual")
+        words = f"  {mark.glyph} {few(names, 2)} {mark.word}"
+        return [(words, f"bold {mark.style}")] if names else []
 
     def _mission(self, state: SessionState, mode: str) -> Content:
         if state.ended:

@@ -77,6 +77,7 @@ LEGEND = (
     ("?", "unknown", "track-unknown"), ("✔", "authorized", "track-authorized"),
     ("?", "not seen now", "track-stale"), ("◌", "TAK, unverified", "contact"),
     ("?", "stale report", "stale"),
+    ("⊕", "MANUAL", "manual"),
     ("≠", "suspect", "suspect"), ("✘", "down", "down"), ("▿✘", "camera failed", "camera-failed"),
     ("▿?", "camera unknown", "camera-unknown"), ("3", "assets here", "crowd"),
     ("◆", "covered", "gate-covered"), ("⠤", "route", "route"), ("⠂", "way so far", "trail"),
