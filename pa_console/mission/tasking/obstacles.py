@@ -32,17 +32,17 @@ def obstacle_to(ask: Ask, world: World, picture: Picture) -> str:
         ask, world, lambda name: next(asset_obstacles(name, ask, world, picture), None)
     )
     if found is not None:
-        return _told(found, ask.task)
+        return _told(found, ask.task, picture)
     return "" if ask.who.names else _nobody(ask, picture)
 
 
 def unfit(name: str, ask: Ask, world: World, picture: Picture) -> str:
     """Return why the asset of that name cannot do its part of `ask`, empty when it can."""
     found = next(asset_obstacles(name, ask, world, picture), None)
-    return "" if found is None else _told(found, ask.task)
+    return "" if found is None else _told(found, ask.task, picture)
 
 
-def _told(found: Obstacle, task: Task) -> str:
+def _told(found: Obstacle, task: Task, picture: Picture) -> str:
     """Return an obstacle in words, with its rule where there is one."""
     match found.problem:
         case "closed":
@@ -52,7 +52,9 @@ def _told(found: Obstacle, task: Task) -> str:
         case "no asset":
             return f"no asset {found.subject} (CAP-10)"
         case "down":
-            return f"{found.subject} is down"
+            asset = picture.assets.get(found.subject)
+            driven = asset is not None and asset.manual
+            return f"{found.subject} is {'under manual control' if driven else 'down'}"
         case "low":
             return f"{found.subject} is low (CAP-04)"
         case "poor link":

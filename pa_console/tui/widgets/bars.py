@@ -14,7 +14,7 @@ from pa_console.schema.text import clock_text, count, few
 from pa_console.session.state import SessionState, TakTrace
 from pa_console.session.timeline import MarkKind, RecordingTimeline
 from pa_console.tui.actions import first_key
-from pa_console.tui.status_words import QUIET, WARN, cover_state, term
+from pa_console.tui.status_words import QUIET, WARN, cover_state, short_names, term
 
 LEAST = 10
 
@@ -146,8 +146,12 @@ class StatusBar(Static):
         parts += self._servers(state)
         mission, tak = ["  ", self._mission(state, mode)], self._tak(state.tak, wide=wide)
         idle = state.active is None and state.stop is None
-        parts += ["  ", self._gates(state), *self._manual(state)]
+        parts += ["  ", self._gates(state)]
+        manual = self._manual(state)
+        if manual and idle and not state.ended:
+            mission = []  # the bar of a narrow screen has no room for both
         parts += [*tak, *mission] if idle and state.tak.away else [*mission, *tak]
+        parts += manual
         line = Content.assemble(*named, *titled, *parts)
         if line.cell_length > self.content_size.width:
             line = Content.assemble(*named, *parts)
@@ -198,9 +202,9 @@ class StatusBar(Static):
 
     def _manual(self, state: SessionState) -> list[tuple[str, str]]:
         """Name the assets under manual control."""
-        assets = state.picture.assets.values() if state.picture is not None else ()
-        names = [asset.id for asset in assets if asset.manual]
-        mark = term("asset", "manual")
+        assets = state.picture.assets if state.picture is not None else {}
+        short, mark = short_names(assets), term("asset", "manual")
+        names = [short[name] for name, asset in assets.items() if asset.manual]
         words = f"  {mark.glyph} {few(names, 2)} {mark.word}"
         return [(words, f"bold {mark.style}")] if names else []
 
