@@ -75,6 +75,8 @@ class Vehicle:
     carried_out: Counter[str] = field(default_factory=Counter[str])
     log: list[str] = field(default_factory=list[str])
     down: bool = False
+    state: int = 4
+    """Its MAV_STATE: 4 active, 6 emergency."""
 
     def custom_mode(self) -> int:
         """Return the mode as a heartbeat has it."""
@@ -95,6 +97,12 @@ class Vehicle:
         if found == "HOLD":
             self.target, self.target_height = self.at, self.height
         return True
+
+    def did(self, number: int, message: Any) -> None:
+        """Note a command that was carried out."""
+        if number in (192, 300):
+            goal = self.mission[-1] if number == 300 else message
+            self.log.append(f"moved to {goal.x} {goal.y}")
 
     def fly(self, dt: float) -> None:
         """Go on for `dt` seconds."""
@@ -158,7 +166,12 @@ class Flock:
     """Vehicles on one UDP address, each with a port of its own."""
 
     def __init__(
-        self, address: str, vehicles: list[Vehicle], rate: float = 1.0, loss: float = 0.0
+        self,
+        address: str,
+        vehicles: list[Vehicle],
+        rate: float = 1.0,
+        loss: float = 0.0,
+        period_s: float = 0.2,
     ) -> None:
         self.vehicles = {v.system: v for v in vehicles}
         self._links: dict[int, Any] = {
@@ -168,6 +181,7 @@ class Flock:
             for v in vehicles
         }
         self._rate, self._loss, self._random = rate, loss, Random(1)
+        self._period_s = period_s
         self._began = time.monotonic()
         self._told: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
         self._later: list[tuple[float, Any]] = []
@@ -257,7 +271,7 @@ class Flock:
         if now >= self._beat[vehicle.system]:
             self._beat[vehicle.system] = now + 0.5
             flags = 1 | (128 if vehicle.armed else 0)
-            mav.heartbeat_send(2, vehicle.autopilot, flags, vehicle.custom_mode(), 4)
+            mav.heartbeat_send(2, vehicle.autopilot, flags, vehicle.custom_mode(), vehicle.state)
             sensors = 0xFFFF
             mav.sys_status_send(
                 sensors, sensors, sensors, 0, 12000, 100, vehicle.battery, 0, 0, 0, 0, 0, 0
@@ -269,7 +283,7 @@ class Flock:
                 0, 100, 100, 0, 0, 12,
             )  # fmt: skip
         if now >= self._next[vehicle.system]:
-            self._next[vehicle.system] = now + 0.2
+            self._next[vehicle.system] = now + self._period_s
             if self._random.random() < self._loss:
                 return
             north, east, down = vehicle.velocity
@@ -393,6 +407,7 @@ class Flock:
             result = 3
         if result == 0:
             vehicle.carried_out[key] += 1
+            vehicle.did(number, message)
         self._answer(vehicle, message, number, result)
 
     def _mission(self, vehicle: Vehicle, message: Any, kind: str) -> None:
