@@ -61,6 +61,8 @@ class ContactReport:
     noncombatants: bool = False
     warned_s: float | None = None
     """Seconds since the contact was warned, None if it was not."""
+    emergency: bool = False
+    """True if it is seen to be an emergency vehicle."""
 
 
 @dataclass(frozen=True)

@@ -108,6 +108,7 @@ class SimulatedLink:
                 identity=detection.identity,
                 opinion=detection.opinion,
                 noncombatants=detection.noncombatants,
+                emergency=detection.emergency,
                 warned_s=None
                 if detection.warned_tick is None
                 else (self.checkpoint.tick - detection.warned_tick) * self.checkpoint.world.dt_s,

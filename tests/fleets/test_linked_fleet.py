@@ -14,7 +14,10 @@ from pa_console.mission.stop import EmergencyStop
 from pa_console.schema.command import DeviceCommand, Verb
 from pa_console.schema.events import event as ev
 from pa_console.schema.world import World
+from pa_console.session.state import SessionState
 from pa_console.session.wording import links_in_words
+from pa_console.terminal import session_lines
+from pa_console.tui.screens import card
 from tests.fleets.scripted_link import Desk, ScriptedLink
 
 DRONE, UGV, ROBOT = "Drone_T01", "Ugv_T01", "Robot_T01"
@@ -52,6 +55,21 @@ def test_one_picture_of_all_links_and_those_on_none_were_never_heard(desk: Desk)
     assert lines[1].endswith(f"; nothing comes from {UGV}")
     assert lines[2].startswith("on no link: ")
     assert "Drone_T02" in lines[2]
+
+
+def test_the_console_names_the_link_of_each_asset(desk: Desk) -> None:
+    air, _ = desk.links
+    air.news.append(desk.report(DRONE, "NorthGate"))
+    desk.go(5)
+    picture = desk.fleet.picture()
+    state = SessionState(picture=picture)
+    rows = {line.partition(":")[0]: line for line in session_lines.asset_lines(state)}
+    assert rows[DRONE].endswith(f"link ok over {ON_AIR}")
+    assert rows[UGV].endswith(f"link lost over {ON_GROUND}, report is old")
+    assert "link lost on no link" in rows["Drone_T02"]
+    assert f"{ON_AIR}: {DRONE}" in session_lines.status_lines(state)
+    shown = [card.asset_lines(picture.assets[name], picture.links) for name in (DRONE, "Ugv_T02")]
+    assert [lines[-1] for lines in shown] == [f"over {ON_AIR}", "on no link"]
 
 
 def test_a_command_goes_to_the_link_of_its_asset_and_its_answers_come_back(desk: Desk) -> None:

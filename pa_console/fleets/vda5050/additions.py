@@ -70,6 +70,7 @@ class SeenContact(Wire):
             opinion=self.opinion,
             noncombatants=self.noncombatants,
             warned_s=self.warned_s,
+            emergency=self.emergency,
         )
 
 
