@@ -126,6 +126,8 @@ class PartialDescription:
     """True if it refers to an earlier order."""
     of_assets: bool = False
     """True if a trait is one of assets alone."""
+    put: bool = False
+    """True after *put* and the like: *at the south gate* is where to, unless a place follows."""
     bare_location: bool = False
     """True if a place is named without a word that an asset is there: *everybody at the hub*."""
 

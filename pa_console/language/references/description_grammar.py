@@ -86,7 +86,9 @@ class _DescriptionParser:
     def __init__(self, groups: SentenceGroups, text: str, at: int) -> None:
         self._scene, self._groups, self._text, self._first = groups.scene, groups, text, at
         self.reader = Reader(groups.tokens, at)
-        self._told = PartialDescription(self._scene, self.reader)
+        self._told = PartialDescription(
+            self._scene, self.reader, put=self.reader.word(-1) in words.PUTTING
+        )
         self._number = 1
         self._any = self._definite = False
         self._bare = False
@@ -99,6 +101,8 @@ class _DescriptionParser:
         """True if its determiner is *the*, *this* or *that*."""
         self._team: frozenset[str] = frozenset()
         """The assets of the kind that its noun is."""
+        self._ordinal = False
+        """True if it is *the former*, *the second one*, which no clause after it limits."""
         self._other = False
         """True if it leaves out what was picked or mentioned before."""
         self._group: Group | None = None
@@ -288,7 +292,8 @@ class _DescriptionParser:
             return False
         if self._other:
             self._leave_out()
-        self._after()
+        if not self._ordinal:
+            self._after()
         return True
 
     def noun_traits(self) -> list[Trait]:
@@ -337,7 +342,7 @@ class _DescriptionParser:
             self._other = told.describes = True
         elif self._definite and (name := self._groups.in_order(reader.word())):
             reader.at += 1
-            self._group = self._groups.current
+            self._group, self._ordinal = self._groups.current, True
             told.say(lambda _, each: each == name)
         elif reader.take_in(words.BARE):
             told.sort = "gate"
@@ -452,7 +457,9 @@ class _DescriptionParser:
             self._group = rest
             told.say(lambda _, name: name not in rest.picked)
             return
-        named = {token.said.lower() for token in self.reader.tokens}
+        pronoun = self._nameless and bool(self._groups.latest)
+        tokens = self.reader.tokens[: self._first] if pronoun else self.reader.tokens
+        named = {token.said.lower() for token in tokens}
         out = [n for n in (*scene.world.assets, *scene.gates) if n.lower() in named]
         out += self._groups.named
         if not any(name in scene.world.assets for name in out) and last is not None:

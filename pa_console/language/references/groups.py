@@ -105,10 +105,12 @@ class SentenceGroups:
         """Begin a set whose words are the tokens from `first` up to the end of `found`."""
         leading = self.begins_clause(first) and bool(Reader(self.tokens, first).take(*OF))
         end = found.end
-        stop = self.tokens[end].word if end < len(self.tokens) else ""
-        if stop == ":" and (self.begins_clause(first) or self.begins_clause(first - 1)):
-            first, leading = first - (not self.begins_clause(first)), True
-        end += leading and stop in (",", ":")
+        stop, then = ([token.word for token in self.tokens[end : end + 2]] + ["", ""])[:2]
+        if stop == ":" and self.begins_clause(first - 1) and not self.begins_clause(first):
+            first, leading = first - 1, True
+        elif stop in (":", "-", "–") or (stop == "," and found.choice and then != "whichever"):
+            leading = self.begins_clause(first)
+        end += leading and stop in (",", ":", "-", "–")
         before = max((n for n in range(1, 3) if self._one_of(first - n) == first), default=0)
         self.current = Group(
             found.members,

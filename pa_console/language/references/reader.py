@@ -145,6 +145,7 @@ CONTACTS: Mapping[str, str] = {
 DETERMINED = frozenset((*DEFINITE, *INDEFINITE, *EVERY, *FREE_CHOICE, "number", "only"))
 """The words after which *one* is no pronoun."""
 LEAVING = frozenset(_WORDS["leaving"])
+PUTTING = frozenset(_WORDS["putting"])
 COMING = frozenset(_WORDS["coming"])
 
 

@@ -217,7 +217,7 @@ def _described(
             if not place:
                 continue
             one = replace(one, ranking=replace(one.ranking, place=place))  # noqa: PLW2901
-        names = _meant_by(scene, one, state)
+        names = _meant_by(scene, tokens, one, state)
         if isinstance(names, Unclear):
             return names
         if names:
@@ -259,7 +259,7 @@ def _place_beside(scene: ReferenceScene, tokens: Sequence[WordToken], one: Descr
 
 
 def _meant_by(
-    scene: ReferenceScene, one: Description, state: State | None
+    scene: ReferenceScene, tokens: Sequence[WordToken], one: Description, state: State | None
 ) -> tuple[str, ...] | Unclear:
     """Return the names that a description means, none where the planner may choose."""
     asset, group = one.sort == "asset", one.group
@@ -271,11 +271,23 @@ def _meant_by(
     names = fitting(scene, one)
     if asset:
         names = _likelier(scene, names, state)
+    if apposed := _apposed(scene, tokens, one, names):
+        return (apposed,)
     if one.number == 0 or one.number == len(names):
         return names if names else _unclear(scene, one, names)
     if names and (one.any_will_do or (one.ranking is not None and one.number == 1 and asset)):
         return names[:1] if one.any_will_do or len(names) == 1 else _unclear(scene, one, names)
     return _unclear(scene, one, names)
+
+
+def _apposed(
+    scene: ReferenceScene, tokens: Sequence[WordToken], one: Description, names: Sequence[str]
+) -> str:
+    """Return which of several `names` is said at once: *the other one, Robot_T02*; '' for none."""
+    reader = Reader([token for token in tokens if token.start >= one.end])
+    reader.take("i mean", "i meant", "that is", "namely")
+    name = asset_at(scene, reader) if reader.take(",", ":", "(", "-") else ""
+    return name if name in names and one.number == 1 else ""
 
 
 def _can_come(place: str) -> Trait:
@@ -409,6 +421,9 @@ def chosen(scene: ReferenceScene, answer: str, choices: Sequence[str]) -> str:
         if name in choices:
             found.add(name)
         at = max(at + 1, reader.at)
+    if not found:
+        orders = {token.said: [c for c in choices if token.said in c.split()] for token in tokens}
+        found = {c[0] for said, c in orders.items() if said in scene.world.assets and len(c) == 1}
     if not found:
         for token in tokens:
             team = scene.members(token.word) & set(choices)

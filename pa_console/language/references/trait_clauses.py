@@ -148,7 +148,8 @@ class AssetClauses:
         if reader.take("a gate", "any gate", "gates", "the gates", "gate duty"):
             return self._say(is_guard)
         place = place_at(self._scene, reader)
-        if not place:
+        destined = told.put and not self._related and reader.word() not in ("to", "at", "on", "in")
+        if not place or destined:
             reader.at = start
             return False
         told.bare_location = not self._related and start == self._start

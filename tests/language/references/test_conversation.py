@@ -1,11 +1,13 @@
 """Orders that lean on those before are put in full, and shown."""
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from pa_console.language.references.conversation import ResolvedOrder
+from pa_console.language.references.conversation import ResolvedOrder, Unclear
 from pa_console.language.references.resolution import resolve
 from pa_console.language.references.scene import Move, PastMission, after
-from tests.language.references.scenes import asked, read, scene, sent, standing
+from tests.language.references.scenes import HOME, asked, read, scene, sent, standing
 
 DRONE = sent("Send Drone_T04 to EastGate.", ("Drone_T04", "Checkpoint", "EastGate"))
 ROBOTS = sent(
@@ -149,6 +151,37 @@ def test_the_robot_is_one_that_was_spoken_of_or_it_is_asked_which() -> None:
     named = "Robot_T02 is low, bring the robot home."
     assert read(named, where) == "Robot_T02 is low, bring Robot_T02 home."
     assert read("Send the drone home.", scene()) == "Send the drone home."
+
+
+AGENTS = st.lists(st.sampled_from([*HOME.assets]), min_size=1, max_size=3, unique=True)
+KINDS = {"drone": "uav", "vehicle": "ugv", "robot": "robot"}
+
+
+@settings(deadline=None, max_examples=80)
+@given(
+    AGENTS,
+    st.sampled_from([*HOME.gates]),
+    st.sampled_from(["it", "him", "the drone", "that vehicle", "the robot", "the other one"]),
+)
+def test_a_reference_to_the_last_mission_is_right_or_asked_back(
+    agents: list[str], gate: str, said: str
+) -> None:
+    mission = sent("Go.", *((name, "Checkpoint", gate) for name in agents))
+    found = resolve(scene(*standing(mission), past=[mission]), f"Bring {said} home.")
+    kind = KINDS.get(said.rsplit(maxsplit=1)[-1])
+    kinds = {HOME.assets[name].kind for name in agents}
+    if said == "the other one":
+        team = [n for n, spec in HOME.assets.items() if {spec.kind} == kinds]
+        right = {name for name in team or HOME.assets if name not in agents}
+    else:
+        right = {name for name in agents if kind in (None, HOME.assets[name].kind)}
+    if isinstance(found, Unclear):
+        assert len(right) != 1
+        assert set(found.choices) <= right
+    elif right:
+        assert [f"Bring {name} home." for name in right] == [found.text]
+    else:
+        assert found.text == f"Bring {said} home."
 
 
 def test_it_is_asked_where_there_is_after_two_places() -> None:

@@ -34,6 +34,7 @@ setups = st.lists(placed | failed, max_size=5)
         ("The drone with the emptiest battery comes home.",
          [SetBattery(asset="Drone_T02", percent=40)], "Drone_T02"),
         ("The drone that doesn't guard a gate comes home.", [], "Drone_T04"),
+        ("Put the robot at the base at the north gate.", [], "Put Robot_T02 at NorthGate"),
         ("Ugv_T01 stays, the other vehicle comes home.", [], "Ugv_T02 comes"),
         ("Everyone except the drones reports.", [], "Ugv_T01, Ugv_T02, Robot_T01 and Robot_T02"),
         ("Both robots report.", [], "Robot_T01 and Robot_T02"),
@@ -51,6 +52,8 @@ def test_a_description_becomes_the_name(text: str, setup: list[Incident], says: 
         "Send a drone to the east gate.",
         "Move everyone who is free to the east gate.",
         "All four drones to the north gate.",
+        "Put the robot at the south gate.",
+        "Station the drone at the north gate.",
         "Is the gate guard out of coffee?",
         "The sign reads \"take the robot at the base home\". Robot_T01 goes to the north gate.",
     ],
@@ -197,6 +200,12 @@ def test_any_words_are_read_the_same_again_and_name_only_what_there_is(text: str
 )
 def test_an_answer_means_one_of_the_choices_or_none(answer: str, means: str) -> None:
     assert chosen(QUIET, answer, ("NorthGate", "EastGate")) == means
+
+
+def test_an_answer_may_name_who_is_in_one_of_the_orders_offered() -> None:
+    orders = ("Robot_T01 to EastGate", "Robot_T02 to EastGate")
+    assert chosen(QUIET, "robot two", orders) == orders[1]
+    assert not chosen(QUIET, "both", orders)
 
 
 def test_an_answer_may_be_a_number_or_a_kind() -> None:

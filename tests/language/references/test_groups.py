@@ -36,6 +36,11 @@ BOTH = sent(
         ("A robot, whichever is closer to the base, reports.", "Robot_T02 reports."),
         ("Drone_T04 and Robot_T02 are spare. The latter goes east, the former west.",
          "Drone_T04 and Robot_T02 are spare. Robot_T02 goes east, Drone_T04 west."),
+        ("Robot_T02 or Drone_T04 - the one with less power comes home, the other reports.",
+         "Drone_T04 comes home, Robot_T02 reports."),
+        ("Drone_T04 or Robot_T02, whichever has more power, reports.", "Robot_T02 reports."),
+        ("I have Ugv_T02 and Robot_T01 free. Put the latter at the south gate.",
+         "I have Ugv_T02 and Robot_T01 free. Put Robot_T01 at SouthGate."),
         ("Robot_T01 and Robot_T02: one to north, the other to south.",
          "Robot_T01 to north, Robot_T02 to south."),
         ("Of the robots, not the one at the base, the other one goes north.",
@@ -68,6 +73,8 @@ def test_what_is_left_open_is_asked_back_with_what_fits_alone() -> None:
     assert same.choices == ("Robot_T01", "Robot_T02")
     others = asked("Drone_T04 goes north, the other one stays.", scene())
     assert others.choices == ("Drone_T01", "Drone_T02", "Drone_T03")
+    named = "Drone_T02 goes north, the other one, Drone_T04, to the south gate."
+    assert "Drone_T04, Drone_T04" in read(named, scene())
     number = asked("Of the two drones, the stronger one goes north.", scene())
     assert set(number.choices) == {"Drone_T01", "Drone_T02", "Drone_T03", "Drone_T04"}
 
