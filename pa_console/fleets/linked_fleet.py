@@ -249,7 +249,7 @@ class LinkedFleet:
 
     def _news_of(self, link: Link) -> Sequence[LinkNews]:
         try:
-            news = link.take()
+            news = list(link.take())
         except Exception as error:
             self._fault(link, "its news cannot be taken", error)
             return ()

@@ -1,5 +1,6 @@
 """Random histories of links that die and return, lie and repeat themselves: what never happens."""
 
+import math
 from dataclasses import dataclass, field
 from random import Random
 from typing import get_args
@@ -7,7 +8,8 @@ from typing import get_args
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.fleets.link import DeviceAnswer
+from pa_console.fleets.link import DeviceAnswer, LinkNews, LinkNotice
+from pa_console.fleets.reports import AssetReport, ContactReport, SensorReport
 from pa_console.mission.gate import CommandGate
 from pa_console.mission.journal import Journal
 from pa_console.mission.stop import STANDS_MPS, EmergencyStop
@@ -17,7 +19,7 @@ from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Task
 from pa_console.sim.worlds.world_file import load_world
-from tests.fleets.scripted_link import Desk, ScriptedLink
+from tests.fleets.scripted_link import EPOCH, Desk, ScriptedLink
 
 WORLD = load_world(find_data("worlds", "checkpoint", "world.yaml"))
 TEAMS = (("Drone_T01", "Drone_T02"), ("Ugv_T01", "Robot_T01"))
@@ -167,6 +169,42 @@ class History:
                 assert reply.status == "done"
                 assert self.reported_s[order.agent] >= ended_s - SMALL.dt_s
                 assert picture.assets[order.agent].at == order.target
+
+
+NUMBERS = st.sampled_from((0.0, -1.0, 1e9, 1e308, math.nan, math.inf, "1", None))
+NAMES = st.sampled_from((*SMALL.assets, *SMALL.cameras, "Nobody", "", 7, None, [], "x" * 9999))
+TIMES = st.sampled_from(
+    (EPOCH, EPOCH.replace(tzinfo=None), EPOCH.replace(year=1), EPOCH.replace(year=9999), 0, None)
+)
+POINTS = st.one_of(st.tuples(NUMBERS, NUMBERS), st.sampled_from(((), None, "xy", (1.0,))))
+WORDS = st.one_of(st.sampled_from(("ok", "done", "idle", "alarm", "uav", "x" * 9999)), NAMES)
+ANY_CONTACT = st.builds(
+    ContactReport, WORDS, st.sampled_from(("vehicle", "tank")), POINTS, NUMBERS, WORDS, WORDS
+)
+ANY_NEWS = st.one_of(
+    st.builds(
+        AssetReport, NAMES, TIMES, POINTS, NUMBERS, NUMBERS, WORDS, WORDS, NUMBERS, NAMES,
+        manual=st.booleans(), route=st.one_of(st.none(), st.lists(POINTS, max_size=2)),
+    ),
+    st.builds(SensorReport, NAMES, TIMES, st.lists(ANY_CONTACT, max_size=3),
+              st.dictionaries(st.sampled_from(tuple(SMALL.assets)), POINTS, max_size=2)),
+    st.builds(DeviceAnswer, NAMES, NAMES, WORDS, WORDS),
+    st.builds(LinkNotice, WORDS, NAMES, WORDS),
+    NAMES,
+)  # fmt: skip
+
+
+@settings(max_examples=500)
+@given(news=st.lists(ANY_NEWS, min_size=1, max_size=6))
+def test_whatever_a_link_gives_there_is_a_picture_and_stop_goes_out(news: list[LinkNews]) -> None:
+    links = [ScriptedLink(f"link:{n}", team) for n, team in enumerate(TEAMS)]
+    desk = Desk(SMALL, *links)
+    links[0].news += news
+    links[1].news.append(desk.report("Ugv_T01", HERE))
+    desk.go(5)
+    assert desk.fleet.picture().assets["Ugv_T01"].available
+    EmergencyStop(desk.fleet, CommandGate(desk.fleet, Journal())).hold_all()
+    assert {c.agent for link in links for c in link.sent} == set(SMALL.assets)
 
 
 ACTS = (
