@@ -119,11 +119,13 @@ class MavsdkAutopilot:
 
     def _health(self, health: Any) -> None:
         if self._flight is not None:
-            self._flight.state.healthy = bool(
-                health.is_gyrometer_calibration_ok
-                and health.is_accelerometer_calibration_ok
-                and health.is_magnetometer_calibration_ok
-                and health.is_global_position_ok
+            self._flight.health(
+                bool(
+                    health.is_gyrometer_calibration_ok
+                    and health.is_accelerometer_calibration_ok
+                    and health.is_magnetometer_calibration_ok
+                    and health.is_global_position_ok
+                )
             )
 
     def _home(self, home: Any) -> None:

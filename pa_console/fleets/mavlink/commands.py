@@ -137,10 +137,13 @@ COPTER_GUIDED = 4
 _CUSTOM_MODE = 1.0
 
 
-def start_flight(kind: Kind, altitude_m: float, home_msl_m: float) -> tuple[MavCommand, ...]:
-    """Return the commands that bring a drone from the ground to `altitude_m` above its home."""
+def start_flight(kind: Kind, altitude_m: float, msl_m: float) -> tuple[MavCommand, ...]:
+    """Return the commands that bring a drone from the ground to `altitude_m` above its home.
+
+    `msl_m` is the same height above sea level.
+    """
     # PX4 takes the altitude of this command above sea level, ArduPilot above home.
-    height = home_msl_m + altitude_m if kind == "px4" else altitude_m
+    height = msl_m if kind == "px4" else altitude_m
     take_off = MavCommand(Cmd.TAKEOFF, (0.0, 0.0, 0.0, KEEP, KEEP, KEEP, height))
     if kind == "ardupilot":
         take_off = MavCommand(Cmd.TAKEOFF, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, height))

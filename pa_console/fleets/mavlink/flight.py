@@ -6,7 +6,7 @@ order is done when telemetry shows it, never because the autopilot has accepted 
 """
 
 import math
-from collections import OrderedDict, deque
+from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -14,10 +14,11 @@ from typing import Any, cast
 
 from pa_console.fleets.link import DeviceAnswer, LinkNews, LinkNotice
 from pa_console.fleets.mavlink import commands
-from pa_console.fleets.mavlink.commands import Autopilot, Degrees, MavCommand, MavItem
+from pa_console.fleets.mavlink.commands import Autopilot, MavCommand, MavItem
 from pa_console.fleets.mavlink.drone_state import DroneState
 from pa_console.fleets.mavlink.geofence import FenceWatch, fence_of
-from pa_console.fleets.mavlink.vehicles_file import FlownVerb, MavlinkVehicles
+from pa_console.fleets.mavlink.orders import Climb, FlightOrder, OrderPlanner, Step, Upload
+from pa_console.fleets.mavlink.vehicles_file import MavlinkVehicles
 from pa_console.fleets.reports import AssetReport
 from pa_console.schema.base import Point
 from pa_console.schema.command import COMMANDS, DeviceCommand, ReplyStatus
@@ -55,46 +56,6 @@ KNOWN = 512
 """The number of command ids that are remembered."""
 
 _HERE = ("HOLD", "OFFBOARD", "TAKEOFF", "MISSION", "READY", "UNKNOWN")
-
-
-@dataclass(frozen=True)
-class _Upload:
-    items: tuple[MavItem, ...]
-
-
-@dataclass(frozen=True)
-class _Climb:
-    altitude_m: float
-
-
-_Step = MavCommand | _Upload | _Climb
-
-
-@dataclass
-class _Order:
-    """An order on its way; the first of `steps` is the one that is being carried out."""
-
-    command: DeviceCommand
-    steps: deque[_Step]
-    target: Point | None
-    """Where it ends; None for home, wherever the drone has that."""
-    altitude_m: float
-    since_s: float
-    step_s: float | None = None
-    """When the step was asked for, last; None if it has not been."""
-    tries: int = 0
-    refused: tuple[str, float] | None = None
-    acknowledged: bool = False
-    nearest_m: float = math.inf
-    nearest_s: float = 0.0
-    told_s: float = 0.0
-    started_s: float = 0.0
-    """When the autopilot had accepted all of it."""
-
-    @property
-    def arming(self) -> bool:
-        """True while the drone is to be armed for it."""
-        return any(isinstance(s, MavCommand) and s.command == commands.Cmd.ARM for s in self.steps)
 
 
 @dataclass
@@ -140,18 +101,19 @@ class Flight:
         """`now` is a monotonic clock, seconds; `others` are places that other drones have."""
         self.agent, self.place = agent, cast("Point | None", None)
         """The place that it has, or is on its way to."""
-        self._terrain, self._geography, self._vehicles = terrain, geography, vehicles
-        self._autopilot, self._tell, self._now, self._others = autopilot, tell, now, others
+        self._terrain, self._geography = terrain, geography
+        self._autopilot, self._tell, self._now = autopilot, tell, now
+        self._planner = OrderPlanner(agent, terrain, geography, vehicles, others)
         self.state = DroneState(geography)
         areas = fence_of(terrain.world, geography)
         self.fence = FenceWatch(areas, geography, autopilot, self._say, vehicles.fence_check_s)
-        self._order: _Order | None = None
+        self._order: FlightOrder | None = None
         self._hold: _Hold | None = None
         self._said = _Said()
         self._task: Task = "idle"
-        self._looks_at = False
         self._busy_until: dict[int, float] = {}
         self._first_s: float | None = None
+        self._known_healthy = False
 
     # What the station asks for
 
@@ -206,7 +168,7 @@ class Flight:
     def uploaded(self, problem: str) -> None:
         """Take in how the upload of a mission ended."""
         order = self._order
-        if order is None or not order.steps or not isinstance(order.steps[0], _Upload):
+        if order is None or not order.steps or not isinstance(order.steps[0], Upload):
             return
         if order.step_s is None:
             return
@@ -278,6 +240,12 @@ class Flight:
         self.state.system_state = system_state
         self._look_for_pilot(was_manual)
 
+    def health(self, ok: bool) -> None:
+        """Take in whether its sensors work; in the first seconds, what is not told is missing."""
+        since_s = self._now() - self._first_s if self._first_s is not None else 0.0
+        self._known_healthy |= ok
+        self.state.healthy = ok or not (self._known_healthy or since_s > COMPLETE_S)
+
     def said(self, message: Mapping[str, Any]) -> None:
         """Take in a STATUSTEXT; warnings go to the operator."""
         line, warning = self.state.said(message, self._now()), 4
@@ -316,66 +284,23 @@ class Flight:
 
     def _begin(self, command: DeviceCommand) -> None:
         """Replace the order there is by `command`, which has no objection against it."""
-        state, world = self.state, self._terrain.world
-        fix = state.fix
+        state, world, fix = self.state, self._terrain.world, self.state.fix
         assert fix is not None
-        if command.verb == "return_to_base":
-            if state.landed and not state.armed and self._at_base():
-                self._replace(None)
-                self._task = "charging"
-                self._answer(command, "acknowledged")
-                self._answer(command, "done", f"at {world.base}")
-                return
-            altitude, route = max(fix.altitude_m, self._vehicles.floor_m), ()
-        else:
-            verb = cast("FlownVerb", command.verb)
-            altitude = self._vehicles.altitude(self.agent, verb)
-            place = self._terrain.free_place(command.target or "", "uav", self._others())
-            found = self._terrain.planner.route("uav", fix.at, place) if place else None
-            if place is None or found is None:
-                why = "there is no free place for a drone" if place is None else "cannot be reached"
-                self._answer(command, "refused", f"{command.target}: {why}")
-                return
-            route = found
-        steps = self._steps(command, fix.home_msl_m, altitude, route)
-        target = route[-1] if route else None
-        order = _Order(command, deque(steps), target, altitude, self._now())
+        home = command.verb == "return_to_base"
+        if home and state.landed and not state.armed and self._at_base():
+            self._replace(None)
+            self._task = "charging"
+            self._answer(command, "acknowledged")
+            self._answer(command, "done", f"at {world.base}")
+            return
+        order = self._planner.plan(command, state, fix, self._autopilot.kind, self._now())
+        if isinstance(order, str):
+            self._answer(command, "refused", order)
+            return
         self._replace(order)
-        self.place = target or world.frames[world.base].at
-        self._task = "returning" if command.verb == "return_to_base" else "moving"
+        self.place = order.target or world.frames[world.base].at
+        self._task = "returning" if home else "moving"
         self.step()
-
-    def _steps(
-        self, command: DeviceCommand, home_msl_m: float, altitude: float, route: Sequence[Point]
-    ) -> list[_Step]:
-        kind, ground = self._autopilot.kind, self.state.landed
-        steps: list[_Step] = []
-        if self._looks_at:
-            steps.append(commands.LOOK_AHEAD)
-        interest = self._interest(command.target or "") if command.verb == "observe" else None
-        self._looks_at = interest is not None
-        way: list[Degrees] = [self._geography.degrees(at) for at in route]
-        if route and (command.verb in self._vehicles.survives_lost_link or len(route) > 1):
-            items = commands.mission_of(kind, way, altitude, interest, on_ground=ground)
-            steps += [_Upload(items), *commands.start_mission(kind, on_ground=ground)]
-            return steps
-        if ground:
-            steps += [*commands.start_flight(kind, altitude, home_msl_m), _Climb(altitude)]
-        if not way:
-            return [*steps, commands.GO_HOME]
-        if interest is not None:
-            steps.append(commands.look_at(interest))
-        return [*steps, commands.reposition(way[-1], home_msl_m + altitude)]
-
-    def _interest(self, gate: str) -> Degrees:
-        """Return where to look at a gate: at the end of its lane, where contacts wait."""
-        lanes = self._terrain.lanes_to(gate)
-        at = (
-            self._terrain.lanes[lanes[0]].waiting_point
-            if lanes
-            else self._terrain.world.frames[gate].at
-        )
-        return self._geography.degrees(at)
 
     def _objection(self, command: DeviceCommand) -> str:
         """Return why a command cannot be carried out, '' when it can."""
@@ -405,7 +330,7 @@ class Flight:
             return "it flies outside the perimeter"
         return ""
 
-    def _replace(self, order: _Order | None) -> None:
+    def _replace(self, order: FlightOrder | None) -> None:
         """Let `order` take the place of the one there is, which has failed by that."""
         old, self._order, self._hold = self._order, order, self._kept_hold()
         if old is not None:
@@ -422,13 +347,13 @@ class Flight:
         hold.done = True
         return hold if hold.asked else None
 
-    def _withdraw(self, order: _Order) -> None:
-        if order.steps and isinstance(order.steps[0], _Upload) and order.step_s is not None:
+    def _withdraw(self, order: FlightOrder) -> None:
+        if order.steps and isinstance(order.steps[0], Upload) and order.step_s is not None:
             self._autopilot.cancel_upload()
 
     # Orders under way
 
-    def _step(self, order: _Order, step: _Step, now: float) -> None:
+    def _step(self, order: FlightOrder, step: Step, now: float) -> None:
         """Ask for the first of the steps, again where it was not answered."""
         match step:
             case MavCommand():
@@ -439,14 +364,14 @@ class Flight:
                     self._autopilot.send(step, order.tries)
                     order.step_s, order.tries = now, order.tries + 1
                     self._busy_until[step.command] = now + ACK_S
-            case _Upload():
+            case Upload():
                 if order.step_s is None:
                     order.step_s = now
                     self._autopilot.upload_mission(step.items)
-            case _Climb():
+            case Climb():
                 self._climb(order, step, now)
 
-    def _climb(self, order: _Order, step: _Climb, now: float) -> None:
+    def _climb(self, order: FlightOrder, step: Climb, now: float) -> None:
         order.step_s = order.step_s or now
         fix = self.state.fix
         if fix is not None and fix.altitude_m >= CLIMBED * step.altitude_m:
@@ -456,7 +381,7 @@ class Flight:
             reason = f"it does not take off: at {height} after {STALL_S:.0f} s"
             self._end(order, "failed", self._with_words(reason, order.step_s))
 
-    def _next(self, order: _Order) -> None:
+    def _next(self, order: FlightOrder) -> None:
         """Go on to the next step; the first that succeeded acknowledges the order."""
         now = self._now()
         order.steps.popleft()
@@ -468,7 +393,7 @@ class Flight:
         if order.steps:
             self._step(order, order.steps[0], now)
 
-    def _follow(self, order: _Order, now: float) -> None:
+    def _follow(self, order: FlightOrder, now: float) -> None:
         """Look whether an order that the autopilot carries out has come to its end, or to none."""
         fix, state = self.state.fix, self.state
         if fix is None:
@@ -517,7 +442,7 @@ class Flight:
             self._task = COMMANDS[order.command.verb].task or "holding"
             self._end(order, "done", f"at {order.command.target}", keeps_task=True)
 
-    def _landed_home(self, order: _Order, at: Point) -> None:
+    def _landed_home(self, order: FlightOrder, at: Point) -> None:
         world = self._terrain.world
         if self._at_base():
             self._task = "charging"
@@ -581,7 +506,7 @@ class Flight:
     # Words
 
     def _end(
-        self, order: _Order, status: ReplyStatus, detail: str, *, keeps_task: bool = False
+        self, order: FlightOrder, status: ReplyStatus, detail: str, *, keeps_task: bool = False
     ) -> None:
         self._order = None
         self._withdraw(order)

@@ -10,9 +10,10 @@ import queue
 import tempfile
 import threading
 import time
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from pa_console.fleets.link import DeviceAnswer, LinkNews
 from pa_console.fleets.linked_fleet import LinkedFleet
 from pa_console.fleets.mavlink.link import MavlinkLink, open_link
 from pa_console.fleets.reports import AssetReport, SensorReport
+from pa_console.schema.base import Point
 from pa_console.schema.command import DeviceCommand, Verb
 from pa_console.schema.incident import Incident
 from pa_console.schema.telemetry import AssetTelemetry
@@ -36,6 +38,10 @@ RATE = 4.0
 """Simulated seconds a second: the radio between is a real one."""
 
 PERIOD_S = 0.02
+REMEMBERED = 200
+SAME_M = 0.05
+"""Degrees on the wire are rounded to a centimetre."""
+
 READY_S = 60.0
 FLIES_M = 20.0
 
@@ -113,6 +119,9 @@ class GroundLink(SimulatedLink):
         self.drones, self._orders = {drone.name: drone for drone in drones}, orders
         self.agents = frozenset(checkpoint.world.assets) - self.drones.keys()
         self.seen: list[SensorReport] = []
+        self._was: dict[str, deque[tuple[int, Point]]] = {
+            name: deque(maxlen=REMEMBERED) for name in self.drones
+        }
         self._due = time.monotonic()
         self.show()
 
@@ -141,6 +150,13 @@ class GroundLink(SimulatedLink):
         truth, known = self.checkpoint.truth().assets, self.checkpoint.picture().assets
         for name, drone in self.drones.items():
             drone.show(truth[name], silent=known[name].comms == "lost")
+            self._was[name].append((self.checkpoint.tick, truth[name].position))
+
+    def sent(self, report: AssetReport) -> datetime:
+        """Return when the drone of a report was there last, on the simulation's clock."""
+        was = reversed(self._was[report.agent])
+        near = (tick for tick, at in was if math.dist(at, report.position) < SAME_M)
+        return self._at(next(near, self.checkpoint.tick))
 
 
 class DroneLink:
@@ -173,13 +189,10 @@ class DroneLink:
         self.link.close()
 
     def _timed(self, news: LinkNews) -> LinkNews:
-        """Return a report with its age on the simulation's clock."""
+        """Return a report with its time on the simulation's clock."""
         if not isinstance(news, AssetReport):
             return news
-        checkpoint = self._ground.checkpoint
-        now = EPOCH + timedelta(seconds=checkpoint.tick * checkpoint.world.dt_s)
-        age = (datetime.now(UTC) - news.sent) * RATE
-        return replace(news, sent=now - age)
+        return replace(news, sent=self._ground.sent(news))
 
 
 class DronesOverMavlink(LinkedFleet):

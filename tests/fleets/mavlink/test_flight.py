@@ -347,3 +347,13 @@ def test_no_report_is_older_than_the_one_before_it(world: World) -> None:
         rig.flight.positioned(message, began + timedelta(seconds=boot_s + delay_s))
         sent.append(rig.last().sent)
     assert sent == sorted(sent)
+
+
+def test_sensors_that_do_not_work_degrade_it_once_they_are_known(world: World) -> None:
+    rig = Rig(world).ready()
+    rig.flight.health(False)
+    assert rig.flight.state.status == "ok", "not everything has been told yet"
+    rig.flight.health(True)
+    rig.flight.health(False)
+    rig.report()
+    assert rig.last().status == "degraded"

@@ -1,0 +1,139 @@
+"""What an order comes to: the steps that an autopilot is asked for, one after another."""
+
+import math
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import cast
+
+from pa_console.fleets.mavlink import commands
+from pa_console.fleets.mavlink.commands import Cmd, Degrees, Kind, MavCommand, MavItem
+from pa_console.fleets.mavlink.drone_state import DroneState, Fix
+from pa_console.fleets.mavlink.vehicles_file import FlownVerb, MavlinkVehicles
+from pa_console.schema.base import Point
+from pa_console.schema.command import DeviceCommand
+from pa_console.sim.worlds.geography import Geography
+from pa_console.sim.worlds.terrain import Terrain
+
+
+@dataclass(frozen=True)
+class Upload:
+    """The step of replacing the mission."""
+
+    items: tuple[MavItem, ...]
+
+
+@dataclass(frozen=True)
+class Climb:
+    """The step of waiting until the drone has taken off, metres above home."""
+
+    altitude_m: float
+
+
+Step = MavCommand | Upload | Climb
+
+
+@dataclass
+class FlightOrder:
+    """An order on its way; the first of `steps` is the one that is being carried out.
+
+    Times are those of the flight's clock, seconds.
+    """
+
+    command: DeviceCommand
+    steps: deque[Step]
+    target: Point | None
+    """Where it ends; None for home, wherever the drone has that."""
+    altitude_m: float
+    since_s: float
+    step_s: float | None = None
+    """When the step was asked for, last; None if it has not been."""
+    tries: int = 0
+    refused: tuple[str, float] | None = None
+    """What the autopilot refuses, and when it did."""
+    acknowledged: bool = False
+    nearest_m: float = math.inf
+    nearest_s: float = 0.0
+    told_s: float = 0.0
+    started_s: float = 0.0
+    """When the autopilot had accepted all of it."""
+
+    @property
+    def arming(self) -> bool:
+        """True while the drone is to be armed for it."""
+        return any(isinstance(s, MavCommand) and s.command == Cmd.ARM for s in self.steps)
+
+
+@dataclass
+class OrderPlanner:
+    """Makes orders of the commands to the drone `agent`, at altitudes that `vehicles` gives."""
+
+    agent: str
+    terrain: Terrain
+    geography: Geography
+    vehicles: MavlinkVehicles
+    others: Callable[[], Sequence[Point]]
+    """Returns the places that other drones have, or are on their way to."""
+    _looks: bool = field(default=False, init=False)
+    """True while the drone looks at a region of interest."""
+
+    def plan(
+        self, command: DeviceCommand, state: DroneState, fix: Fix, kind: Kind, now_s: float
+    ) -> FlightOrder | str:
+        """Return the order that carries `command` out from where the drone is, or why none does."""
+        route: tuple[Point, ...] = ()
+        altitude = max(fix.altitude_m, self.vehicles.floor_m)
+        if command.verb != "return_to_base":
+            altitude = self.vehicles.altitude(self.agent, cast("FlownVerb", command.verb))
+            place = self.terrain.free_place(command.target or "", "uav", self.others())
+            if place is None:
+                return f"{command.target}: there is no free place for a drone"
+            found = self.terrain.planner.route("uav", fix.at, place)
+            if found is None:
+                return f"{command.target} cannot be reached"
+            route = found
+        steps: list[Step] = [commands.LOOK_AHEAD] if self._looks else []
+        steps += self._steps(
+            command,
+            kind,
+            on_ground=state.landed,
+            msl_m=fix.home_msl_m + altitude,
+            altitude=altitude,
+            route=route,
+        )
+        self._looks = command.verb == "observe"
+        return FlightOrder(command, deque(steps), route[-1] if route else None, altitude, now_s)
+
+    def _steps(
+        self,
+        command: DeviceCommand,
+        kind: Kind,
+        *,
+        on_ground: bool,
+        msl_m: float,
+        altitude: float,
+        route: Sequence[Point],
+    ) -> list[Step]:
+        interest = self._interest(command.target or "") if command.verb == "observe" else None
+        way: list[Degrees] = [self.geography.degrees(at) for at in route]
+        if route and (command.verb in self.vehicles.survives_lost_link or len(route) > 1):
+            items = commands.mission_of(kind, way, altitude, interest, on_ground=on_ground)
+            return [Upload(items), *commands.start_mission(kind, on_ground=on_ground)]
+        steps: list[Step] = []
+        if on_ground:
+            steps += [*commands.start_flight(kind, altitude, msl_m), Climb(altitude)]
+        if not way:
+            return [*steps, commands.GO_HOME]
+        if interest is not None:
+            steps.append(commands.look_at(interest))
+        return [*steps, commands.reposition(way[-1], msl_m)]
+
+    def _interest(self, gate: str) -> Degrees:
+        """Return where to look at a gate: at the end of its lane, where contacts wait."""
+        lanes = self.terrain.lanes_to(gate)
+        at = (
+            self.terrain.lanes[lanes[0]].waiting_point
+            if lanes
+            else self.terrain.world.frames[gate].at
+        )
+        return self.geography.degrees(at)
