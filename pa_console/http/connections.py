@@ -20,8 +20,12 @@ MOST = 128
 """Connections at once. One more takes the place of the oldest of the lowest rank."""
 IDLE_S = 10.0
 """A connection without a complete request is closed after this time, in seconds."""
-BACKLOG = 100
-"""Connections accepted in one turn of the event loop."""
+ACCEPTED, QUEUED = 8, 1024
+"""Connections accepted in one turn of the event loop, and those that wait in the kernel for that.
+
+A request is read some turns after its connection was accepted. Until then MOST other connections
+must not be accepted, or they would end it unread.
+"""
 KEEP_S, END_S = 5, 3
 """Seconds that an idle connection is kept open, and that a request has at the end."""
 EXHAUSTED = frozenset((errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM))
@@ -83,6 +87,10 @@ class Listening(socket.socket):
         connection = self._open[address] = Connection(accepted, loop.time())
         loop.call_later(IDLE_S, self._look, connection)
         return accepted, address
+
+    def listen(self, backlog: int = QUEUED, /) -> None:
+        """Listen with a queue of QUEUED; the event loop asks for one as long as what it accepts."""
+        super().listen(max(backlog, QUEUED))
 
     def close(self) -> None:
         """Listen no more."""
@@ -179,7 +187,7 @@ async def served_app(
         proxy_headers=False,
         server_header=False,
         h11_max_incomplete_event_size=16_384,
-        backlog=BACKLOG,
+        backlog=ACCEPTED,
         timeout_keep_alive=KEEP_S,
         timeout_graceful_shutdown=END_S,
     )

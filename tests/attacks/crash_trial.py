@@ -355,6 +355,7 @@ async def _drive(station: ControlStation, writer: LogWriter, random: Random) -> 
                 closing = asyncio.create_task(station.close("the trial ends"))
     if closing is not None:
         await closing
+    await asyncio.sleep(0)  # what the journal has put off is signed then
 
 
 CHANGES: dict[str, Callable[[KeyFolder], object]] = {

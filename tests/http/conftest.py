@@ -1,10 +1,11 @@
 """One session that is served, with a scripted model, for all tests of a file."""
 
 import asyncio
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import Future
+from contextlib import contextmanager
 from pathlib import Path
-from threading import Thread
+from threading import Event, Thread
 from typing import Any
 
 import httpx
@@ -84,6 +85,17 @@ class Site:
 
         assert self._loop is not None
         asyncio.run_coroutine_threadsafe(happens(), self._loop).result(timeout=300)
+
+    @contextmanager
+    def at_rest(self) -> Generator[None]:
+        """Let the service do nothing in the block: its event loop waits for the end of it."""
+        assert self._loop is not None
+        over = Event()
+        self._loop.call_soon_threadsafe(over.wait)
+        try:
+            yield
+        finally:
+            over.set()
 
     def ask(self, method: str, path: str, role: str = "operator", **how: Any) -> httpx.Response:
         """Return the answer to one request with the token of a role or person, '' for none."""

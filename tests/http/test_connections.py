@@ -108,6 +108,19 @@ def test_strangers_and_observers_keep_no_operator_out(
     assert site.ask("POST", "/v1/release").status_code == 204
 
 
+def test_a_request_is_read_however_many_connections_come_after_it(
+    site: Site, stack: ExitStack
+) -> None:
+    request = whole(site, "/v1/stop", "operator").replace("GET", "POST", 1)
+    with site.at_rest():
+        strangers = [connect(site, stack)]
+        operator = connect(site, stack, request)
+        strangers += [connect(site, stack) for _ in range(2 * connections.MOST)]
+    assert b" 204 " in until(operator, b"\r\n")
+    assert ended(strangers[0])
+    assert site.ask("POST", "/v1/release").status_code == 204
+
+
 def until(connected: socket.socket, found: bytes) -> bytes:
     """Return what is received until `found` is in it."""
     told = b""
