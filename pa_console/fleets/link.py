@@ -49,7 +49,7 @@ class FoundRobot:
     position: Point | None = None
     """Metres in the world's frame, None while unknown."""
     detail: str = ""
-    """What it is by its own account, such as its type or its namespace."""
+    """Its own description, such as its type or its namespace."""
 
 
 class Link(Protocol):

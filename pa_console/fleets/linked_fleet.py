@@ -166,20 +166,20 @@ class LinkedFleet:
     def _may_go(self, command: DeviceCommand, link: Link) -> bool:
         """Return whether `command` goes to its link now; a reply or a notice says why not."""
         sent = self._sent.get(command.command_id)
-        if sent is None:
-            if why := self._refusal(command):
-                self._sent[command.command_id] = _SentCommand(command)
-                self._refuse(command, why)
-                return False
-        elif sent.command != command:
+        if sent is not None and sent.command != command:
             self._refuse(command, "its id was given to another command before")
             return False
-        elif sent.reply is not None and sent.ended:
+        if sent is not None and sent.reply is not None and sent.ended:
             self._replies.append(sent.reply.model_copy(update={"tick": self._tick}))
             return False
         if problem := self._problem_of(link):
             text = f"{command.verb} is not sent: no connection over {link.name}: {problem}"
             self._say("alarm", command.agent, text, "unsent")
+            return False
+        # checked last, and at the first time only: a check uses the command's token up
+        if sent is None and (why := self._refusal(command)):
+            self._sent[command.command_id] = _SentCommand(command)
+            self._refuse(command, why)
             return False
         return command.agent not in self._manual
 
@@ -194,7 +194,7 @@ class LinkedFleet:
         """Put `command` on its link; one that is sent again, such as a hold, is answered anew."""
         self._sent[command.command_id] = _SentCommand(command)
         self._sent.move_to_end(command.command_id)
-        if len(self._sent) > MOST_SENT:
+        while len(self._sent) > MOST_SENT:
             self._sent.popitem(last=False)
         on_wire = command.model_copy(update={"command_id": f"{self._session}.{command.command_id}"})
         try:

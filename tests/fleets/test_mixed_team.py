@@ -1,5 +1,7 @@
 """`--fleet` given several times: robots on a bus and on links are one team with one STOP."""
 
+import time
+from datetime import UTC, datetime
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -9,18 +11,21 @@ from pa_console.cli.sessions.fleet import find_fleet
 from pa_console.fleets import link as links
 from pa_console.fleets.link import GROUP
 from pa_console.fleets.linked_fleet import LinkedFleet
+from pa_console.fleets.station_authority import Keys, StationAuthority
 from pa_console.fleets.vda5050.broker import BrokerAddress
 from pa_console.mission.gate import CommandGate
 from pa_console.mission.journal import Journal
 from pa_console.mission.stop import EmergencyStop
-from pa_console.schema.command import DeviceCommand
+from pa_console.schema.command import DeviceCommand, Verb
 from pa_console.schema.events import event as ev
 from pa_console.schema.world import AssetSpec, World
 from pa_console.settings.schema import Settings
 from pa_console.station.assembly import load_site
 from pa_console.station.clock import DevicesClock, SteppedClock
 from tests.fleets.conftest import joined, running
+from tests.fleets.keyring import KEYS, PUBLIC, TO_SOUTH
 from tests.fleets.scripted_link import Desk, ScriptedLink
+from tests.mission.test_two_people import BOOK, MESSAGES, decision_on, request
 
 ON_BUS, ON_LINK = "Drone_T01", "Drone_T09"
 OPENED: list[ScriptedLink] = []
@@ -90,6 +95,37 @@ def test_what_does_not_go_together_is_said_before_anything_is_opened(
     with pytest.raises(ValueError, match=why):
         found(*urls, **more)  # pyright: ignore[reportArgumentType]
     assert not OPENED
+
+
+def test_with_keys_only_what_people_approved_goes_to_a_link_while_the_station_commands() -> None:
+    site = load_site("checkpoint", "checkpoint")
+    keys = Keys(KEYS["north"], "ann", KEYS["ann"], PUBLIC["owner"], MESSAGES)
+    authority = StationAuthority(keys, site.world.assets)
+    authority.begin("S", lambda: "head", time.time)
+    one = find_fleet(["own:Ugv_T01"], None, "checkpoint", Settings(), None)
+    (link,) = OPENED
+    link.news.append(Desk(site.world).report("Ugv_T01", "Base", sent=datetime.now(UTC)))
+    fleet, _ = one.drive(site, authority)
+    assert fleet is not None
+    asked = request(1, "move")
+    authority.grant(asked, authority.signed(asked, decision_on(asked), BOOK), BOOK)
+
+    def answers(number: int, verb: Verb, target: str | None = None) -> list[str]:
+        fleet.send(
+            DeviceCommand(command_id=f"M1.{number}", agent="Ugv_T01", verb=verb, target=target)
+        )
+        return [reply.detail for reply in fleet.step().replies]
+
+    link.problem = "cut"
+    assert answers(1, "move_to", "EastGate") == []
+    assert not link.sent
+    link.problem = ""
+    assert answers(1, "move_to", "EastGate") == []
+    assert answers(2, "move_to", "WestGate") == ["it has no authorization"]
+    assert authority.take(TO_SOUTH) == ""
+    assert "it has no authorization" in answers(3, "return_to_base")
+    assert answers(4, "hold") == []
+    assert [(c.verb, c.target) for c in link.sent] == [("move_to", "EastGate"), ("hold", None)]
 
 
 def test_one_picture_and_one_stop_for_a_bus_and_a_link(
