@@ -10,7 +10,7 @@ import secrets
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import partial
@@ -94,7 +94,6 @@ class _Robot:
     """When its place came in for the first time."""
     health: AssetStatus = "ok"
     reported_stamp: float = -math.inf
-    reported_s: float = -math.inf
     told: dict[str, float] = field(default_factory=dict[str, float])
     """When each notice was given last."""
 
@@ -108,10 +107,15 @@ class Ros2Link:
         address: Ros2Address,
         site: RobotSite,
         keys: Keys,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+        now: Callable[[], float] = time.time,
     ) -> None:
+        """`clock` measures how long things take, seconds; `now` is the time of the robots (UTC)."""
         self.name = f"ros2:{address.locator} ({keys.layout})"
         self.agents = frozenset(site.connection.robots)
         self._session, self._keys, self._site = session, keys, site
+        self._clock, self._now = clock, now
         self._period_s = site.world.telemetry_period_s
         self._news: list[LinkNews] = []
         self._replies: deque[tuple[Then, bytes | None]] = deque()
@@ -187,7 +191,7 @@ class Ros2Link:
         """Take in what waits, and see to what is due."""
         self._arrived.clear()
         self._read()
-        now_s = time.monotonic()
+        now_s = self._clock()
         for robot in self._robots.values():
             robot.navigator.step()
             self._report(robot, now_s)
@@ -202,7 +206,13 @@ class Ros2Link:
             name,
             namespace,
             entry,
-            Navigator(name, self._site, partial(self._call, Service(namespace, entry.action, ""))),
+            Navigator(
+                name,
+                self._site,
+                partial(self._call, Service(namespace, entry.action, "")),
+                clock=self._clock,
+                now=self._now,
+            ),
             Localization(entry.map_frame, entry.base_frame, entry.pose),
         )
         wanted = dict(_TOPICS)
@@ -234,7 +244,7 @@ class Ros2Link:
             action = self._keys.saw(str(token.key_expr), there=there)
             if action is not None:
                 (self._actions.add if there else self._actions.discard)(action)
-        now_s, now = time.monotonic(), time.time()
+        now_s, now = self._clock(), self._now()
         for robot in self._robots.values():
             for kind, topic in robot.topics.items():
                 count = 0
@@ -299,14 +309,16 @@ class Ros2Link:
     # Reports and answers
 
     def _report(self, robot: _Robot, now_s: float) -> None:
-        """Report where a robot is, every telemetry period at most, if it has said so anew."""
+        """Report where a robot is, every telemetry period or so, if it has said so anew."""
         place = robot.localization.place
         if place is None or place.stamp <= robot.reported_stamp:
             return
+        # A report that is a little early is one of the next period; to wait would skip that.
+        due = place.stamp - robot.reported_stamp >= 0.9 * self._period_s
         pose = self._site.fit.to_world(place.pose)
         speed_mps = robot.localization.speed(now_s)
         robot.navigator.see_place(Seen((pose.x, pose.y), pose.yaw, speed_mps, place.arrived_s))
-        if now_s - robot.reported_s < self._period_s:
+        if not due:
             return
         battery_pct = robot.battery_pct if robot.entry.battery is not None else 100.0
         if battery_pct is None:
@@ -319,12 +331,12 @@ class Ros2Link:
             )
             self._tell(robot, "alarm", text, "no charge")
             return
-        robot.reported_stamp, robot.reported_s = place.stamp, now_s
+        robot.reported_stamp = place.stamp
         failed = robot.health == "failed"
         self._news.append(
             AssetReport(
                 agent=robot.name,
-                sent=datetime.fromtimestamp(place.stamp, UTC),
+                sent=datetime.fromtimestamp(round(place.stamp, 3), UTC),
                 position=(pose.x, pose.y),
                 heading_deg=math.degrees(pose.yaw) % 360.0,
                 speed_mps=speed_mps,
@@ -345,7 +357,7 @@ class Ros2Link:
 
     def _tell(self, robot: _Robot, level: Level, text: str, about: str) -> None:
         """Give a notice about a robot; one about the same thing is given seldom."""
-        now_s = time.monotonic()
+        now_s = self._clock()
         if now_s - robot.told.get(about, -math.inf) >= QUIET_S:
             robot.told[about] = now_s
             self._say(level, robot.name, text)
@@ -376,7 +388,6 @@ class Ros2Link:
                 timeout=limit_s,
                 priority=zenoh.Priority.REAL_TIME if urgent else None,
                 congestion_control=zenoh.CongestionControl.DROP,
-                express=True,
             )
         except zenoh.ZError:
             return False
@@ -419,13 +430,19 @@ def open_link(address: str, world: World, settings: Settings) -> Ros2Link:  # no
         site = read_site(where.robots, world)
     except DocumentError as error:
         raise ValueError(str(error)) from error
+    session, keys = connect(where, site)
+    return Ros2Link(session, where, site, keys)
+
+
+def connect(where: Ros2Address, site: RobotSite) -> tuple[zenoh.Session, Keys]:
+    """Return a session at `where`, and the keys of the robots; raises ValueError likewise."""
     connection = site.connection
     session = _open(where, connection)
     try:
         layout = connection.layout or _find_layout(session, where, connection)
         client = secrets.token_bytes(16)
         keys: Keys = BridgeKeys() if layout == "bridge" else RmwKeys(connection.domain, client)
-        return Ros2Link(session, where, site, keys)
+        return session, keys
     except BaseException:
         session.close()
         raise
@@ -444,6 +461,10 @@ def _open(where: Ros2Address, connection: Connection) -> zenoh.Session:
             "listen/endpoints": "[]",
             "scouting/multicast/enabled": "false",
             "transport/shared_memory/enabled": "false",
+            # A burst of holds must find room: what does not within this time is dropped.
+            "transport/link/tx/queue/size/real_time": "16",
+            "transport/link/tx/queue/size/data": "16",
+            "transport/link/tx/queue/congestion_control/drop/wait_before_drop": "20000",
         }.items():
             config.insert_json5(key, value)
         return zenoh.open(config)

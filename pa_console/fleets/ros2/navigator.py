@@ -32,7 +32,13 @@ from pa_console.fleets.ros2.messages import (
     UnreadableError,
 )
 from pa_console.schema.base import Point
-from pa_console.schema.command import COMMANDS, FINAL_REPLIES, DeviceCommand, ReplyStatus
+from pa_console.schema.command import (
+    ADDRESSING,
+    COMMANDS,
+    FINAL_REPLIES,
+    DeviceCommand,
+    ReplyStatus,
+)
 from pa_console.schema.telemetry import Task
 
 CALL_S = 3.0
@@ -132,10 +138,11 @@ class Navigator:
         call: Call,
         *,
         clock: Callable[[], float] = time.monotonic,
+        now: Callable[[], float] = time.time,
     ) -> None:
         self._name, self._entry = name, site.connection.robots[name]
         self._world, self._fit = site.world, site.fit
-        self._call, self._clock = call, clock
+        self._call, self._clock, self._now = call, clock, now
         self._salt = uuid.uuid4()
         """Begins every goal id of this connection, so that no other client can use one up."""
         self._goals: OrderedDict[str, _Goal] = OrderedDict()
@@ -298,7 +305,7 @@ class Navigator:
             heading = math.atan2(at[1] - self._seen.at[1], at[0] - self._seen.at[0])
         pose = self._fit.to_map(Planar(*at, heading))
         request = messages.write_goal(
-            goal.goal_id, pose, self._entry.map_frame, time.time(), self._tree(goal)
+            goal.goal_id, pose, self._entry.map_frame, self._now(), self._tree(goal)
         )
         sent = self._call("send_goal", request, CALL_S, partial(self._accepted, goal))
         if not sent:
@@ -413,7 +420,10 @@ class Navigator:
         name = self._frame(goal.command)
         frame = self._world.frames[name]
         off_m = math.dist(self._seen.at, frame.at) if self._seen is not None else math.inf
-        if off_m <= frame.radius_m:
+        near_m = frame.radius_m
+        if goal.command.verb in ADDRESSING:  # it stops at a distance from whoever is there
+            near_m += self._world.platforms["robot"].sensor_range_m
+        if off_m <= near_m:
             self._stays = COMMANDS[goal.command.verb].task or "idle"
             self._answer(goal, "done", f"at {name}")
         elif waited_s >= ARRIVED_S:

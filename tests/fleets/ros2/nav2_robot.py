@@ -26,6 +26,7 @@ from tests.fleets.ros2.wire import Header, Pose, PoseStamped, Quaternion, Time, 
 ACTION = "navigate_to_pose/_action"
 ACCEPTED, EXECUTING, CANCELING, SUCCEEDED, CANCELED, ABORTED = 1, 2, 3, 4, 5, 6
 KEEP_S = 10.0
+BLOCK = zenoh.CongestionControl.BLOCK
 Reply = Callable[[bytes], None]
 LATCHED = ("tf_static", f"{ACTION}/status", "amcl_pose")
 
@@ -153,10 +154,10 @@ class Nav2Robot:
             if name in LATCHED:
                 cache = CacheConfig(max_samples=1)
                 publisher = declare_advanced_publisher(
-                    session, key, cache=cache, publisher_detection=True
+                    session, key, cache=cache, publisher_detection=True, congestion_control=BLOCK
                 )
             else:
-                publisher = session.declare_publisher(key)
+                publisher = session.declare_publisher(key, congestion_control=BLOCK)
             self._publishers[name] = publisher
             self._token("MP", name)
         for name, answer in (
@@ -166,7 +167,11 @@ class Nav2Robot:
         ):
             full = f"{ACTION}/{name}"
             self._held.append(
-                session.declare_queryable(self._key(full), self._guarded(answer), complete=True)
+                session.declare_queryable(
+                    self._key(full),
+                    zenoh.handlers.Callback(self._guarded(answer), indirect=False),
+                    complete=True,
+                )
             )
             self._token("SS", full)
         if layout == "bridge":
@@ -247,7 +252,7 @@ class Nav2Robot:
             self._begin(goal)
 
         if self.mode == "slow":
-            self._due.append((time.monotonic() + 1.0, accept))
+            self._due.append((self._clock() + 1.0, accept))
         else:
             accept()
 
@@ -258,7 +263,7 @@ class Nav2Robot:
                 self._end(goal, ABORTED)  # bt_navigator keeps the goal that it has
                 return
             self._end(running, ABORTED)
-        self._current, goal.status, goal.began_s = goal, EXECUTING, time.monotonic()
+        self._current, goal.status, goal.began_s = goal, EXECUTING, self._clock()
         self.executed.append(goal.goal_id.hex())
         if self.mode not in ("lie", "stuck"):
             self.body.go(*goal.at, goal.tree)
@@ -278,8 +283,10 @@ class Nav2Robot:
             goal.status = CANCELING
         if chosen:
             self._publish_status()
+        elif not any(wanted):
+            self.body.stop()
         for goal in chosen:  # the behavior tree notices at its next tick
-            self._due.append((time.monotonic() + 0.05, lambda goal=goal: self._cancelled(goal)))
+            self._due.append((self._clock() + 0.05, lambda goal=goal: self._cancelled(goal)))
 
     def _cancelled(self, goal: Goal) -> None:
         if goal is self._current:
@@ -305,7 +312,7 @@ class Nav2Robot:
                 return wire.ResultKilted(status, code, text).serialize()
 
     def _end(self, goal: Goal, status: int, code: int = 0, text: str = "") -> None:
-        goal.status, goal.code, goal.text, goal.ended_s = status, code, text, time.monotonic()
+        goal.status, goal.code, goal.text, goal.ended_s = status, code, text, self._clock()
         if goal is self._current:
             self._current = None
         self._publish_status()
@@ -318,10 +325,10 @@ class Nav2Robot:
 
     # Topics
 
-    def step(self, dt_s: float) -> None:
+    def step(self, dt_s: float, *, publishes: bool = True) -> None:
         """Move on, and publish."""
         with self._lock:
-            now_s = time.monotonic()
+            now_s = self._clock()
             due = [each for each in self._due if each[0] <= now_s]
             self._due = [each for each in self._due if each[0] > now_s]
             for _, act in due:
@@ -333,8 +340,8 @@ class Nav2Robot:
             for known in list(self._goals.values()):
                 if now_s - known.ended_s > KEEP_S:
                     del self._goals[known.goal_id]
-            if not self.crashed:
-                self._publish(now_s)
+            if publishes and not self.crashed:
+                self.publish()
 
     def _pursue(self, goal: Goal, now_s: float) -> None:
         if self.mode == "lie":
@@ -348,8 +355,10 @@ class Nav2Robot:
         elif self.mode != "stuck" and self.body.arrived():
             self._end(goal, SUCCEEDED)
 
-    def _publish(self, now_s: float) -> None:
-        now, body = self._clock(), self.body
+    def publish(self) -> None:
+        """Publish what changes all the time."""
+        now_s = now = self._clock()
+        body = self.body
         correction = wire.Transform(Vector3(0.0, 0.0, 0.0), Quaternion.of(0.0))
         ahead = Header(Time.of(now + self.ahead_s), "map")
         moved = wire.Transform(Vector3(body.x, body.y, 0.0), Quaternion.of(body.yaw))

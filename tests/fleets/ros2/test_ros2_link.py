@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from pa_console.schema.world import World
+from pa_console.schema.world import AssetSpec, World
 from tests.fleets.ros2 import wire
 from tests.fleets.ros2.counterpart import Cable, Listener, Robots, linked
 from tests.fleets.ros2.wire import Header, Pose, Quaternion, Time, Vector3
@@ -233,3 +233,24 @@ def test_a_cut_cable_is_a_problem_and_nothing_waits_to_be_sent(
             assert not any(robot["crashed"] for robot in state.values())
     finally:
         cable.close()
+
+
+def test_no_hold_of_a_burst_gets_lost(world: World, tmp_path: Path) -> None:
+    names = [f"Ugv_C{number:02}" for number in range(24)]
+    spec = AssetSpec(kind="ugv", post="Checkpoint")
+    large = world.model_copy(update={"assets": dict.fromkeys(names, spec)})
+    robots = Robots(dict.fromkeys(names, (0.0, 0.0)), "--rate-hz", "4")
+    text = "robots:\n" + "".join(f"  {name}: {{}}\n" for name in names)
+    try:
+        with linked(robots.port, large, tmp_path, text) as listener:
+            listener.heard(*names)
+            for name in names:
+                listener.send(name, name, "move_to", "WestGate")
+            listener.until(lambda: all(listener.statuses(name) for name in names))
+            for name in names:
+                listener.send(f"h-{name}", name, "hold")
+            for name in names:
+                assert listener.final(f"h-{name}").status == "done"
+            assert not any(robot["speed"] for robot in robots.change().values())
+    finally:
+        robots.close()
