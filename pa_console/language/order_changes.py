@@ -6,12 +6,11 @@ is the only one. A text that moves an asset, *stop the drone at the west gate*, 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 from pa_console.language.lexicon import word_lists
 from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.reader import Reader, read_tokens
-from pa_console.schema.mission import StandingOrder
 
 Change = Literal["revoke", "pause", "resume", "skip"]
 
@@ -30,9 +29,43 @@ _NEXT = frozenset(_WORDS["next"])
 _FILLERS = frozenset(_WORDS["fillers"])
 
 
+class Changeable(Protocol):
+    """What words can change: a standing order, or an order in steps that is under way."""
+
+    @property
+    def id(self) -> str:
+        """Its id."""
+        ...
+
+    @property
+    def text(self) -> str:
+        """Its words, as it was given."""
+        ...
+
+    @property
+    def words(self) -> str:
+        """What it is, in words."""
+        ...
+
+    @property
+    def order(self) -> str:
+        """Its words, as it is read."""
+        ...
+
+
+@dataclass(frozen=True)
+class OrderUnderWay:
+    """A patrol or another order in steps that a mission carries out; its id is the mission's."""
+
+    id: str
+    text: str
+    words: str
+    order: str
+
+
 @dataclass(frozen=True)
 class OrderChange:
-    """A change to standing orders, by their ids."""
+    """A change to standing orders, or to one under way, by their ids."""
 
     change: Change
     orders: tuple[str, ...]
@@ -43,8 +76,8 @@ class OrderChange:
         return _DONE[self.change]
 
 
-def read_change(text: str, orders: Sequence[StandingOrder]) -> OrderChange | Unclear | None:
-    """Return a change to one of the `orders` in force, a question about it, or None for no such."""
+def read_change(text: str, orders: Sequence[Changeable]) -> OrderChange | Unclear | None:
+    """Return a change to one of the `orders`, a question about it, or None for no such."""
     if not orders:
         return None
     reader = Reader(read_tokens(text))
@@ -75,11 +108,11 @@ def read_change(text: str, orders: Sequence[StandingOrder]) -> OrderChange | Unc
         return None
     if len(fits) != 1:
         those = "; ".join(f"{each.id}: {each.text}" for each in fits or orders)
-        return Unclear("", f"Which standing order is meant? {those}. Say its id: {change} S1")
+        return Unclear("", f"Which order is meant? {those}. Say its id: {change} {orders[0].id}")
     return OrderChange(change, (fits[0].id,))
 
 
-def _said(order: StandingOrder) -> set[str]:
+def _said(order: Changeable) -> set[str]:
     """Return the words of an order, as it was given and as it is read."""
     tokens = read_tokens(f"{order.text} {order.words} {order.order}")
     return {token.word for token in tokens} | {token.word.removesuffix("s") for token in tokens}

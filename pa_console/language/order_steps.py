@@ -194,7 +194,7 @@ class _Cutter:
             return False
         if way == "then":
             again = reader.word() == "again" and reader.word(1) not in _WORDS["elided"]
-            unready = before in _WORDS["no_then"] or again
+            unready = before in (*_WORDS["no_then"], "?") or again
             if unready or (self._leads_to_consequence() and not self.parts):
                 reader.at = start
                 return False

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 
 from pa_console.language.clock_words import duration_words
+from pa_console.language.patrols import USUAL, PatrolLimits
 from pa_console.language.references.scene import STILL, Move
 from pa_console.language.timed_orders import SHORTEST_S
 from pa_console.schema.mission import StandingOrder
@@ -20,10 +21,14 @@ STOPPED = "everything is stopped"
 
 @dataclass(frozen=True)
 class TimingLimits:
-    """The limits of timed orders, in seconds: how late a mission may start, the least interval."""
+    """The limits of timed orders, in seconds: how late a mission may start, the least interval.
+
+    And those of patrols.
+    """
 
     grace_s: float = 60.0
     shortest_s: float = SHORTEST_S
+    patrols: PatrolLimits = USUAL
 
 
 def _wall() -> datetime:

@@ -106,7 +106,7 @@ async def _reconsider(
     anew, and the steps of an order have no other readings on offer.
     """
     looked_at, shown = context.services.variant.readings, planned.best
-    if not looked_at or planned.steps:
+    if not looked_at or planned.steps or planned.by_grammar:
         return Readings()
     said = planned.answered.said
     own = shown.asked or said

@@ -30,7 +30,7 @@ from pa_console.mission.tasking.moves import PlanMoves
 from pa_console.policy.findings import ORDER_ID
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
-from pa_console.schema.finding import Finding
+from pa_console.schema.finding import MAX_FEEDBACK, Finding, Verdict
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import Rehearsal
@@ -186,6 +186,30 @@ async def _taken_instead(
         return None
     other = await _judged(context, answered, other, asked)
     return None if other.objected else other
+
+
+def verdict_on(steps: Sequence[Candidate]) -> tuple[Verdict | None, str]:
+    """Return the verdicts on the steps of a plan as one, or why there is none.
+
+    No objection takes all of them.
+    """
+    for number, step in enumerate(steps, start=1):
+        if step.verdict is None:
+            return None, f"step {number}: {step.judge_error or 'no verdict'}"
+    verdicts = [step.verdict for step in steps if step.verdict is not None]
+    objections = [
+        f"step {number}: {verdict.feedback}"
+        for number, verdict in enumerate(verdicts, start=1)
+        if verdict.verdict == "Failure"
+    ]
+    feedback = "; ".join(objections or [f"no objection to {len(verdicts)} steps"])
+    rules = {opinion.rule_id: opinion for verdict in verdicts for opinion in verdict.rules}
+    verdict = Verdict(
+        verdict="Failure" if objections else "Success",
+        rules=tuple(rules.values()),
+        feedback=feedback[:MAX_FEEDBACK],
+    )
+    return verdict, ""
 
 
 async def _judged(

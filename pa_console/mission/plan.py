@@ -122,6 +122,8 @@ class PlanForDecision:
     """The one that the plan is for."""
     steps: tuple["PlanForDecision", ...] = ()
     """The plan for each step of the order, where it is an order in steps."""
+    by_grammar: bool = False
+    """True if a grammar has read the order, and no model: what it says is certain."""
 
     @property
     def confidence(self) -> float | None:
@@ -130,6 +132,8 @@ class PlanForDecision:
         None unless the second reader, or both others, report how sure they are. Of an order in
         steps, the chance that every step was read as meant.
         """
+        if self.by_grammar:
+            return 1.0
         if self.steps:
             sure = [step.confidence for step in self.steps]
             known = [chance for chance in sure if chance is not None]
@@ -214,7 +218,7 @@ async def take(
     context: MissionContext,
     answered: PlannerAnswer,
     written: Plan,
-    author: Literal["operator", "agent"] = "operator",
+    author: Literal["operator", "agent", "console"] = "operator",
 ) -> PlanForDecision:
     """Step 6 for a plan that no model wrote: it is examined like any other."""
     number = context.next_attempt()

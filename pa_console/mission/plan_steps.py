@@ -8,13 +8,12 @@ approved as a whole.
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from pa_console.fleets.foreseen import ForeseenFleet
 from pa_console.language.mention_check import MentionCheck
 from pa_console.language.plain_words import plain_reading
 from pa_console.language.references.resolution import Answers
-from pa_console.mission.context import MissionContext, PastOrders, ordered_by
-from pa_console.mission.examine import Examination
-from pa_console.mission.judge import judge
+from pa_console.mission.context import MissionContext
+from pa_console.mission.foreseen_context import ForeseenContext
+from pa_console.mission.judge import judge, verdict_on
 from pa_console.mission.plan import (
     UNTOLD,
     Candidate,
@@ -23,6 +22,7 @@ from pa_console.mission.plan import (
     plan,
     safeguards,
 )
+from pa_console.mission.plan_patrol import plan_patrol
 from pa_console.mission.retrieve import retrieve
 from pa_console.mission.understand import (
     NotUnderstood,
@@ -33,11 +33,9 @@ from pa_console.mission.understand import (
 )
 from pa_console.policy.findings import STRUCTURE_ID
 from pa_console.schema.events import event as ev
-from pa_console.schema.finding import Finding, Verdict
+from pa_console.schema.finding import Finding
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import MAX_REASON, Action, Plan
-
-MAX_FEEDBACK = 600
 
 Planned = PlanForDecision | PlanningFailure | NotUnderstood | RefusedMission
 
@@ -50,12 +48,12 @@ async def plan_steps(
     A step that is blocked is the last one that is planned: nothing could follow it.
     """
     planned: list[PlanForDecision] = []
-    at = _StepContext(context)
+    at = ForeseenContext(context)
     for number, words in enumerate(steps, start=1):
         named = f"step {number}, “{words}”"
         step = at.begin(words)
         read = await understand(step, answers)
-        context.attempts = step.attempts
+        at.end(step)
         match read:
             case RefusedMission(reason):
                 return RefusedMission(f"{named}: {reason}")
@@ -63,50 +61,31 @@ async def plan_steps(
                 return replace(read, question=f"{named}: {question}")
             case StandingOffer():
                 return NotUnderstood(f"{named}: a step has no condition or time of its own.")
-            case Understood(mission):
-                step.mission = mission
+            case Understood():
+                step.mission = read.mission
         text = step.mission.text
         context.emit(ev.OrderStepRead(step=number, steps=len(steps), text=text))
-        found = await plan(step, retrieve(step, step.mission))
+        found = await _planned(step, read)
+        at.end(step)
         if isinstance(found, PlanningFailure):
             return replace(found, error=f"{named}: {found.error}")
-        found = await judge(step, found)
-        context.attempts = step.attempts
+        if isinstance(found, NotUnderstood):
+            return replace(found, question=f"{named}: {found.question}")
         planned.append(found)
         if not at.went(found.best.examination, step.mission):
             break
     return await _joined(context, task, planned, len(steps))
 
 
-class _StepContext:
-    """The situation in which each step is planned, as the rehearsals of those before leave it."""
-
-    def __init__(self, context: MissionContext) -> None:
-        self._context, self._services, self._monitor = context, context.services, context.monitor
-
-    def begin(self, words: str) -> MissionContext:
-        """Return the context for a step with these words."""
-        text = {"text": words, "typed": ""}
-        mission = self._context.mission.model_copy(update=text)
-        return replace(
-            self._context, services=self._services, mission=mission, monitor=self._monitor
-        )
-
-    def went(self, found: Examination, mission: Mission) -> bool:
-        """Take in how a step goes; False where it is blocked, so that nothing follows it."""
-        rehearsal, world = found.rehearsal, self._services.fleet.world
-        if found.blocked or rehearsal is None:
-            return False
-        before, past = self._services.fleet.picture(), self._services.past
-        past = PastOrders([*past.missions], past.pointer)
-        spoken = mission.model_copy(update={"source": "operator"})
-        past.remember(spoken, ordered_by(found.plan, before), undid=False, corrects=False)
-        fleet = ForeseenFleet(world, rehearsal.after)
-        self._services = replace(self._services, fleet=fleet, past=past)
-        self._monitor = self._monitor.copy()
-        for moment in rehearsal.moments:
-            self._monitor.observe(moment)
-        return True
+async def _planned(
+    step: MissionContext, read: Understood
+) -> PlanForDecision | PlanningFailure | NotUnderstood:
+    """Return the judged plan for one step."""
+    retrieved = retrieve(step, step.mission)
+    if read.patrol is not None:
+        return await plan_patrol(step, retrieved, read.patrol)
+    found = await plan(step, retrieved)
+    return found if isinstance(found, PlanningFailure) else await judge(step, found)
 
 
 async def _joined(
@@ -123,7 +102,7 @@ async def _joined(
         context.emit(
             ev.PlanRehearsed(attempt=number, rehearsal=found.rehearsal, seconds=found.rehearsal_s)
         )
-    verdict, error = _verdict(bests)
+    verdict, error = verdict_on(bests)
     best = Candidate(
         number,
         found,
@@ -160,9 +139,11 @@ def joined_plan(bests: Sequence[Candidate]) -> Plan:
     told: list[str] = []
     before: tuple[int, ...] = ()
     for best in bests:
-        first, each = len(actions) + 1, best.examination.plan
-        actions += [action.model_copy(update={"after": before}) for action in each.actions]
-        before = tuple(range(first, len(actions) + 1)) or before
+        first, each = len(actions), best.examination.plan
+        for action in each.actions:
+            after = tuple(number + first for number in action.after) or before
+            actions.append(action.model_copy(update={"after": after}))
+        before = tuple(number + first for number in each.steps[-1]) or before
         told.append(plain_reading(best.asked) if best.asked else each.reason)
     return Plan(reason="; then ".join(told)[:MAX_REASON], actions=tuple(actions))
 
@@ -189,27 +170,4 @@ def _mentions(bests: Sequence[Candidate]) -> MentionCheck:
         any(each.moves for each in found),
         any(each.baseless for each in found),
         tuple(said for each in found for said in each.times),
-    )
-
-
-def _verdict(bests: Sequence[Candidate]) -> tuple[Verdict | None, str]:
-    """Return the judge's verdicts on the steps as one: no objection takes all of them."""
-    for number, best in enumerate(bests, start=1):
-        if best.verdict is None:
-            return None, f"step {number}: {best.judge_error or 'no verdict'}"
-    verdicts = [best.verdict for best in bests if best.verdict is not None]
-    objections = [
-        f"step {number}: {verdict.feedback}"
-        for number, verdict in enumerate(verdicts, start=1)
-        if verdict.verdict == "Failure"
-    ]
-    rules = {opinion.rule_id: opinion for verdict in verdicts for opinion in verdict.rules}
-    feedback = "; ".join(objections or [f"no objection to the {len(verdicts)} steps"])
-    return (
-        Verdict(
-            verdict="Failure" if objections else "Success",
-            rules=tuple(rules.values()),
-            feedback=feedback[:MAX_FEEDBACK],
-        ),
-        "",
     )

@@ -58,6 +58,22 @@ class PlanFacts:
 
 
 @dataclass
+class PlaceWatch:
+    """When nobody was at a place, and for how long at most, in simulated seconds."""
+
+    longest_s: float = 0.0
+    _since_s: float | None = None
+
+    def see(self, time_s: float, *, somebody: bool) -> None:
+        """Take in whether anybody is known to be there."""
+        if somebody:
+            self._since_s = None
+            return
+        self._since_s = time_s if self._since_s is None else self._since_s
+        self.longest_s = max(self.longest_s, time_s - self._since_s)
+
+
+@dataclass
 class ReportFacts:
     """The facts of a mission, noted down as they happen; times are simulated seconds."""
 
@@ -71,6 +87,8 @@ class ReportFacts:
     moves: list[tuple[WorkflowMoved, float]] = field(
         default_factory=list[tuple[WorkflowMoved, float]]
     )
+    patrolled: dict[str, PlaceWatch] = field(default_factory=dict[str, PlaceWatch])
+    """The places of a patrol."""
     gaps_s: dict[str, float] = field(default_factory=dict[str, float])
     """Longest time without known cover per gate."""
     seen_from_s: float | None = None
@@ -93,6 +111,9 @@ class ReportFacts:
         """Note from a new picture how long gates were without known cover."""
         if self.seen_from_s is None:
             self.seen_from_s = picture.time_s
+        for place, watch in self.patrolled.items():
+            there = (a for a in picture.assets.values() if a.at == place and a.available)
+            watch.see(picture.time_s, somebody=any(there))
         for gate, cover in picture.gates.items():
             gap = min(cover.uncovered_s, picture.time_s - self.seen_from_s)
             if gap > self.gaps_s.get(gate, 0.0):
@@ -132,6 +153,7 @@ def after_action_report(
         lines.append(f"Nothing was executed: {reason}")
     elif status != "verified" and reason:
         lines.append(f"Outcome: {reason}")
+    lines.extend(_patrol(facts))
     lines.extend(_gates(facts, picture))
     answered = [a for a in open_alarms if a.id == mission.alarm and status == "verified"]
     lines.extend(f"{a.id} is answered; it clears when {CLEARS_WHEN[a.kind]}" for a in answered)
@@ -182,6 +204,22 @@ def _outcome(facts: PlanFacts) -> Iterator[str]:
     for action in seen.actions:
         yield f"- {action.agent} {action.command}: {action.outcome}, {action.reason}"
     yield f"By telemetry as of {seen.as_of_s:.1f} s: {seen.outcome}, {seen.reason}"
+
+
+def _patrol(facts: ReportFacts) -> Iterator[str]:
+    """Yield when each place of a patrol was seen by it, and how long nobody was there at most."""
+    for place, watch in facts.patrolled.items():
+        seen = [
+            f"{plan.verification.as_of_s:.0f} s"
+            for plan in facts.plans
+            if plan.verification is not None
+            and any(
+                action.outcome == "pass" and action.command.endswith(f" {place}")
+                for action in plan.verification.actions
+            )
+        ]
+        when = f"seen at {', '.join(seen)}" if seen else "not seen"
+        yield f"Patrol: {place} {when}; nobody there for {watch.longest_s:.0f} s at the longest"
 
 
 def _gates(facts: ReportFacts, picture: Picture) -> Iterator[str]:

@@ -7,6 +7,7 @@ premise of the running plan breaks. Each is planned, checked, judged and approve
 import asyncio
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate
 
 from pa_console.language.references.resolution import chosen, names_something
 from pa_console.language.references.scene import Move
@@ -32,9 +33,10 @@ from pa_console.mission.plan import (
     reexamine,
     take,
 )
+from pa_console.mission.plan_patrol import plan_patrol
 from pa_console.mission.plan_steps import Planned, plan_steps
 from pa_console.mission.propose import without_planner
-from pa_console.mission.report import PlanFacts, ReportFacts, after_action_report
+from pa_console.mission.report import PlaceWatch, PlanFacts, ReportFacts, after_action_report
 from pa_console.mission.retrieve import RetrievedRules, retrieve
 from pa_console.mission.spelling import read_words
 from pa_console.mission.step_by_step import StepByStep
@@ -105,6 +107,8 @@ class MissionRun:
         self._answers: dict[str, str] = {}
         """The operator's answers about words of the mission."""
         self._questions = 0
+        self._goes_on = asyncio.Event()
+        self._goes_on.set()
         self._done = 0
         """The number of steps of the order that are done."""
         self._ordered: list[Move] = []
@@ -120,6 +124,23 @@ class MissionRun:
         """The subjects of the mission: its own and the tracks of its workflows."""
         own = (self.mission.subject,) if self.mission.subject is not None else ()
         return frozenset((*own, *self._progress.tracks))
+
+    @property
+    def in_steps(self) -> bool:
+        """True if it is a patrol, or another order in steps."""
+        read = self._understood
+        return read is not None and bool(read.steps or read.patrol)
+
+    def pause(self, *, paused: bool, by: str) -> None:
+        """Send no further step until it is resumed; raises ValueError where that is so already."""
+        if paused != self._goes_on.is_set():
+            is_so = "is paused already" if paused else "is not paused"
+            raise ValueError(f"{self.mission.id} {is_so}")
+        if paused:
+            self._goes_on.clear()
+        else:
+            self._goes_on.set()
+        self._emit(ev.StepsPaused(paused=paused, by=by))
 
     async def work(self) -> None:
         """Carry the mission out; a plan is executed only after an admissible approval."""
@@ -141,8 +162,12 @@ class MissionRun:
 
     def _all_done(self) -> MissionResult | None:
         """Return what a mission comes to that gave way after its last step; None for any other."""
-        steps = self._understood.steps if self._understood is not None else ()
-        return self._results.conclude() if steps and self._done >= len(steps) else None
+        read = self._understood
+        if read is None or not (read.steps or read.patrol):
+            return None
+        patrol = read.patrol
+        count = len(patrol.places) * patrol.laps if patrol is not None else len(read.steps)
+        return self._results.conclude() if self._done >= count else None
 
     async def _understand(self, unclear: NotUnderstood | None) -> MissionResult | None:
         """Step 1: read the mission's words, and ask back what one answer settles.
@@ -192,6 +217,8 @@ class MissionRun:
     def _begin_as(self, understood: Understood) -> None:
         """Work on the mission as it was read."""
         mission, self._understood = understood.mission, understood
+        if understood.patrol is not None:
+            self._facts.patrolled = {place: PlaceWatch() for place in understood.patrol.places}
         if mission == self._facts.mission:
             return
         self._emit(
@@ -290,7 +317,8 @@ class MissionRun:
             unasked = without_planner(context, retrieved)
             planned = await take(context, unasked, proposed, author="agent")
         while isinstance(planned, PlanForDecision):
-            planned = planned if planned.steps else await judge(context, planned)
+            judged = planned.steps or planned.by_grammar
+            planned = planned if judged else await judge(context, planned)
             decided = await decide(context, planned, self._readings, self._station.decide)
             self._readings, decision, shown = decided.readings, decided.decision, planned.best
             if decision.kind == "choose":
@@ -328,6 +356,8 @@ class MissionRun:
     ) -> Planned:
         """Return the plan for a task: for an order in steps, one for all that are left of them."""
         understood = self._understood
+        if understood is not None and understood.patrol is not None:
+            return await plan_patrol(self._context, retrieved, understood.patrol, self._done)
         if understood is None or not understood.steps:
             return await plan(self._context, retrieved, reasons, previous)
         left = understood.steps[self._done :]
@@ -393,7 +423,9 @@ class MissionRun:
         Each step is verified by itself; the judge is not asked about the outcome of all of them.
         """
         context, shown = self._context, approved.planned.best
-        steps = StepByStep(context, self._execution, approved, task, self._results, self._facts)
+        steps = StepByStep(
+            context, self._execution, approved, task, self._results, self._facts, self._goes_on
+        )
         self.moving = True
         try:
             if (ended := await steps.run()) is not None:
@@ -402,7 +434,7 @@ class MissionRun:
                 self._tell(self._progress.join(shown.examination.plan, self._now()))
                 await self._watch_outcome(phase, task)
         finally:
-            self._done += steps.done
+            self._done += _orders_done(approved.planned, steps.done)
             self.moving = False
         return ()
 
@@ -444,3 +476,9 @@ class MissionRun:
         for move in moves:
             self._facts.moved(move, self._services.fleet.time_s)
             self._emit(move)
+
+
+def _orders_done(planned: PlanForDecision, steps: int) -> int:
+    """Return how many steps of an order are done with the first `steps` of its plan."""
+    counts = accumulate(len(each.best.examination.plan.steps) for each in planned.steps)
+    return sum(count <= steps for count in counts) if planned.steps else steps

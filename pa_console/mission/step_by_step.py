@@ -4,6 +4,7 @@ A step that waits is examined again at its moment. What comes after an action th
 telemetry does not show, is never sent, and an event names it.
 """
 
+import asyncio
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
@@ -29,6 +30,8 @@ class StepByStep:
     task: Mission
     results: Results
     facts: ReportFacts
+    goes_on: asyncio.Event
+    """Set while the next step may be sent; nothing is sent while an operator has paused it."""
     done: int = 0
     """The number of steps that telemetry has shown to be done, from the first on."""
     _held: frozenset[int] = frozenset()
@@ -42,6 +45,7 @@ class StepByStep:
         lacks: list[MissionResult] = []
         for position, numbers in enumerate(self._plan.steps, start=1):
             if due := tuple(number for number in numbers if number not in self._held):
+                await self.goes_on.wait()
                 lacking = await self._step(position, due)
                 lacks += [lacking] if lacking is not None else []
                 self.done += not lacks

@@ -5,8 +5,10 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from time import perf_counter
 
+from pa_console.language.clock_words import duration_words
 from pa_console.language.demands import contradiction
 from pa_console.language.order_steps import ReadSteps, read_steps
+from pa_console.language.patrols import Patrol, least_s, read_patrol
 from pa_console.language.references.conversation import LEANING, Unclear
 from pa_console.language.references.resolution import Answers, resolve
 from pa_console.language.references.scene import ReferenceScene
@@ -19,7 +21,13 @@ from pa_console.mission.standing import example_subject, starts_now
 from pa_console.policy.rule_checks import check_mission
 from pa_console.policy.standing_conditions import StandingCondition
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import MAX_MISSION_TEXT, Mission, StandingOrder, StandingStart
+from pa_console.schema.mission import (
+    MAX_MISSION_TEXT,
+    Mission,
+    Schedule,
+    StandingOrder,
+    StandingStart,
+)
 
 
 @dataclass(frozen=True)
@@ -53,6 +61,8 @@ class Understood:
     """True if it replaces the last order."""
     steps: tuple[str, ...] = ()
     """The words of each step, where it is an order in steps; each is read at its turn."""
+    patrol: Patrol | None = None
+    """The patrol that it is, if it is one."""
 
 
 @dataclass(frozen=True)
@@ -94,15 +104,24 @@ async def understand(
 
 
 def _in_steps(context: MissionContext) -> NotUnderstood | Understood | None:
-    """Return an order in steps, or what to ask about them; None for an order of one step.
+    """Return an order in steps or a patrol, or what to ask about it; None for any other.
 
     A plan that came with the words has its own steps.
     """
-    mission = context.mission
-    found = read_steps(_scene(context), mission.text) if mission.proposed is None else None
-    if isinstance(found, Unclear):
-        return NotUnderstood(found.question, found.said, found.choices)
-    return Understood(mission, steps=found.steps) if found is not None else None
+    mission, scene = context.mission, _scene(context)
+    if mission.proposed is not None:
+        return None
+    limits = context.services.standing.limits.patrols
+    found = read_steps(scene, mission.text) or read_patrol(scene, mission.text, limits)
+    match found:
+        case None:
+            return None
+        case Unclear(said, question, choices):
+            return NotUnderstood(question, said, choices)
+        case ReadSteps(steps):
+            return Understood(mission, steps=steps)
+        case Patrol():
+            return Understood(mission, patrol=found)
 
 
 def _is_for_later(context: MissionContext) -> bool:
@@ -180,6 +199,8 @@ async def _timed(
         return refused
     trial = replace(context, mission=sample)
     read = _in_steps(trial) or await asyncio.to_thread(_read, trial, answers)
+    if isinstance(read, Understood) and read.patrol is not None:
+        read = _timed_patrol(_scene(context), found.schedule, read, read.patrol)
     if isinstance(read, NotUnderstood):
         if read.said:
             return read
@@ -195,6 +216,20 @@ async def _timed(
         unasked=unasked,
     )
     return StandingOffer(Agenda(order), (StandingStart(order=read.mission.text),))
+
+
+def _timed_patrol(
+    scene: ReferenceScene, schedule: Schedule, read: Understood, patrol: Patrol
+) -> Understood | NotUnderstood:
+    """Return a patrol that a schedule can start as it was `read`, or what to ask about it."""
+    takes_s = least_s(patrol, scene)
+    if 0.0 < schedule.every_s < takes_s:
+        every, least = duration_words(schedule.every_s), duration_words(round(takes_s))
+        told = f"every {every} is too often: the patrol takes at least {least}."
+        return NotUnderstood(f"{told} How often, or over fewer places?")
+    if schedule.stays:
+        return NotUnderstood("a patrol ends after its laps, not after a time. How many laps?")
+    return read
 
 
 def _time_of_a_step(scene: ReferenceScene, text: str, order: str, now: datetime) -> str:

@@ -8,6 +8,7 @@ from pa_console.schema.base import StrictModel
 from pa_console.schema.rule import Priority
 
 FindingStatus = Literal["complies", "violates", "not_applicable", "judged_only", "error"]
+MAX_FEEDBACK = 600
 JudgeOpinion = Literal["complies", "violates", "unclear"]
 
 
@@ -42,7 +43,7 @@ class Verdict(StrictModel):
 
     verdict: Literal["Success", "Failure"]
     rules: tuple[RuleOpinion, ...] = ()
-    feedback: str = Field(default="", max_length=600)
+    feedback: str = Field(default="", max_length=MAX_FEEDBACK)
 
 
 class Usage(StrictModel):

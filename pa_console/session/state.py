@@ -408,6 +408,9 @@ class SessionState:
                 self._notice(event, "warning", event.mission or "", text)
             case ev.PlanHalted(reasons=reasons):
                 self._notice(event, "alarm", event.mission or "", f"halted: {'; '.join(reasons)}")
+            case ev.StepsPaused(paused=paused, by=by):
+                text = "paused: no further step is sent" if paused else "goes on with its steps"
+                self._notice(event, "warning", event.mission or "", f"{text}, by {by}")
             case ev.StepsHeld(orders=orders, reason=reason):
                 text = f"not sent: {'; '.join(orders)}: {reason}"
                 self._notice(event, "alarm", event.mission or "", text)

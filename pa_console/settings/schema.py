@@ -148,6 +148,16 @@ class Settings(BaseSettings):
     ] = 60.0
     """The shortest interval of a recurring order, seconds."""
 
+    patrol_stay_s: Annotated[
+        float, _shown("Approval and alarms", "Stay at each place of a patrol", ge=0.0, le=3600.0)
+    ] = 10.0
+    """Seconds that an asset stays at each place of a patrol, unless the order says how long."""
+
+    patrol_laps: Annotated[
+        int, _shown("Approval and alarms", "Most laps of a patrol", ge=1, le=50)
+    ] = 10
+    """The most laps of a patrol; one of more laps, or without an end, is asked back about."""
+
     stale_after_s: Annotated[
         float,
         _shown("Approval and alarms", "Telemetry is stale after", restart=False, ge=2.0, le=120.0),

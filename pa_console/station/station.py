@@ -9,7 +9,7 @@ from functools import partial
 from pa_console import __version__
 from pa_console.fleets.fleet import PlanCountersignature, Simulated
 from pa_console.language.manual_words import ManualWords, read_manual
-from pa_console.language.order_changes import Change, OrderChange, read_change
+from pa_console.language.order_changes import Change, OrderChange, OrderUnderWay, read_change
 from pa_console.language.questions import Question
 from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.scene import ReferenceScene
@@ -372,10 +372,30 @@ class ControlStation:
 
     def _change_in(self, order: ReadText) -> OrderChange | ManualWords | Unclear | None:
         """Return what a text changes at once: standing orders, or who drives an asset."""
-        change = read_change(order.text, self._services.standing.orders)
+        orders = self._services.standing.orders
+        change = read_change(order.text, (*orders, *self._under_way()))
         if change is not None or order.question is not None:
             return change
         return read_manual(self._services.scene, order.text, self._gate.manual.taken)
+
+    def _under_way(self) -> tuple[OrderUnderWay, ...]:
+        """Return the order in steps that is worked on, unless a standing order has started it."""
+        run, standing = self._worker.active, self._services.standing
+        if run is None or not run.in_steps or standing.find(run.mission.standing or "") is not None:
+            return ()
+        mission = run.mission
+        return (OrderUnderWay(mission.id, mission.said, "steps patrol", mission.text),)
+
+    def _change_orders(self, change: OrderChange) -> None:
+        """Change orders; the one in steps that is worked on changes with its standing order."""
+        run = self._worker.active
+        for name in change.orders:
+            if run is None or name != run.mission.id:
+                self.change_standing(name, change.change)
+        if run is None or not run.in_steps:
+            return
+        if {run.mission.id, run.mission.standing} & {*change.orders} and change.change != "skip":
+            self._worker.change_steps(change.change)
 
     def _change(self, order: ReadText, change: OrderChange | ManualWords) -> Mission:
         """Change at once what an operator's words say, and record them as a mission.
@@ -383,8 +403,7 @@ class ControlStation:
         Raises ValueError for what cannot be changed so.
         """
         if isinstance(change, OrderChange):
-            for name in change.orders:
-                self.change_standing(name, change.change)
+            self._change_orders(change)
             reason = f"{change.done}: {', '.join(change.orders)}"
         else:
             reason = self.manual.change(change)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 
 from pa_console.fleets.fleet import PlanCountersignature
+from pa_console.language.order_changes import Change
 from pa_console.mission.context import MissionResult, Services
 from pa_console.mission.decide import countersignature
 from pa_console.mission.dispatch import StepFeed
@@ -172,6 +173,18 @@ class MissionWorker:
             raise ValueError("no mission is active; one that waits is withdrawn from the queue")
         self._gives_way, self._cancelled_for = False, reason
         self._work.cancel()
+
+    def change_steps(self, change: Change, by: str = "operator") -> None:
+        """Let the active order in steps pause or go on, or end it; ValueError where it cannot."""
+        if self._run is None or not self._run.in_steps:
+            raise ValueError("no order in steps is under way")
+        match change:
+            case "revoke":
+                self.cancel(f"revoked by {by}")
+            case "skip":
+                raise ValueError(f"{self._run.mission.id} is under way: it has no moment to skip")
+            case "pause" | "resume":
+                self._run.pause(paused=change == "pause", by=by)
 
     def see(self, picture: Picture) -> None:
         """Let the active mission take in new telemetry, or give way to an emergency (WF-04)."""

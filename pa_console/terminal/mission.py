@@ -40,6 +40,7 @@ _STEPS: dict[str, str] = {
     "command_refused": "refused",
     "plan_halted": "plan halted",
     "steps_held": "not sent",
+    "steps_paused": "steps",
     "mission_verified": "telemetry",
     "outcome_judged": "judge on the outcome",
     "mission_preempted": "waits again",

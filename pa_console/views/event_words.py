@@ -180,6 +180,8 @@ def _session_event(data: ev.EventPayload) -> str:
             words = f"ended as held: {', '.join(interrupted)}" if interrupted else ""
         case ev.AuthorityChanged(refusal=refusal):
             words = f"nothing is sent from here: {refusal}" if refusal else "in command"
+        case ev.StepsPaused(paused=paused, by=by):
+            words = f"{'paused' if paused else 'resumed'} by {by}"
         case ev.CommandTaken():
             words = command_taken_in_words(data)
         case _:

@@ -194,8 +194,14 @@ class Steps:
         task = SimpleNamespace(text="drawn")
         facts = ReportFacts(cast(Any, None))
         results = SimpleNamespace(verifications=[])
-        made = step_by_step.StepByStep(*cast(Any, (context, self, approved, task, results, facts)))
-        return asyncio.run(made.run())
+
+        async def run() -> MissionResult | None:
+            goes_on = asyncio.Event()
+            goes_on.set()
+            parts = (context, self, approved, task, results, facts, goes_on)
+            return await step_by_step.StepByStep(*cast(Any, parts)).run()
+
+        return asyncio.run(run())
 
     @property
     def held(self) -> Iterable[str]:

@@ -101,6 +101,7 @@ def test_every_field_has_a_title_a_help_and_a_variable_that_sets_it(
     samples = {"speed": "3", "approval_delay_s": "1.5", "stale_after_s": "9", "history_kept": "7",
                "standing_confidence": "0.5", "check_deadline_ms": "20",
                "moment_grace_s": "30", "shortest_interval_s": "30",
+               "patrol_stay_s": "5", "patrol_laps": "3",
                "server_patience_s": "10", "plain_servers": "off", "require_sandbox": "on",
                "live_reading": "off",
                "alarms": "off", "mouse": "0", "bell": "off", "desktop_notices": "off",

@@ -14,6 +14,7 @@ from pa_console.cli.options import SessionOptions
 from pa_console.cli.sessions.fleet import find_fleet, load_authority
 from pa_console.cli.sessions.log import open_log, warn
 from pa_console.end_signals import end_signals
+from pa_console.language.patrols import PatrolLimits
 from pa_console.llm.local.confinement import require_all, try_out
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.remote.servers import NO_SERVERS, Servers
@@ -144,7 +145,10 @@ def open_live(
         fleet=fleet,
         servers=servers,
     )
-    station.limit_times(TimingLimits(settings.moment_grace_s, settings.shortest_interval_s))
+    patrols = PatrolLimits(settings.patrol_stay_s, settings.patrol_laps)
+    station.limit_times(
+        TimingLimits(settings.moment_grace_s, settings.shortest_interval_s, patrols)
+    )
     if not options.stepped:
         station.rate = settings.speed
     duration_s = played.scenario.duration_s if played is not None else 0.0

@@ -21,6 +21,7 @@ from pa_console.schema.events.execution import (
     OutcomeJudged,
     PlanHalted,
     StepsHeld,
+    StepsPaused,
     StopReleased,
     StopUnconfirmed,
 )
@@ -115,6 +116,7 @@ EventPayload = Annotated[
     | StandingOrderRead | StandingOrderApproved
     | StandingOrderStarted | StandingOrderWithheld | StandingOrderRevoked
     | StandingOrderScheduled | QuestionAnswered | OrderStepRead | StepsHeld
+    | StepsPaused
     | TakChanged | ContactReported | ContactLost | ContactsLeftOut | AgentMuted
     | ManualControlTaken | ManualControlEnded | MissionAwaitsAssets,
     Field(discriminator="kind"),

@@ -54,6 +54,14 @@ class StepsHeld(Payload):
     reason: str
 
 
+class StepsPaused(Payload):
+    """Step 7: a mission sends no further step until somebody lets it go on, or goes on."""
+
+    kind: Literal["steps_paused"] = "steps_paused"
+    paused: bool
+    by: str
+
+
 class CommandReplied(Payload):
     """Step 7: a device answered, or was given up on (`failed`, timed out)."""
 

@@ -1,0 +1,177 @@
+"""Steps 2 to 6 for a patrol: legs from place to place, with relief before a battery gets low.
+
+The grammar has read it, so no planner and no reader is asked. The judge is asked about the first
+leg to each place; the rules are decided for every leg, in the picture that the ones before leave.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from pa_console.language.clauses import written
+from pa_console.language.facts import is_free
+from pa_console.language.order import Task
+from pa_console.language.patrols import Patrol, legs_of
+from pa_console.mission.context import MissionContext
+from pa_console.mission.foreseen_context import ForeseenContext
+from pa_console.mission.judge import judge, verdict_on
+from pa_console.mission.plan import PlanForDecision, take
+from pa_console.mission.propose import without_planner
+from pa_console.mission.rehearse import rehearse_steps
+from pa_console.mission.retrieve import RetrievedRules, retrieve
+from pa_console.mission.understand import NotUnderstood
+from pa_console.schema.command import COMMANDS, Verb
+from pa_console.schema.events import event as ev
+from pa_console.schema.plan import MAX_REASON, Action, Plan
+from pa_console.schema.rehearsal import Rehearsal
+from pa_console.schema.world import AssetKind
+
+PREFERRED: tuple[AssetKind, ...] = ("uav", "robot", "ugv")
+"""Who goes if the order does not say: the first of these kinds of which one is free."""
+MOST_RELIEFS = 4
+RESERVE_PCT = 2.0
+"""The charge that an asset keeps above the low mark when it is relieved or has done, percent."""
+
+
+@dataclass(frozen=True)
+class _Leg:
+    """One place of a patrol, and who goes there; a `relieves` is sent home once it is there."""
+
+    place: str
+    agent: str
+    relieves: str = ""
+
+
+async def plan_patrol(
+    context: MissionContext, retrieved: RetrievedRules, patrol: Patrol, done: int = 0
+) -> PlanForDecision | NotUnderstood:
+    """Return the plan for what is left of a patrol of which `done` legs are done."""
+    agent = _first_agent(context, patrol)
+    if not agent:
+        who = patrol.who or (f"{patrol.kind}" if patrol.kind else "asset")
+        return NotUnderstood(f"no {who} is free for a patrol. Who is to go?")
+    places = legs_of(patrol, context.services.scene, agent)[done:]
+    legs = await _with_relief(context, patrol, agent, places)
+    if isinstance(legs, NotUnderstood):
+        return legs
+    whole = _plan(context, patrol, legs)
+    judged = await _judged(context, patrol, legs)
+    answered = without_planner(context, retrieved)
+    made = await take(context, answered, whole, author="console")
+    verdict, error = verdict_on([step.best for step in judged])
+    best = replace(made.best, verdict=verdict, judge_error=error)
+    if context.services.variant.judging and not best.examination.blocked:
+        context.emit(ev.PlanJudged(attempt=best.attempt, verdict=verdict, error=error))
+    return PlanForDecision(answered, best, by_grammar=True)
+
+
+def _first_agent(context: MissionContext, patrol: Patrol) -> str:
+    """Return who begins: the named asset, or the nearest free one of the kind; '' for nobody."""
+    if patrol.who:
+        return patrol.who
+    scene = context.services.scene
+    for kind in (patrol.kind,) if patrol.kind else PREFERRED:
+        free = [n for n, a in scene.picture.assets.items() if a.kind == kind and scene.is_free(n)]
+        if free:
+            return min(free, key=lambda name: (scene.distance_m(name, patrol.places[0]), name))
+    return ""
+
+
+async def _with_relief(
+    context: MissionContext, patrol: Patrol, agent: str, places: Sequence[str]
+) -> list[_Leg] | NotUnderstood:
+    """Return the legs; another asset takes over before a battery would get low."""
+    legs = [_Leg(place, agent) for place in places]
+    world = context.services.fleet.world
+    for _ in range(MOST_RELIEFS + 1):
+        plan = _plan(context, patrol, legs)
+        run = await rehearse_steps(context.services.fleet, plan)
+        short = _first_short(plan, run.steps, world.low_battery_pct + RESERVE_PCT)
+        if short is None:
+            return legs
+        number, spent = next((n, leg) for n, leg in enumerate(legs) if n >= short)
+        other = _reliever(context, legs, number)
+        if number == 0 or not other:
+            place = legs[number].place
+            why = f"the battery of {spent.agent} will not do for the leg to {place}"
+            return NotUnderstood(f"{why}, and nobody is free to relieve it. Who is to go?")
+        legs[number:] = [_Leg(leg.place, other) for leg in legs[number:]]
+        legs[number] = replace(legs[number], relieves=spent.agent)
+    return NotUnderstood(f"the patrol needs more than {MOST_RELIEFS} reliefs: give fewer laps.")
+
+
+def _first_short(plan: Plan, steps: Sequence[Rehearsal], least_pct: float) -> int | None:
+    """Return the leg, counted from 0, that a battery does not do for, with the way home."""
+    legs = -1
+    for numbers, step in zip(plan.steps, steps, strict=False):
+        going = [plan.actions[n - 1] for n in numbers if plan.actions[n - 1].target is not None]
+        legs += bool(going)
+        for action in going:
+            began = step.before.assets[action.agent].battery_pct
+            ended = step.timeline.assets[action.agent].least_battery_pct
+            # The way home is taken to need no more than this leg did.
+            if ended - (began - ended) < least_pct:
+                return legs
+    return None
+
+
+def _reliever(context: MissionContext, legs: Sequence[_Leg], number: int) -> str:
+    """Return the nearest free asset of the same kind that has no part in it; '' for none."""
+    scene, place = context.services.scene, legs[number].place
+    kind = scene.asset(legs[number].agent).kind
+    taken = {leg.agent for leg in legs}
+    free = [
+        name
+        for name, asset in scene.picture.assets.items()
+        if asset.kind == kind and name not in taken and is_free(asset, scene.sole)
+    ]
+    return min(free, key=lambda name: (scene.distance_m(name, place), name), default="")
+
+
+def _plan(context: MissionContext, patrol: Patrol, legs: Sequence[_Leg]) -> Plan:
+    """Return the plan of all legs, one after the other."""
+    actions: list[Action] = []
+    before: tuple[int, ...] = ()
+    for leg in legs:
+        command = f"{_verb(context, leg.agent)} {leg.place}"
+        actions.append(Action(agent=leg.agent, command=command, after=before, stay_s=patrol.stay_s))
+        before = (len(actions),)
+        if leg.relieves:
+            home = Action(agent=leg.relieves, command="return_to_base", after=before)
+            actions.append(home)
+    return Plan(reason=patrol.words, actions=tuple(actions))
+
+
+def _verb(context: MissionContext, agent: str) -> Verb:
+    kind = context.services.fleet.world.assets[agent].kind
+    return "observe" if kind in COMMANDS["observe"].kinds else "move_to"
+
+
+async def _judged(
+    context: MissionContext, patrol: Patrol, legs: Sequence[_Leg]
+) -> list[PlanForDecision]:
+    """Return the first leg to each place, with the judge's verdict on it."""
+    at, judged = ForeseenContext(context), list[PlanForDecision]()
+    for leg in _first_legs(legs):
+        verb = _verb(context, leg.agent)
+        task: Task = "look" if verb == "observe" else "go"
+        asked = "asked: " + written(task, {"who": leg.agent, "place": leg.place})
+        step = at.begin(f"Send {leg.agent} to {leg.place}.")
+        plan = Plan(
+            reason=f"{asked}; {patrol.words}"[:MAX_REASON],
+            actions=(Action(agent=leg.agent, command=f"{verb} {leg.place}"),),
+        )
+        answered = without_planner(step, retrieve(step, step.mission, chosen=asked))
+        found = await judge(step, await take(step, answered, plan, author="console"))
+        at.end(step)
+        judged.append(found)
+        if not at.went(found.best.examination, step.mission):
+            break
+    return judged
+
+
+def _first_legs(legs: Sequence[_Leg]) -> Iterator[_Leg]:
+    known = set[str]()
+    for leg in legs:
+        if leg.place not in known:
+            known.add(leg.place)
+            yield leg
