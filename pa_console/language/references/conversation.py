@@ -13,6 +13,7 @@ from pa_console.language.plain_words import listed
 from pa_console.language.references.reader import (
     CONTACTS,
     COPULA,
+    INDEFINITE,
     Reader,
     WordToken,
     asset_at,
@@ -83,6 +84,7 @@ _AND_THEN = frozenset(_WORDS["and_then"])
 _DONE = frozenset(_WORDS["done"])
 _STEADY = frozenset(_WORDS["steady"])
 """The words beside places, *next* and *done* in an order to go on."""
+_EXISTENTIAL = frozenset(_WORDS["existential"])
 _WELL = frozenset(_WORDS["well"])
 """The words that ask about an asset's condition."""
 _HOME = frozenset(_WORDS["home"])
@@ -469,7 +471,7 @@ class _Turn:
             meant.append(one)
         if not meant or not self._asks:
             return None
-        pairs = tuple((one.said, one.means) for one in meant)
+        pairs = tuple((one.said, one.means) for one in meant if one.means)
         return ResolvedOrder(substituted(self._text, meant), pairs)
 
     def _pronoun(self, at: int, *, within: bool) -> tuple[ResolvedReference, int] | Unclear | None:
@@ -483,22 +485,36 @@ class _Turn:
             ]
             place = before[-1] if before else ""
             return self._replaced(at, reader.at, place, to=True) if place else None
+        if self._is_existential(at):
+            return None
         if reader.take(*_THERE):
             return None if placed else self._there_named(at, reader.at)
-        if named:
-            return None
+        return None if named or self._is_contact(at) else self._who(at, within=within)
+
+    def _who(self, at: int, *, within: bool) -> tuple[ResolvedReference, int] | Unclear | None:
+        """Read *it*, *he* or *they*; *both* after another one of them says nothing more."""
+        reader = Reader(self._tokens, at)
+        if within and reader.take("both"):
+            both = self._tokens[at]
+            return ResolvedReference(both.start, both.end, both.said, ""), reader.at
         if reader.take(*_THEM, *_THEY) and reader.word() not in ("of", "robots", "drones"):
             they = self._they()
             return self._replaced(at, reader.at, listed(they)) if they else None
         reader.at = at
-        if self._is_contact(at):
-            return None
         if reader.take(*_IT) and not (_WEATHER & {reader.word(), reader.word(1), reader.word(2)}):
             who = self._it()
             if isinstance(who, Unclear):
                 return who
             return self._replaced(at, reader.at, who[0]) if who else None
         return None
+
+    def _is_existential(self, at: int) -> bool:
+        """Return whether *there* names no place: *there is a car*, *is there anybody*."""
+        if self._words[at] != "there":
+            return False
+        after, before = self._words[at + 1 : at + 2], self._words[at - 1 : at] if at else []
+        asked = bool(_EXISTENTIAL & {*before}) and bool({*after} & (INDEFINITE | _SOMEBODY))
+        return asked or bool(_EXISTENTIAL & {*after})
 
     def _is_contact(self, at: int) -> bool:
         """Return whether the pronoun at token `at` is no asset, but who has come, or a possessive.

@@ -40,10 +40,6 @@ from pa_console.language.references.trait_clauses import AssetClauses, GateClaus
 _DEALT_WITH = frozenset(("warn", "identify", "stop", "block", "unknown", "check", "approaching"))
 _MOST = 20
 """More things than these are not counted out in words."""
-_BESIDE = frozenset(
-    (",", ":", "to", "from", "at", "with", "and", "is", "'s", "should", "can", "of")
-)
-"""The words, beside verbs and stops, after *the other* or *the nearer* that has no noun."""
 
 
 def find_descriptions(
@@ -101,6 +97,8 @@ class _DescriptionParser:
         """True if its determiner is *the*, *this* or *that*."""
         self._team: frozenset[str] = frozenset()
         """The assets of the kind that its noun is."""
+        self._every = False
+        """True if its determiner is *every*, *each of the* and the like."""
         self._ordinal = False
         """True if it is *the former*, *the second one*, which no clause after it limits."""
         self._other = False
@@ -114,7 +112,7 @@ class _DescriptionParser:
         ways = (self._possessive, self._pronoun, self._one_of_two, self._noun_phrase)
         if not any(way() for way in ways):
             return None
-        if not told.describes and not self._spoken_of():
+        if not told.describes and not self._spoken_of() and not self._one_at_each():
             return None
         if not self._definite and told.ranking is None:
             return None
@@ -181,8 +179,18 @@ class _DescriptionParser:
         """
         if not self._demonstrative or self._number != 1 or not self._team:
             return False
+        if not self._stands_alone():
+            return False  # *the aircraft carrier* is none of them
         about = self._groups.spoken_of(self._team)
         return bool(about) and self._told.say(lambda _, name: name in about)
+
+    def _one_at_each(self) -> bool:
+        """Return whether one asset is to be at each of all gates: *a robot at every gate*."""
+        before = [token.word for token in self.reader.tokens[: self._first]][-3:]
+        if not self._every or self._told.sort != "gate" or len(before) < 3:
+            return False
+        article, team, _ = before
+        return article in ("a", "an", "one", "1") and bool(self._scene.members(team))
 
     @property
     def _idle_only(self) -> bool:
@@ -274,7 +282,7 @@ class _DescriptionParser:
     def _stands_alone(self, ahead: int = 0) -> bool:
         """Return whether no noun is the word `ahead`: a verb, a stop, a place, or *to*."""
         word = self.reader.word(ahead)
-        if not word or not word[0].isalnum() or word in _BESIDE:
+        if not word or not word[0].isalnum() or word in words.BESIDE:
             return True
         if any(verb.plain or word.endswith("s") for verb in find_verbs(word)):
             return True
@@ -305,8 +313,8 @@ class _DescriptionParser:
         before = reader.word(-1)
         if reader.take("both of the", "both the", "both"):
             self._number, self._definite, self._told.describes = 2, True, True
-        elif reader.take("all of the", "all the") or reader.take_in(words.EVERY):
-            self._number, self._definite = 0, True
+        elif reader.take(*words.EVERY_ONE) or reader.take_in(words.EVERY):
+            self._number, self._definite, self._every = 0, True, True
             self._count()
         elif reader.take_in(words.FREE_CHOICE):
             self._any = self._definite = True

@@ -101,6 +101,7 @@ _WORDS = word_lists("descriptions")
 DEFINITE = frozenset(_WORDS["definite"])
 INDEFINITE = frozenset(_WORDS["indefinite"])
 FREE_CHOICE = frozenset(_WORDS["free_choice"])
+EVERY_ONE = _WORDS["every_one"]
 EVERY = frozenset(_WORDS["every"])
 ANYBODY = frozenset(_WORDS["anybody"])
 EVERYBODY = frozenset(_WORDS["everybody"])
@@ -145,6 +146,8 @@ CONTACTS: Mapping[str, str] = {
 DETERMINED = frozenset((*DEFINITE, *INDEFINITE, *EVERY, *FREE_CHOICE, "number", "only"))
 """The words after which *one* is no pronoun."""
 LEAVING = frozenset(_WORDS["leaving"])
+BESIDE = frozenset(_WORDS["beside"])
+"""The words, beside verbs, stops and places, that follow a noun phrase without a noun."""
 PUTTING = frozenset(_WORDS["putting"])
 COMING = frozenset(_WORDS["coming"])
 

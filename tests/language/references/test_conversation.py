@@ -55,6 +55,9 @@ def test_what_was_ordered_last_is_meant(text: str, says: str) -> None:
 
 def test_they_are_all_that_were_sent_each_back_to_where_it_was() -> None:
     where = scene(*standing(ROBOTS), past=[ROBOTS])
+    assert read("They may both come home.", where).split() == (
+        ["Robot_T01", "and", "Robot_T02", "may", "come", "home."]
+    )
     assert read("Bring them back.", where) == "Robot_T01 to Checkpoint and Robot_T02 home."
 
 
@@ -88,6 +91,10 @@ def test_a_name_earlier_in_the_order_is_what_it_means() -> None:
         "A lady waits at the west gate, find out what she wants.",
         "A van is coming to the south gate, block it.",
         "Identify him.",
+        "Two men are at the west gate, warn them.",
+        "There is a lady at the south gate.",
+        "Is there somebody at the south gate?",
+        "Bring the drone carrier about.",
     ],
 )
 def test_what_points_at_nothing_stays_as_it_was(text: str) -> None:
