@@ -29,8 +29,8 @@ AUTOPILOT = 1
 
 FENCE, MISSION = 1, 0
 PX4_FENCE_ACTION = "GF_ACTION"
-LEAST_ACTION = 2
-"""PX4's hold at the fence; 0 does nothing, and 1 warns."""
+PX4_ACTS = (2, 3, 4, 5)
+"""PX4's hold, return, terminate and land at the fence; 0 does nothing, and 1 warns."""
 
 UNANSWERED = frozenset((ActionResult.TIMEOUT, ActionResult.BUSY, ActionResult.CONNECTION_ERROR))
 
@@ -232,7 +232,7 @@ class MavsdkAutopilot:
         (action,) = struct.unpack("<i", struct.pack("<f", float(message["param_value"])))
         self._enforced(
             ""
-            if action >= LEAST_ACTION
+            if action in PX4_ACTS
             else f"its {PX4_FENCE_ACTION} is {action}; set it to 2 (hold) or to a stronger action"
         )
 

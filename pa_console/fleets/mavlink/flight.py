@@ -269,7 +269,7 @@ class Flight:
             elif self._task in ("idle", "charging"):
                 self._task = "holding"
             return
-        if self.fence.differs and order.command.verb != "return_to_base":
+        if self._fenced_off(order):
             self._end(order, "failed", self.fence.problem)
             self._autopilot.hold()
         elif order.refused is not None:
@@ -355,6 +355,8 @@ class Flight:
 
     def _step(self, order: FlightOrder, step: Step, now: float) -> None:
         """Ask for the first of the steps, again where it was not answered."""
+        if self._fenced_off(order):
+            return
         match step:
             case MavCommand():
                 if order.step_s is None and now < self._busy_until.get(step.command, 0.0):
@@ -370,6 +372,10 @@ class Flight:
                     self._autopilot.upload_mission(step.items)
             case Climb():
                 self._climb(order, step, now)
+
+    def _fenced_off(self, order: FlightOrder) -> bool:
+        """Return whether the fence has become another one; the way home stays open."""
+        return self.fence.differs and order.command.verb != "return_to_base"
 
     def _climb(self, order: FlightOrder, step: Climb, now: float) -> None:
         order.step_s = order.step_s or now

@@ -7,6 +7,7 @@ A drone whose fence is not the world's gets no order that starts a flight.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from typing import Literal
 
 from pa_console.fleets.mavlink.commands import GLOBAL, Autopilot, Cmd, MavItem, e7
 from pa_console.schema.events.event import Level
@@ -112,7 +113,9 @@ class FenceWatch:
         """`say` tells the operator; the fence is read again every `every_s` seconds."""
         self._areas, self._geography, self._autopilot = areas, geography, autopilot
         self._say, self._every_s = say, every_s
-        self._waits_until: float | None = None
+        self._asked: Literal["", "read", "upload", "enforce"] = ""
+        """What the drone has still to answer: nothing else that comes is taken for it."""
+        self._until_s = 0.0
         self._why_not_upload = ""
         self._next_s = 0.0
         self._uploaded = self._shown = False
@@ -123,24 +126,26 @@ class FenceWatch:
 
     def start_again(self) -> None:
         """Read the fence anew: the drone has started again, and may have lost it."""
-        self._uploaded, self._waits_until, self._next_s = False, None, 0.0
+        self._uploaded, self._asked, self._next_s = False, "", 0.0
         self._refuse("its geofence has not been read since it started", "info")
 
     def step(self, now_s: float, why_not_upload: str) -> None:
         """Ask for the fence when it is time; `why_not_upload` keeps it from being replaced."""
         self._why_not_upload = why_not_upload
-        if self._waits_until is not None:
-            if now_s < self._waits_until:
+        if self._asked:
+            if now_s < self._until_s:
                 return
-            self._waits_until = None
+            self._asked = ""
             self._refuse("it does not answer when its geofence is read", "alarm")
         if now_s >= self._next_s:
-            self._waits_until, self._next_s = now_s + ANSWER_S, now_s + self._every_s
+            self._next_s = now_s + self._every_s
+            self._ask("read", now_s)
             self._autopilot.read_fence()
 
     def read(self, problem: str, items: Sequence[MavItem], now_s: float) -> None:
         """Take in the fence that was read, or why it could not be read."""
-        self._waits_until = None
+        if not self._answered("read"):
+            return
         if problem:
             self._next_s = min(self._next_s, now_s + RETRY_S)
             self._refuse(f"its geofence cannot be read ({problem})", "alarm")
@@ -148,7 +153,7 @@ class FenceWatch:
         differs = difference(self._areas, items, self._geography)
         self.differs = bool(differs)
         if not differs:
-            self._waits_until = now_s + ANSWER_S
+            self._ask("enforce", now_s)
             self._autopilot.enforce_fence()
         elif self._uploaded:
             self._refuse(f"its geofence is not the world's: {differs}", "alarm")
@@ -156,22 +161,25 @@ class FenceWatch:
             self._next_s = min(self._next_s, now_s + RETRY_S)
             self._refuse(f"it has no geofence of this world: {self._why_not_upload}", "alarm")
         else:
-            self._waits_until = now_s + ANSWER_S
+            self._ask("upload", now_s)
             self._autopilot.upload_fence([item for area in self._areas for item in area.items])
 
     def uploaded(self, problem: str, now_s: float) -> None:
         """Take in how an upload ended; a fence that was taken is read back."""
-        self._waits_until = None
+        if not self._answered("upload"):
+            return
         if problem:
             self._next_s = min(self._next_s, now_s + RETRY_S)
             self._refuse(f"it does not take the geofence ({problem})", "alarm")
             return
-        self._uploaded, self._waits_until = True, now_s + ANSWER_S
+        self._uploaded = True
+        self._ask("read", now_s)
         self._autopilot.read_fence()
 
     def enforced(self, problem: str) -> None:
-        """Take in whether the drone acts on its fence."""
-        self._waits_until = None
+        """Take in whether the drone acts on its fence, once that was asked of an equal one."""
+        if not self._answered("enforce"):
+            return
         if problem:
             self._refuse(f"it would not act on its geofence: {problem}", "alarm")
             return
@@ -184,6 +192,14 @@ class FenceWatch:
                 f"its geofence was read back and is the world's: {first.name} of "
                 f"{count(len(first.corners), 'corner')}, {count(len(zones), 'closed zone')}",
             )
+
+    def _ask(self, what: Literal["read", "upload", "enforce"], now_s: float) -> None:
+        self._asked, self._until_s = what, now_s + ANSWER_S
+
+    def _answered(self, what: str) -> bool:
+        """Return whether this was asked; then it is answered."""
+        asked, self._asked = self._asked == what, "" if self._asked == what else self._asked
+        return asked
 
     def _refuse(self, problem: str, level: Level) -> None:
         if problem != self.problem:

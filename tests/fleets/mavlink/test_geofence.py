@@ -149,3 +149,30 @@ def test_the_fence_of_one_that_a_pilot_flies_or_that_is_outside_is_left_alone(
     rig.read_fence(())
     assert rig.autopilot.fence_uploads == 0
     assert rig.flight.fence.problem
+
+
+def test_an_answer_that_nobody_asked_for_makes_no_wrong_fence_right(world: World) -> None:
+    rig = Rig(world).ready()
+    rig.wait(11.0)
+    rig.read_fence(())
+    assert rig.flight.fence.problem
+    rig.flight.fence.enforced("")
+    rig.flight.fence_uploaded("")
+    rig.flight.fence_read("", items_of(world))
+    rig.flight.fence.enforced("")
+    assert rig.flight.fence.problem
+    rig.order("c1", "move_to", "NorthGate")
+    assert rig.answers("c1") == ["refused"]
+
+
+def test_no_further_step_is_sent_from_the_moment_the_fence_is_another(world: World) -> None:
+    rig = Rig(world, flies=False).ready()
+    rig.order("c1", "move_to", "NorthGate")
+    rig.now_s += 11.0
+    rig.flight.step()
+    sent = len(rig.autopilot.sent)
+    rig.read_fence(items_of(world)[:-1])
+    rig.answer(Cmd.ARM)
+    assert len(rig.autopilot.sent) == sent
+    rig.flight.step()
+    assert rig.answers("c1")[-1] == "failed"

@@ -26,6 +26,7 @@ happenings = st.one_of(
     st.tuples(st.just("uploaded"), st.sampled_from(["", "timeout"])),
     st.tuples(st.just("mode"), st.sampled_from(MODES)),
     st.tuples(st.just("fence"), st.sampled_from(["right", "wrong", "none", "timeout"])),
+    st.tuples(st.just("acts"), st.sampled_from(["", "its GF_ACTION is 0"])),
     st.tuples(st.just("arrive"), st.booleans()),
     st.tuples(st.just("ground"), st.booleans()),
     st.tuples(st.just("wait"), st.floats(0.1, 12.0)),
@@ -41,12 +42,12 @@ class History:
         self.rig, self.orders, self.stopped, self.newest = Rig(world, flies=flies), 0, True, ""
         self.rig.report()
         self.items = [item for area in fence_of(world, GEOGRAPHY) for item in area.items]
-        self.fence_right = False
-        self.seen = 0
+        self.sent = 0
+        """The number of commands that were sent before what happens now."""
 
     def happen(self, what: tuple[object, ...]) -> None:
         """Let one thing happen; raises AssertionError for what must never be."""
-        rig, sent = self.rig, len(self.rig.autopilot.sent)
+        rig, self.sent = self.rig, len(self.rig.autopilot.sent)
         manual = rig.flight.state.manual
         match what:
             case ("order", int(number)):
@@ -71,6 +72,8 @@ class History:
                 rig.flight.mode_changed(mode)
             case ("fence", str(kind)):
                 self.fence(kind)
+            case ("acts", str(problem)):
+                rig.flight.fence.enforced(problem)
             case ("arrive", bool(there)):
                 rig.report(rig.flight.place if there else (0.0, 0.0), 20.0)
             case ("ground", bool(on)):
@@ -85,11 +88,17 @@ class History:
                 rig.flight.said({"severity": 3, "text": text, "id": 0, "chunk_seq": 0})
             case _:
                 pass
-        self.look(sent, manual)
+        self.look(self.sent, manual)
 
     def fence(self, kind: str) -> None:
-        """Let a fence be read: the right one, a wrong one, none, or not at all."""
+        """Let a fence be read when it is due: the right one, a wrong one, none, or not at all."""
         rig = self.rig
+        sent, manual = len(rig.autopilot.sent), rig.flight.state.manual
+        rig.now_s += 11.0
+        rig.report()
+        rig.flight.step()
+        self.look(sent, manual)
+        self.sent = len(rig.autopilot.sent)
         match kind:
             case "right":
                 rig.read_fence(self.items)
@@ -109,6 +118,8 @@ class History:
                 assert not manual, "nothing is sent to a drone that a pilot flies"
                 home = command.command == Cmd.RETURN_TO_LAUNCH
                 assert not rig.flight.fence.differs or home, "a wrong fence starts no flight"
+        fence = rig.flight.fence
+        assert not fence.differs or fence.problem, "a wrong fence is never shown as right"
         told: dict[str, list[str]] = {}
         for news in rig.news:
             if isinstance(news, DeviceAnswer):
@@ -161,3 +172,15 @@ def test_every_order_that_is_replaced_or_stopped_is_answered(
         answers = history.rig.answers(f"c{number}")
         assert answers, f"c{number} is lost in silence"
         assert answers[-1] in FINAL_REPLIES
+
+
+def test_the_histories_do_fly(world: World) -> None:
+    history = History(world, flies=False)
+    history.fence("right")
+    for each in (("order", 0), ("ack", int(Cmd.ARM), 0), ("ack", int(Cmd.TAKEOFF), 0)):
+        history.happen(each)
+    assert history.rig.autopilot.asked() == [Cmd.ARM, Cmd.TAKEOFF]
+    history.fence("wrong")
+    assert history.rig.flight.fence.differs
+    history.happen(("wait", 0.5))
+    assert history.rig.answers("c1")[-1] == "failed"
