@@ -67,19 +67,21 @@ def _time_of_day(  # noqa: PLR0911 - one for each way to say it
     reader: Reader, *, led: bool
 ) -> tuple[int, int, int, bool, bool] | None:
     """Return hour, minute, second, whether the half of the day is settled, and if only a number."""
-    if led and reader.take("noon", "midday", "12 noon"):
+    if led and reader.take(*TIME_WORDS["noon"]):
         return 12, 0, 0, True, False
-    if led and reader.take("midnight"):
+    if led and reader.take(*TIME_WORDS["midnight"]):
         return 0, 0, 0, True, False
+    if radio := _radio_clock(reader, led=led):
+        return radio
     if spoken := _spoken_clock(reader):
         return spoken
     word = reader.word()
     if whole := re.fullmatch(r"(\d\d?)h(\d\d)?", word):
         reader.at += 1
         return int(whole[1]), int(whole[2] or 0), 0, True, False
-    if whole := re.fullmatch(r"(\d\d?)(am|pm)", word):
+    if whole := re.fullmatch(r"(\d\d?)([ap])m?" if led else r"(\d\d?)([ap])m", word):
         reader.at += 1
-        return int(whole[1]) % 12 + 12 * (whole[2] == "pm"), 0, 0, True, False
+        return int(whole[1]) % 12 + 12 * (whole[2] == "p"), 0, 0, True, False
     if whole := re.fullmatch(r"([01]\d|2[0-3])([0-5]\d)(h|hrs|z)?", word):
         reader.at += 1
         told = bool(whole[3] or reader.take("hrs", "hours", "hr"))
@@ -97,6 +99,10 @@ def _time_of_day(  # noqa: PLR0911 - one for each way to say it
 def _digital(reader: Reader, word: str, *, led: bool) -> tuple[int, int, int, bool, bool] | None:
     """Read *16:45*, *16:45:30*, *4.30*, *4 o'clock*, *4*."""
     reader.at += 1
+    halved = re.fullmatch(r"([0-5]\d)([ap])m?", reader.word(1)) if reader.word() == ":" else None
+    if halved and _close(reader):
+        reader.at += 2
+        return int(word) % 12 + 12 * (halved[2] == "p"), int(halved[1]), 0, True, False
     parts: list[int] = []
     for marks in ((":", "."), (":",)):
         if reader.word() in marks and re.fullmatch(r"\d\d", reader.word(1)) and _close(reader):
@@ -106,11 +112,14 @@ def _digital(reader: Reader, word: str, *, led: bool) -> tuple[int, int, int, bo
             reader.at += 2
         else:
             break
+    spaced = led and not parts and len(word) == 2 and re.fullmatch(r"[0-5]\d", reader.word())
+    if spaced and reader.word(1) not in _UNIT_S:
+        parts.append(int(reader.word()))
+        reader.at += 1
     minute, second = (*parts, 0, 0)[:2]
     oclock = not parts and led and bool(reader.take(*TIME_WORDS["oclock"]))
     settled = len(word) == 2 if parts else int(word) > 12
-    halved = reader.word() in ("am", "pm", "a", "p")
-    if not (led or parts or oclock or halved):
+    if not (led or parts or oclock or reader.word() in ("am", "pm", "a", "p")):
         return None
     return int(word), minute, second, settled, not parts and not oclock
 
@@ -137,6 +146,54 @@ def _spoken_clock(reader: Reader) -> tuple[int, int, int, bool, bool] | None:
     reader.take(*TIME_WORDS["oclock"])
     total = int(hour) * 60 + int(minute if way in ("past", "after") else -minute)
     return total // 60 % 24, total % 60, 0, hour > 12, False
+
+
+def _radio_clock(reader: Reader, *, led: bool) -> tuple[int, int, int, bool, bool] | None:
+    """Read *seventeen hundred hours*, *oh six thirty*: the 24 hours as they are spoken on a radio.
+
+    Without a word that leads to it, *two hundred* is no time unless *hours* follow.
+    """
+    start = reader.at
+    zero = bool(reader.take(*TIME_WORDS["leading_zero"]))
+    hour = -1.0 if reader.word().isdecimal() else read_number(reader)
+    limit = 9 if zero else 23
+    if not 0 <= hour <= limit:
+        reader.at = start
+        return None
+    minute = 0.0 if reader.take(*TIME_WORDS["hundred"]) else -1.0
+    if minute < 0 and zero and not reader.word().isdecimal():
+        minute = read_number(reader)
+        minute = minute if 10 <= minute <= 59 and reader.word() not in _UNIT_S else -1.0
+    told = bool(reader.take("hours", "hrs", "hr"))
+    ends = reader.word() in STOPS
+    if minute < 0 or not (told or zero or led or (ends and hour >= 10)):
+        reader.at = start
+        return None
+    return int(hour), int(minute), 0, True, False
+
+
+def read_minute_of_hour(reader: Reader) -> tuple[int, bool] | None:
+    """Read *five past each hour*, *top of the hour*: the minute, and whether each hour is meant."""
+    start = reader.at
+    reader.take("the")
+    if place := reader.take("top of", "bottom of"):
+        minute = 0.0 if place == "top of" else 30.0
+    else:
+        reader.take("a")
+        minute = {"half": 30.0, "quarter": 15.0}.get(reader.word(), -1.0)
+        if minute > 0:
+            reader.at += 1
+        else:
+            minute = read_number(reader)
+            reader.take("minutes", "mins", "min")
+        way = reader.take("past", "after", "to", "before")
+        minute = -1.0 if not way else minute if way in ("past", "after") else 60.0 - minute
+    which = reader.take("each", "every", "the") if 0 <= minute < 60 else ""
+    reader.take("full")
+    if not which or not reader.take("hour"):
+        reader.at = start
+        return None
+    return int(minute), which != "the"
 
 
 def _minutes_after_hour(reader: Reader) -> int:

@@ -21,6 +21,7 @@ from pa_console.language.clock_words import (
     read_clock,
     read_day,
     read_duration,
+    read_minute_of_hour,
     read_number,
     read_unit,
 )
@@ -52,10 +53,13 @@ _PAST = frozenset(TIME_WORDS["past"])
 _ALONE = frozenset(TIME_WORDS["alone"])
 _FOUR_DIGITS = re.compile(r"(?:[01]\d|2[0-3])[0-5]\d(?:h|hrs|z)?")
 _TO_BASE = frozenset(("base", "home", "rtb", "return", "returns"))
+_NOT_ALONE = frozenset(TIME_WORDS["not_alone"])
+_LEADS = frozenset(TIME_WORDS["leads"])
+_NAMED = frozenset((*ASSETS, *KIND_WORDS))
 _REPEATS = {"twice": 2, "thrice": 3, "once": 1}
 _ON_THE = (("on the full hour", 0), ("on the hour", 0), ("on the half hour", 30),
-           ("on the half-hour", 30), ("at half past each hour", 30), ("at the full hour", 0),
-           ("at half past every hour", 30), ("at each full hour", 0))  # fmt: skip
+           ("on the half-hour", 30), ("at the full hour", 0), ("at each full hour", 0))  # fmt: skip
+_OF_THE_HOUR = frozenset(TIME_WORDS["of_the_hour"])
 
 
 @dataclass(frozen=True)
@@ -117,6 +121,8 @@ def read_timed(
     order = _rest(text, said.cut)
     if not order:
         return Unclear("", "What is to be done then? Only the time was given.")
+    if left := _second_clock(world, order):
+        return Unclear("", f"“{left}” is one more time: give one order for each moment.")
     schedule = _schedule(said, now, shortest_s)
     return schedule if isinstance(schedule, Unclear) else ReadTimed(schedule, order)
 
@@ -141,6 +147,18 @@ def unread_times(world: World, text: str) -> tuple[str, ...]:
     )
 
 
+def _second_clock(world: World, order: str) -> str:
+    """Return a time of the clock that is left in an order whose moments were read; '' for none.
+
+    A duration may be a part of what is to be done: *one minute at each gate*.
+    """
+    for words in unread_times(world, order):
+        reader = Reader(read_tokens(words))
+        if not read_duration(reader) or not reader.over:
+            return words
+    return ""
+
+
 def _names_time(reader: Reader) -> bool:
     """Read *ten minutes*, *16:45*, *1645*, *midnight*: words that mean a time wherever they stand.
 
@@ -153,6 +171,11 @@ def _names_time(reader: Reader) -> bool:
         reader.at += 3
         return True
     alone = reader.word() in _ALONE or _FOUR_DIGITS.fullmatch(reader.word()) is not None
+    if not alone and reader.word().isdecimal() and reader.word(-1) not in _NAMED:
+        # *In 5*, *5 past*: a number that no thing follows, beside a word of the clock.
+        after = reader.word(1)
+        ends = reader.word(-1) in _LEADS and (after in STOPS or after in _OF_THE_HOUR)
+        alone = ends or after in ("past", "sharp", "hundred")
     reader.at += alone
     return alone
 
@@ -195,7 +218,8 @@ def _of_order(
     while last < len(tokens) and (last in timed or tokens[last].word not in _BORDERS):
         last += 1
     around = [at for at in range(start, last) if at not in timed]
-    around = [at for at in around if tokens[at].word not in _FILLERS]
+    around = [at for at in around if tokens[at].word not in _FILLERS | _OF_THE_HOUR | _LEADS]
+    around = [at for at in around if read_number(Reader(tokens, at)) < 0]
     if not around:
         return True
     for at in around:
@@ -220,7 +244,7 @@ def _phrase(reader: Reader, said: _Said, now: datetime) -> bool:
     start = reader.at
     for read in (_read_every, _read_window, _read_until, _read_start, _read_during, _read_vague):
         if read(reader, said, now):
-            while reader.take(*TIME_WORDS["onwards"]):
+            while reader.word(1) != "the" and reader.take(*TIME_WORDS["onwards"]):
                 pass
             return True
         reader.at = start
@@ -276,6 +300,14 @@ def _read_every(reader: Reader, said: _Said, now: datetime) -> bool:  # noqa: PL
         if reader.take(words):
             said.every_s, said.minute = said.every_s or 3600.0, minute
             return True
+    first = reader.at
+    reader.take(*TIME_WORDS["every"], "at", "on")
+    led = reader.tokens[reader.at - 1].word if reader.at > first else ""
+    found = read_minute_of_hour(reader)
+    if found is not None and (found[1] or led in TIME_WORDS["every"]):
+        said.every_s, said.minute = 3600.0, found[0]
+        return True
+    reader.at = first
     if seconds := _FREQUENT.get(reader.word(), 0.0):
         reader.at += 1
         if reader.at > 1 and reader.word() not in STOPS:
@@ -323,7 +355,10 @@ def _read_until(reader: Reader, said: _Said, now: datetime) -> bool:
     if reader.take(*TIME_WORDS["endless"]):
         return True
     first = reader.at
-    if not reader.take(*TIME_WORDS["until"]):
+    joined = reader.word(-1) in (*STOPS, "and", "then")
+    if not reader.take(*TIME_WORDS["until"]) and not (
+        joined and first > 0 and reader.take(*TIME_WORDS["back_at"])
+    ):
         return False
     clock = read_clock(reader, now, led=True)
     if clock is None:
@@ -359,6 +394,10 @@ def _read_vague(reader: Reader, said: _Said, now: datetime) -> bool:
             return False
         said.vague = _words_from(said, reader, first)
         return True
+    if reader.take(*TIME_WORDS["about_when"]) and reader.take(*TIME_WORDS["parts_of_day"]):
+        said.vague = _words_from(said, reader, first)
+        return True
+    reader.at = first
     led = bool(reader.take("in", "for", "every"))
     found = led and bool(reader.take(*TIME_WORDS["vague"], "0", "zero")) and read_unit(reader) > 0.0
     if not found and (reader.take(*TIME_WORDS["at"]) or first == 0):
@@ -380,6 +419,8 @@ def _read_start(reader: Reader, said: _Said, now: datetime) -> bool:
     if way := reader.take(*TIME_WORDS["after"]):
         # Within an order, *wait ten minutes* is a part of what is to be done.
         seconds = read_duration(reader) if first == 0 or not way.startswith("wait") else 0.0
+        if not seconds and way in ("in", "t plus", "t +"):
+            seconds = _bare_minutes(reader, ends=way == "in")
         if seconds:
             reader.take("time", *TIME_WORDS["hence"])
             said.starts.append((_words_from(said, reader, first), now + timedelta(seconds=seconds)))
@@ -388,7 +429,12 @@ def _read_start(reader: Reader, said: _Said, now: datetime) -> bool:
         said.starts.append((_words_from(said, reader, first), now + timedelta(seconds=seconds)))
         return True
     reader.at = first
-    led = reader.take(*TIME_WORDS["at"])
+    reader.take(*TIME_WORDS["at"], "on")
+    if (found := read_minute_of_hour(reader)) is not None and not found[1]:
+        said.starts.append((_words_from(said, reader, first), _aligned(now, found[0])))
+        return True
+    reader.at = first
+    led = reader.take(*TIME_WORDS["at"]) or _stands_alone(reader, now)
     day, half = read_day(reader, now)
     half = half or said.half
     if day is not None and not led:
@@ -409,11 +455,41 @@ def _read_start(reader: Reader, said: _Said, now: datetime) -> bool:
     return True
 
 
+def _bare_minutes(reader: Reader, *, ends: bool) -> float:
+    """Read a number that is one of minutes: *in 5* at the end of a clause, *T+15*; in seconds."""
+    number = read_number(reader) if reader.word().isdecimal() else -1.0
+    return 60.0 * number if number > 0 and not (ends and reader.word() not in STOPS) else 0.0
+
+
+def _stands_alone(reader: Reader, now: datetime) -> str:
+    """Return "at" if a time stands here that needs no such word: *RTB 2130*, *midnite: ...*.
+
+    It is one of four digits, *16 30*, noon or midnight, and begins or ends a clause.
+    """
+    digits = _FOUR_DIGITS.fullmatch(reader.word()) or (
+        re.fullmatch(r"[012]\d", reader.word()) and re.fullmatch(r"[0-5]\d", reader.word(1))
+    )
+    trial = Reader(reader.tokens, reader.at)
+    if not digits and not trial.take(*TIME_WORDS["noon"], *TIME_WORDS["midnight"]):
+        return ""
+    before = reader.word(-1)
+    if before.removesuffix("s") in _NAMED or before in _NOT_ALONE:
+        return ""
+    trial.at = reader.at
+    clock = read_clock(trial, now, led=True)
+    borders = reader.at == 0 or before in STOPS or trial.word() in STOPS
+    return "at" if clock is not None and not clock.bare and borders else ""
+
+
 def _read_during(reader: Reader, said: _Said, now: datetime) -> bool:  # noqa: ARG001
-    """Read *for ten minutes*, *for the next two hours*."""
-    if not reader.take(*TIME_WORDS["during"]):
+    """Read *for ten minutes*, *for the next two hours*, and *ten minutes* before *then back*."""
+    led = reader.take(*TIME_WORDS["during"])
+    if not led and (reader.at == 0 or reader.word(-1) not in STOPS):
         return False
-    said.during_s = read_duration(reader)
+    seconds = read_duration(reader)
+    if not led and not (seconds and _way_back(Reader(reader.tokens, reader.at))):
+        return False
+    said.during_s = seconds
     return said.during_s > 0.0
 
 
@@ -428,6 +504,9 @@ def _schedule(  # noqa: PLR0911 - one line for each thing that can be wrong
     said: _Said, now: datetime, shortest_s: float
 ) -> Schedule | Unclear:
     """Return the moments that were said, or what is wrong with them."""
+    latest = said.until is not None and not said.every_s and said.until[0].lower()
+    if latest and latest.startswith(TIME_WORDS["last_at"]):
+        said.vague = said.until[0] if said.until else ""
     if said.vague:
         return Unclear("", f"“{said.vague}” names no moment: at what time, or in how many minutes?")
     if len(said.starts) > 1:
@@ -516,7 +595,7 @@ def _end(said: _Said, start: datetime, now: datetime) -> datetime | Unclear | No
         choices = tuple(f"until {one:%H:%M}" for one in sorted(ways) if one > start)
         return Unclear(words, f"“{words}”: in the morning or in the evening?", choices)
     if at <= start and clock.day is None:
-        if not said.starts:
+        if not said.starts and (at.hour or at.minute):
             return Unclear("", f"{at:%H:%M} has passed: it is {now:%H:%M}. Until when?")
         at += timedelta(days=1)
     return at

@@ -199,8 +199,7 @@ def test_orders_that_somebody_else_wrote_are_read_as_they_were_meant(
     [
         ("iIn one minute send a drone to the east gate", "one minute"),
         ("Send a drone to the east gate within ten minutes.", "ten minutes"),
-        ("Drone_T03 RTB 2130", "2130"),
-        ("Bring Ugv_T02 home midnite", "midnite"),
+        ("Send Drone_T04 to the west gate 5 sharp", "5"),
     ],
 )
 def test_a_time_that_no_phrase_takes_up_is_found(text: str, named: str) -> None:
@@ -222,8 +221,84 @@ def test_what_tells_of_another_time_is_none_of_the_order(text: str) -> None:
     assert unread_times(WORLD, text) == ()
 
 
-@pytest.mark.parametrize("way", ["by 16:45", "before half past four in the afternoon"])
-def test_the_latest_moment_is_no_moment_to_begin(way: str) -> None:
+@pytest.mark.parametrize(
+    ("text", "start", "every_s"),
+    [
+        ("Drone_T03 RTB 2130", "2130", 0.0),
+        ("Bring Ugv_T02 home midnite", "0000", 0.0),
+        ("2200 sharp: Ugv_T02 to the south gate", "2200", 0.0),
+        ("Robot_T02 to the east gate 16 30", "1630", 0.0),
+        ("top of the hour, Drone_T04 to the east gate", "0900", 0.0),
+        ("at the bottom of the hour Drone_T04 home", "0830", 0.0),
+        ("five past each hour: Drone_T04 looks at the north gate", "0905", 3600.0),
+        ("Drone_T04 looks at the north gate at quarter to every hour", "0845", 3600.0),
+        ("every top of the hour look at the depot with Drone_T04", "0900", 3600.0),
+        ("in 10 mikes send Robot_T02 to the checkpoint", "0830", 0.0),
+        ("t+15 Drone_T04 home", "0835", 0.0),
+        ("send Drone_T04 north in 5", "0825", 0.0),
+        ("fourteen hundred hours Drone_T04 home", "1400", 0.0),
+        ("oh nine thirty: Drone_T04 home", "0930", 0.0),
+        ("Drone_T04 home around 1700", "1700", 0.0),
+        ("Drone_T04 home @ 3:15p", "1515", 0.0),
+        ("once an hour on the half hour Drone_T04 looks at the depot", "0830", 3600.0),
+    ],
+)
+def test_times_as_they_are_given_on_a_radio(text: str, start: str, every_s: float) -> None:
+    found = read(text).schedule
+    assert (f"{found.start:%H%M}", found.every_s) == (start, every_s)
+
+
+@pytest.mark.parametrize(
+    ("text", "stay_s", "leave"),
+    [
+        ("At 1630 Drone_T03 looks at the east gate, back at 1700", 0.0, "1700"),
+        ("Drone_T04 to the depot, five minutes, then return", 300.0, ""),
+    ],
+)
+def test_a_stay_is_read_by_its_end(text: str, stay_s: float, leave: str) -> None:
+    found = read(text).schedule
+    assert found.stay_s == stay_s
+    assert (f"{found.leave:%H%M}" if found.leave else "") == leave
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Send drone 2130 to the gate.", "Send two hundred metres of cable to Drone_T04.",
+        "Bring 2 drones home.", "Send a drone to gate 1a.", "Robot_T01, report on 3 gates.",
+    ],
+)  # fmt: skip
+def test_a_number_of_something_is_no_time(text: str) -> None:
+    assert not isinstance(read_timed(WORLD, text, NOW), ReadTimed)
+
+
+JUNK = st.lists(
+    st.sampled_from((
+        "5", "17", "2130", "five", "quarter", "past", "to", "each", "every", "top", "of", "the",
+        "in", "at", "sharp", "around", "till", "nlt", "t", "+", "for", "and", "back",
+    )),
+    max_size=3,
+)  # fmt: skip
+CLOCK_WORDS = st.sampled_from(("hour", "minutes", "2130", "midnite", "tomorrow", "mikes", "noon"))
+
+
+@given(ORDERS, JUNK, CLOCK_WORDS, JUNK, st.booleans())
+def test_no_word_of_the_clock_is_lost_in_silence(
+    order: str, before: list[str], word: str, after: list[str], first: bool
+) -> None:
+    said = " ".join((*before, word, *after))
+    text = f"{said}: {order}" if first else f"{order} {said}"
+    found = read_timed(WORLD, text, NOW)
+    if isinstance(found, ReadTimed):
+        assert word not in found.order.lower().split() or unread_times(WORLD, found.order)
+    elif found is None:
+        assert unread_times(WORLD, text)
+
+
+@pytest.mark.parametrize(
+    "way", ["by 16:45", "NLT 1800", "after lunch", "no later than 18:00", "before half past four in the afternoon"]
+)
+def test_what_is_no_moment_to_begin_is_asked_back(way: str) -> None:
     found = read_timed(WORLD, f"Send Drone_T04 to the north gate {way}.", NOW)
     assert isinstance(found, Unclear)
     assert way in found.question
