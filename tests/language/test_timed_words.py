@@ -296,7 +296,14 @@ def test_no_word_of_the_clock_is_lost_in_silence(
 
 
 @pytest.mark.parametrize(
-    "way", ["by 16:45", "NLT 1800", "after lunch", "no later than 18:00", "before half past four in the afternoon"]
+    "way",
+    [
+        "by 16:45",
+        "NLT 1800",
+        "no later than 18:00",
+        "after lunch",
+        "before half past four in the afternoon",
+    ],
 )
 def test_what_is_no_moment_to_begin_is_asked_back(way: str) -> None:
     found = read_timed(WORLD, f"Send Drone_T04 to the north gate {way}.", NOW)
