@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from pa_console.language.clauses import ASKED, NOTHING, NOWHERE, OTHERS_STAY
+from pa_console.language.clock_mentions import unread_times
 from pa_console.language.exclusions import excluded_names
 from pa_console.language.facts import is_free, sole_covers
 from pa_console.language.lexicon import any_of
@@ -20,7 +21,6 @@ from pa_console.language.order import KIND_FOR, TASK_OF, Ask, Reading, Task, Who
 from pa_console.language.order_steps import unkept_steps
 from pa_console.language.reading import read_asked
 from pa_console.language.references.scene import ReferenceScene
-from pa_console.language.timed_orders import unread_times
 from pa_console.schema.command import Verb
 from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture

@@ -6,11 +6,12 @@ like any order. A time that can mean two moments is asked back about, and so is 
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, date, datetime, time, timedelta
 from types import MappingProxyType
 
+from pa_console.language.clock_mentions import FOUR_DIGITS, NAMED, is_of_order, unread_times
 from pa_console.language.clock_words import (
     STOPS,
     TIME_WORDS,
@@ -25,12 +26,8 @@ from pa_console.language.clock_words import (
     read_number,
     read_unit,
 )
-from pa_console.language.lexicon import find_verbs
-from pa_console.language.mentions import ASSETS
-from pa_console.language.name_linking import KIND_WORDS, link_names
 from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.reader import (
-    EVERYBODY,
     Reader,
     WordToken,
     read_tokens,
@@ -45,21 +42,12 @@ MOST_AHEAD = timedelta(days=31)
 JUST_S = 1.0
 """A clock time that passed so little ago is the present moment."""
 
-_BORDERS = frozenset((*STOPS, "?", "(", ")", *TIME_WORDS["borders"]))
-_FILLERS = frozenset((*TIME_WORDS["joints"], *TIME_WORDS["fillers"]))
-_TOLD = frozenset(TIME_WORDS["told"])
 _FREQUENT = {"hourly": 3600.0, "half-hourly": 1800.0, "quarter-hourly": 900.0, "daily": DAY_S}
-_PAST = frozenset(TIME_WORDS["past"])
-_ALONE = frozenset(TIME_WORDS["alone"])
-_FOUR_DIGITS = re.compile(r"(?:[01]\d|2[0-3])[0-5]\d(?:h|hrs|z)?")
 _TO_BASE = frozenset(("base", "home", "rtb", "return", "returns"))
 _NOT_ALONE = frozenset(TIME_WORDS["not_alone"])
-_LEADS = frozenset(TIME_WORDS["leads"])
-_NAMED = frozenset((*ASSETS, *KIND_WORDS))
 _REPEATS = {"twice": 2, "thrice": 3, "once": 1}
 _ON_THE = (("on the full hour", 0), ("on the hour", 0), ("on the half hour", 30),
            ("on the half-hour", 30), ("at the full hour", 0), ("at each full hour", 0))  # fmt: skip
-_OF_THE_HOUR = frozenset(TIME_WORDS["of_the_hour"])
 
 
 @dataclass(frozen=True)
@@ -127,26 +115,6 @@ def read_timed(
     return schedule if isinstance(schedule, Unclear) else ReadTimed(schedule, order)
 
 
-def unread_times(world: World, text: str) -> tuple[str, ...]:
-    """Return the times that the words of an order name, in an order of which no time was read.
-
-    A time of something else, *the guard changes in an hour*, is none of the order's.
-    """
-    tokens = read_tokens(text)
-    spans, at = list[tuple[int, int]](), 0
-    while at < len(tokens):
-        reader = Reader(tokens, at)
-        past = reader.word(-1) == "since"
-        if _names_time(reader) and not past and reader.word() not in _PAST:
-            spans.append((at, reader.at))
-        at = max(reader.at, at + 1)
-    return tuple(
-        text[tokens[first].start : tokens[end - 1].end]
-        for first, end in spans
-        if _of_order(world, tokens, spans, first)
-    )
-
-
 def _second_clock(world: World, order: str) -> str:
     """Return a time of the clock that is left in an order whose moments were read; '' for none.
 
@@ -157,27 +125,6 @@ def _second_clock(world: World, order: str) -> str:
         if not read_duration(reader) or not reader.over:
             return words
     return ""
-
-
-def _names_time(reader: Reader) -> bool:
-    """Read *ten minutes*, *16:45*, *1645*, *midnight*: words that mean a time wherever they stand.
-
-    *A second* may be another one, *a minute* no time at all, and *robot 3s* is robot 3's.
-    """
-    loose = reader.word() in ("a", "an") or reader.word()[-1:] == "s"
-    if not loose and read_duration(reader) > 0.0:
-        return True
-    if reader.word(1) == ":" and reader.word().isdecimal() and reader.word(2).isdecimal():
-        reader.at += 3
-        return True
-    alone = reader.word() in _ALONE or _FOUR_DIGITS.fullmatch(reader.word()) is not None
-    if not alone and reader.word().isdecimal() and reader.word(-1) not in _NAMED:
-        # *In 5*, *5 past*: a number that no thing follows, beside a word of the clock.
-        after = reader.word(1)
-        ends = reader.word(-1) in _LEADS and (after in STOPS or after in _OF_THE_HOUR)
-        alone = ends or after in ("past", "sharp", "hundred")
-    reader.at += alone
-    return alone
 
 
 def _phrases(world: World, text: str, tokens: tuple[WordToken, ...], now: datetime) -> _Said | None:
@@ -194,7 +141,7 @@ def _phrases(world: World, text: str, tokens: tuple[WordToken, ...], now: dateti
         at = reader.at if found else at + 1
     said = _Said(text)
     for first, end in spans:
-        if _of_order(world, tokens, spans, first):
+        if is_of_order(world, tokens, spans, first):
             _phrase(Reader(tokens, first), said, now)
             said.cut.append((_before(tokens, first), tokens[end - 1].end))
     if not said.timed:
@@ -202,34 +149,6 @@ def _phrases(world: World, text: str, tokens: tuple[WordToken, ...], now: dateti
     for name in ("times", "back"):
         _cut_later(tokens, said, name)
     return said
-
-
-def _of_order(
-    world: World, tokens: Sequence[WordToken], spans: Sequence[tuple[int, int]], first: int
-) -> bool:
-    """Return whether the words around the phrase of time at `first` ask for something.
-
-    They name an asset, or begin with a verb of orders; words that tell what has been do not.
-    """
-    timed = {at for start, end in spans for at in range(start, end)}
-    start = last = first
-    while start > 0 and (start - 1 in timed or tokens[start - 1].word not in _BORDERS):
-        start -= 1
-    while last < len(tokens) and (last in timed or tokens[last].word not in _BORDERS):
-        last += 1
-    around = [at for at in range(start, last) if at not in timed]
-    around = [at for at in around if tokens[at].word not in _FILLERS | _OF_THE_HOUR | _LEADS]
-    around = [at for at in around if read_number(Reader(tokens, at)) < 0]
-    if not around:
-        return True
-    for at in around:
-        if at < first and tokens[at].word in _TOLD and tokens[at + 1].word != "to":
-            return False
-    clause = " ".join(tokens[at].said for at in around)
-    said = {token.word.removesuffix("s") for token in read_tokens(link_names(world, clause))}
-    if said & {*ASSETS, *KIND_WORDS, *(name.lower() for name in world.assets), *EVERYBODY}:
-        return True
-    return any(verb.plain or verb.start == 0 for verb in find_verbs(clause))
 
 
 def _before(tokens: tuple[WordToken, ...], at: int) -> int:
@@ -466,14 +385,14 @@ def _stands_alone(reader: Reader, now: datetime) -> str:
 
     It is one of four digits, *16 30*, noon or midnight, and begins or ends a clause.
     """
-    digits = _FOUR_DIGITS.fullmatch(reader.word()) or (
+    digits = FOUR_DIGITS.fullmatch(reader.word()) or (
         re.fullmatch(r"[012]\d", reader.word()) and re.fullmatch(r"[0-5]\d", reader.word(1))
     )
     trial = Reader(reader.tokens, reader.at)
     if not digits and not trial.take(*TIME_WORDS["noon"], *TIME_WORDS["midnight"]):
         return ""
     before = reader.word(-1)
-    if before.removesuffix("s") in _NAMED or before in _NOT_ALONE:
+    if before.removesuffix("s") in NAMED or before in _NOT_ALONE:
         return ""
     trial.at = reader.at
     clock = read_clock(trial, now, led=True)
