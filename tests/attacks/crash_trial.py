@@ -158,7 +158,7 @@ class SessionTrial:
         self._seed = seed
         self.found = Found(trials=1)
         self._sent: list[tuple[int, str, str]] = []
-        """Every command on the link: the life of the process, its id, its verb."""
+        """Every command on the link: the number of the process, session and id, verb."""
         self._life = 0
         self._begun: set[str] = set()
         """The missions that a killed process left begun."""
@@ -193,6 +193,7 @@ class SessionTrial:
             resumed=replace(resumed, fleet=fleet) if resumed else None,
         )
         log = resumed.before.log if resumed else None
+        wire.put(session=station.session)
         with open_session_log(
             station.session,
             signer,
@@ -211,12 +212,13 @@ class SessionTrial:
             wanted = not last and (self._life == 0 or self._random.random() < AGAIN)
             line = self._random.choice(sorted(lines)) if wanted else None
             times = self._random.randint(1, lines[line]) if line else 0
+            kept = {str(path): path.stat().st_size for path in self._growing()}
             killed, facts = child(self.live, line, times)
             self._take(facts)
             if line and killed:
                 self.found.kills[line] += 1
                 if self._power:
-                    self._lose_unsynced(facts)
+                    self._lose_unsynced(kept, facts)
                 self._look_after_kill()
             elif line:
                 self.found.not_reached += 1
@@ -226,10 +228,13 @@ class SessionTrial:
         return self.found
 
     def _take(self, facts: list[Any]) -> None:
+        session = ""
         for fact in facts:
             if "sent" in fact:
-                self._sent.append((self._life, fact["sent"], fact["verb"]))
+                self._sent.append((self._life, f"{session} {fact['sent']}", fact["verb"]))
                 self.found.sent += 1
+            elif "session" in fact:
+                session = fact["session"]
             elif "resumed" in fact:
                 self.found.resumed += fact["resumed"]
                 if not fact["resumed"]:
@@ -240,12 +245,18 @@ class SessionTrial:
     def _problem(self, text: str) -> None:
         self.found.problems.append(f"seed {self._seed}: {text}")
 
-    def _lose_unsynced(self, facts: list[Any]) -> None:
-        """Cut each file that grows to a length between what is on the disk and what was written."""
-        synced = {fact["synced"]: fact["size"] for fact in facts if "synced" in fact}
-        for path in (*self._logs.glob("*.jsonl"), *self._logs.glob("*.index")):
+    def _growing(self) -> list[Path]:
+        return sorted((*self._logs.glob("*.jsonl"), *self._logs.glob("*.index")))
+
+    def _lose_unsynced(self, kept: dict[str, int], facts: list[Any]) -> None:
+        """Cut each file that grows to a length between what is on the disk and what was written.
+
+        `kept` are the lengths that were on the disk before.
+        """
+        kept |= {fact["synced"]: fact["size"] for fact in facts if "synced" in fact}
+        for path in self._growing():
             size = path.stat().st_size
-            least = min(size, synced.get(str(path), 0))
+            least = min(size, kept.get(str(path), 0))
             os.truncate(path, self._random.randint(least, size))
 
     def _look_after_kill(self) -> None:
@@ -275,9 +286,9 @@ class SessionTrial:
                 state.apply(event)
                 match event.data:
                     case ev.CommandSent(command=command):
-                        logged[command.command_id] += 1
+                        logged[f"{result.session} {command.command_id}"] += 1
                     case ev.CommandResent(command_id=name):
-                        again[name] += 1
+                        again[f"{result.session} {name}"] += 1
                     case _:
                         pass
             self._look_at_missions(log, state)
