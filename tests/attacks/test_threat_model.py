@@ -1,0 +1,33 @@
+"""The threat model names a test that exists for each attacker that anything is guarded against."""
+
+import re
+from pathlib import Path
+
+import pa_console
+from pa_console.manual_pages import load_manual
+
+ROOT = Path(pa_console.__file__).parents[1]
+UNGUARDED = "the operator's own account, the kernel"
+COLUMNS = 5
+
+
+def attackers() -> dict[str, list[str]]:
+    """Return the tests that the page names for each attacker."""
+    page = load_manual().find("threat-model").text
+    table = page.partition("\n## Attackers\n")[2].partition("\n## ")[0]
+    rows = [line.strip("|").split("|") for line in table.splitlines() if line.startswith("|")]
+    found: dict[str, list[str]] = {}
+    for cells in rows[2:]:
+        assert len(cells) == COLUMNS, cells[0]
+        found[cells[0].strip()] = re.findall(r"`([^`]+)`", cells[-1])
+    return found
+
+
+def test_each_attacker_has_a_test_that_exists() -> None:
+    found = attackers()
+    assert len(found) > 15
+    assert found.pop(UNGUARDED) == []
+    assert [attacker for attacker, tests in found.items() if not tests] == []
+    named = {test for tests in found.values() for test in tests}
+    assert [test for test in sorted(named) if not (ROOT / test).is_file()] == []
+    assert [test for test in named if "def test_" not in (ROOT / test).read_text("utf-8")] == []
