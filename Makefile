@@ -14,6 +14,7 @@ TEST_MODEL := smollm2-135m
 READER ?= --with-second-reader
 PINS := .constraints.txt
 SITE := build/site
+SBOM := build/sbom.json
 
 # Keeps pip's whole output in the log $(1) and shows only how far it is: on a terminal in one
 # line that is written over, elsewhere every 20th compiled file. Shows the end of the log when
@@ -37,7 +38,7 @@ endef
 sections = awk -v wanted=' $(1) ' '/^\# /{on = index(wanted, " " $$2 " ")} on' $(PINS)
 
 .DEFAULT_GOAL := help
-.PHONY: help console test bench train lint site clean
+.PHONY: help console test bench train lint site audit clean
 
 help:
 	@echo "make console   open the console (the first time installs it and fetches the model)"
@@ -46,6 +47,7 @@ help:
 	@echo "make train     make data, train adapters   ARGS=... which verb, and its options (ARGS=--help)"
 	@echo "make lint      check style, formatting, types and import contracts (of the trainer, where torch is)"
 	@echo "make site      render the manual as a static site, in $(SITE)"
+	@echo "make audit     write the parts list (SBOM) in $(SBOM), look for known weaknesses"
 	@echo "make clean     remove .venv and everything generated; fetched models stay"
 	@echo
 	@echo "READER=        leaves out the model that reads unclear orders again (491 MB)"
@@ -75,6 +77,15 @@ lint: $(VENV)/.installed-dev
 site: $(VENV)/.installed-site
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict --config-file .mkdocs.yml
 	@echo "$(SITE)/index.html"
+
+audit: $(VENV)/.installed-audit
+	@mkdir -p $(dir $(SBOM))
+	@$(call sections,console) > $(VENV)/console-pins.txt
+	@$(BIN)/cyclonedx-py requirements --pyproject pyproject.toml --output-reproducible \
+		--output-file $(SBOM) $(VENV)/console-pins.txt
+	@echo "$(SBOM)"
+	@$(BIN)/pip-audit --require-hashes --disable-pip --progress-spinner off \
+		--requirement $(VENV)/console-pins.txt
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .ruff_cache .hypothesis .import_linter_cache
@@ -136,5 +147,12 @@ $(VENV)/.installed-site: $(PINS) | $(BIN)/python
 	@echo "Installing what renders the manual"
 	@$(call sections,site) > $(VENV)/site-pins.txt
 	@set -o pipefail; $(PIP) --require-hashes --requirement $(VENV)/site-pins.txt \
+		$(call calmly,$(VENV)/install.log); exit 1; }
+	@touch $@
+
+$(VENV)/.installed-audit: $(PINS) | $(BIN)/python
+	@echo "Installing what lists and audits the libraries"
+	@$(call sections,audit) > $(VENV)/audit-pins.txt
+	@set -o pipefail; $(PIP) --require-hashes --requirement $(VENV)/audit-pins.txt \
 		$(call calmly,$(VENV)/install.log); exit 1; }
 	@touch $@

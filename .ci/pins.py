@@ -13,9 +13,13 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = ROOT / "pyproject.toml"
 PINS = ROOT / ".constraints.txt"
-SECTIONS = {"console": (), "test": ("console",), "lint": ("console", "test"), "site": ()}
+SECTIONS = {
+    "console": (), "test": ("console",), "lint": ("console", "test"), "site": (), "audit": (),
+}  # fmt: skip
 """The section of each target, and the sections that it comes on top of."""
 EXTRAS = {"test": "test", "lint": "dev"}
+ALONE = {"site": "docs", "audit": "audit"}
+"""The extra of each section that is installed without the console."""
 HEAD = """\
 # What `make` installs, for Python 3.11 and newer; python .ci/pins.py writes this file.
 """
@@ -24,19 +28,24 @@ HEAD = """\
 def main() -> None:
     """Resolve everything together, then tell which part of it each target needs."""
     config = tomllib.loads(PROJECT.read_text(encoding="utf-8"))
-    site = config["project"]["optional-dependencies"]["docs"]
+    extras = config["project"]["optional-dependencies"]
     with tempfile.TemporaryDirectory() as folder:
         build, whole = Path(folder) / "build.in", Path(folder) / "whole.txt"
         build.write_text("\n".join(config["build-system"]["requires"]), encoding="utf-8")
         whole.write_text(
-            "".join(_resolve(PROJECT, build, "--extra", "dev", "--extra", "docs")), encoding="utf-8"
+            "".join(
+                _resolve(PROJECT, build, *(f"--extra={name}" for name in ("dev", *ALONE.values())))
+            ),
+            encoding="utf-8",
         )
-        docs = Path(folder) / "docs.in"
-        docs.write_text("\n".join(site), encoding="utf-8")
         text, pins = HEAD, dict[str, list[str]]()
         for section, below in SECTIONS.items():
             there = {pin for name in below for pin in pins[name]}
-            asked = (docs,) if section == "site" else (PROJECT, build, *_extra(section))
+            asked: tuple[str | Path, ...] = (PROJECT, build, *_extra(section))
+            if section in ALONE:
+                alone = Path(folder) / f"{section}.in"
+                alone.write_text("\n".join(extras[ALONE[section]]), encoding="utf-8")
+                asked = (alone,)
             found = _resolve(*asked, "--constraint", whole)
             pins[section] = [pin for pin in found if pin not in there]
             text += f"\n# {section}\n{''.join(pins[section])}"

@@ -9,6 +9,7 @@ from pa_console.manual_pages import load_manual
 ROOT = Path(pa_console.__file__).parents[1]
 UNGUARDED = "the operator's own account, the kernel"
 COLUMNS = 5
+TEST = re.compile(r"^(async )?def test_|^Test\w+ = ", re.MULTILINE)
 
 
 def attackers() -> dict[str, list[str]]:
@@ -30,4 +31,4 @@ def test_each_attacker_has_a_test_that_exists() -> None:
     assert [attacker for attacker, tests in found.items() if not tests] == []
     named = {test for tests in found.values() for test in tests}
     assert [test for test in sorted(named) if not (ROOT / test).is_file()] == []
-    assert [test for test in named if "def test_" not in (ROOT / test).read_text("utf-8")] == []
+    assert [test for test in named if not TEST.search((ROOT / test).read_text("utf-8"))] == []
