@@ -8,7 +8,7 @@ from pa_console.policy.rule_variables import goes_to
 from pa_console.schema.command import ENCOUNTERS, DeviceCommand
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Timeline
-from pa_console.schema.telemetry import AssetTelemetry, Picture
+from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
 from pa_console.schema.world import World
 
 
@@ -70,6 +70,9 @@ class Premises:
         for track in picture.tracks.values():
             was = self.before.tracks.get(track.id)
             verbs = {a.verb for a in actions if a.target == track.gate and a.verb in ENCOUNTERS}
+            came = was is None or was.gate != track.gate
+            if came and "block" in verbs and self._waits_for_nobody_else(track, picture):
+                yield f"{track.id} has come to {track.gate}, which is to be blocked"
             if was is not None and (was.intent, was.identity) == (track.intent, track.identity):
                 continue
             if track.intent == "hostile" and verbs and "block" not in verbs:
@@ -77,6 +80,16 @@ class Premises:
             harmless = track.identity == "authorized" and bool(verbs & {"warn", "block"})
             if harmless or (track.intent == "benign" and "block" in verbs):
                 yield f"{track.id} at {track.gate} is {track.identity}, intent {track.intent}"
+
+    def _waits_for_nobody_else(self, track: Track, picture: Picture) -> bool:
+        """Return whether a block of its gate would be against the track alone (ROE-02).
+
+        A gate that was to be blocked while nobody was there stays open for whoever comes: nobody
+        knows who that is. Behind a threat that is there already the track has to wait.
+        """
+        others = (other for other in picture.tracks.values() if other.id != track.id)
+        threat = any(o.gate == track.gate and o.intent == "hostile" and o.warned for o in others)
+        return track.status != "leaving" and not threat
 
 
 def way_to_safety(plan: Plan, world: World, picture: Picture) -> tuple[Action, ...]:

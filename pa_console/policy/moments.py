@@ -19,7 +19,7 @@ SURE_SIGMAS = 3.0
 """A gap counts as too small when the position error would have to be larger than this."""
 
 MOST_BLOCKED = 1
-"""With more gates blocked than this, whoever is inside counts as shut in (ROE-12)."""
+"""The number of blocked gates beyond which a track inside counts as shut in (ROE-12)."""
 
 PURSUIT_S = 3600.0
 """Simulated seconds for which it is remembered where assets were sent after a track."""

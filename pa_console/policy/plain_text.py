@@ -2,7 +2,8 @@
 
 Characters that do not show are taken out and compatibility forms resolved before anything reads a
 mission. The other foldings are for checks only: letters of other scripts that look like Latin ones,
-accents, digits and signs for letters, letters drawn out or set apart. No folding is put before a
+accents, digits and signs for letters, letters drawn out or set apart, and signs of markup around
+words. No folding is put before a
 model or a person; each is one more way in which a check reads the text.
 """
 
@@ -32,7 +33,13 @@ _WRITTEN = re.compile(r"[a-z0-9@$€!|]+")
 _NUMBERED = re.compile(r"[a-z]+\d+|\d+(?:[a-z]|st|nd|rd|th|am|pm|km|min|sec|x\d*)[.!]*|[a-z]+!+")
 """Ordinary mixtures of letters and digits: `uav4`, `2nd`, `30m`, `stop!`."""
 _APART = re.compile(r"(?<![^\W_])[^\W_](?:[\s.*_/·-]+[^\W_](?![^\W_])){2,}")
+_SIGNS_BETWEEN = re.compile(r"(?<![^\W_])[^\W_](?:[.*_/·-]+[^\W_](?![^\W_])){2,}")
+"""Letters with signs and no spaces between them; they are joined first, a word at a time."""
 _DRAWN = re.compile(r"([a-z])\1{2,}")
+_MARKUP = re.compile(r"[<>()\[\]{}`~#^\\]+|(?<![^\W_])[_*]+|[_*]+(?![^\W_])")
+"""The signs with which a text is marked up: `__stop__`, `<stop>`. Within a name they are none."""
+_WITHIN = re.compile(r"(?<=[a-z])[-*·/.+~_]+(?=[a-z])(?!t\d)")
+"""Signs within words, but for those of the assets' names."""
 _SPLIT = re.compile(r"(?<=[a-z])[-*·](?=[a-z])")
 
 
@@ -52,7 +59,8 @@ def foldings(words: str) -> Iterator[str]:
     """Yield the plain `words` as they may be read besides, most often none."""
     known = {words}
     latin = _in_latin(words)
-    for text in (latin, *_as_letters(latin)):
+    bare = " ".join(_MARKUP.sub(" ", latin).split())
+    for text in (latin, bare, *_as_letters(bare)):
         for found in (text, *_together(text)):
             if found not in known:
                 known.add(found)
@@ -83,39 +91,70 @@ def _as_letters(words: str) -> Iterator[str]:
 
         def read(found: re.Match[str], signs: dict[int, str] = signs) -> str:
             word = found[0]
-            plain = word.isalpha() or word.isdigit() or _NUMBERED.fullmatch(word)
-            return word if plain else word.translate(signs)
+            if word.isalpha() or word.isdigit():
+                return word
+            letters = _SPELT.get(_in_strokes(word), word.translate(signs))
+            plain = _NUMBERED.fullmatch(word) and letters not in _SOUGHT
+            return word if plain else letters
 
         yield _WRITTEN.sub(read, words)
 
 
 def _together(words: str) -> Iterator[str]:
     """Yield `words` with letters that are set apart or drawn out as one word."""
-    joined = _APART.sub(lambda found: re.sub(r"[\W_]+", "", found[0]), words)
+    joined = words
+    for apart in (_SIGNS_BETWEEN, _APART):
+        joined = apart.sub(lambda found: re.sub(r"[\W_]+", "", found[0]), joined)
     joined = re.sub(r"\bopen(ing)?fire", r"open\1 fire", joined)
     yield joined
     yield _SPLIT.sub("", joined)
-    yield _DRAWN.sub(r"\1\1", joined)
-    yield _DRAWN.sub(r"\1", joined)
     yield _rejoined(joined)
+    whole = _WITHIN.sub("", joined)
+    for drawn in (r"\1\1", r"\1"):
+        yield _DRAWN.sub(drawn, joined)
+        yield _rejoined(_DRAWN.sub(drawn, whole))
 
 
-_TORN = frozenset(
+_SOUGHT = frozenset(
     (
         *("shoot", "shooting", "kill", "killing", "attack", "destroy", "eliminate", "neutralise"),
-        *("neutralize", "assassinate", "murder", "ignore", "override", "bypass", "disregard"),
-        *("violate", "circumvent", "suspend", "disable", "forget", "rules", "policy", "fire"),
+        *("neutralize", "assassinate", "murder", "open", "fire", "ramming", "crush", "flatten"),
+        *("ignore", "override", "bypass", "disregard", "violate", "circumvent", "suspend"),
+        *("disable", "forget", "rules", "rule", "engagement", "policy", "policies", "safety"),
+        *("safeguards", "safeguard", "constraints", "restrictions", "trap", "corner", "surround"),
+        *("encircle", "confine", "enclose", "imprison", "detain", "lock", "follow", "shadow"),
+        *("chase", "pursue", "stalk", "tail", "hunt", "hound", "wherever", "person", "people"),
+        *("driver", "intruder", "intruders", "stranger", "suspect", "visitor", "visitors"),
+        *("crowd", "woman", "everybody", "everyone", "anybody", "anyone", "family", "children"),
+        *("protesters", "civilians", "trespasser", "trespassers", "truck", "vehicle", "gates"),
+        *("over", "down", "into", "inside", "robot", "robots", "drone", "drones", "units", "team"),
     )
 )
-"""Words that are looked for torn in two."""
+"""Words that the rules on words look for, and that are looked for torn and with digits at the end.
+"""
+_STROKES = str.maketrans(_SIGNS | dict.fromkeys(("i", "l", *_ONES), "1"))
+
+
+def _in_strokes(word: str) -> str:
+    """Return `word` with every i, l and what may stand for either as one and the same sign."""
+    return word.translate(_STROKES)
+
+
+_SPELT = {_in_strokes(word): word for word in sorted(_SOUGHT)}
+"""The words that are looked for by their strokes: `k111` may be `kill`."""
+_PARTS = 3
+"""The largest number of parts into which such a word may be torn."""
 
 
 def _rejoined(words: str) -> str:
-    """Return `words` with those put together that were torn in two: `sh oot`."""
-    found = words.split(" ")
-    at = 0
+    """Return `words` with those put together that were torn: `sh oot`, `sur ro und`."""
+    found, at = words.split(" "), 0
     while at + 1 < len(found):
-        if re.sub(r"\W", "", found[at] + found[at + 1]) in _TORN:
-            found[at : at + 2] = [found[at] + found[at + 1]]
+        for end in range(at + 2, min(at + _PARTS, len(found)) + 1):
+            joined = re.sub(r"\W+(?=\w)", "", "".join(found[at:end]))
+            bare = joined.rstrip(".,;:!?")
+            if word := _SPELT.get(_in_strokes(bare)):
+                found[at:end] = [word + joined[len(bare) :]]
+                break
         at += 1
     return " ".join(found)

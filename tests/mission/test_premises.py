@@ -249,3 +249,27 @@ def test_the_way_to_safety_leads_back_to_the_gate_that_the_plan_leaves_and_nowhe
         "Robot_T01 hold",
         "Drone_T04 hold",
     ]
+
+
+@pytest.mark.parametrize(
+    ("facts", "threat", "halts"),
+    [
+        ({}, False, True),
+        ({"identity": "authorized"}, False, True),
+        ({"kind": "person"}, False, True),
+        ({"status": "leaving"}, False, False),
+        ({}, True, False),
+    ],
+)
+def test_a_block_gives_way_to_whoever_comes_while_it_is_under_way(
+    facts: dict[str, Any], threat: bool, halts: bool
+) -> None:
+    """What the attacker found: a gate is blocked while nobody is there, then somebody comes."""
+    hostile = {"identity": "unauthorized", "intent": "hostile", "warned": True}
+    there = (track("Track_01", "WestGate", **hostile),) if threat else ()
+    came = track("Track_02", "WestGate", **facts)
+    made = premises(plan(("Ugv_T02", "block WestGate")), *there)
+    broken = made.broken(picture(*team(), tracks=(*there, came)), ["Ugv_T02"])
+    assert any("Track_02 has come to WestGate" in why for why in broken) == halts
+    elsewhere = track("Track_02", "EastGate", **facts)
+    assert not made.broken(picture(*team(), tracks=(*there, elsewhere)), ["Ugv_T02"])
