@@ -91,7 +91,7 @@ def test_a_drone_that_asks_is_armed_for_an_order_only(world: World, tmp_path: Pa
         driven.until(lambda: driven.told("asked to be armed without an order"))
         driven.until(lambda: any(line.startswith("ack 3001") for line in drones.say()[ONE]["log"]))
         assert "ack 3001 0" not in drones.say()[ONE]["log"]
-        drones.tell(ONE, mode="slow")
+        drones.tell(ONE, mode="slow", slow_s=600.0)
         driven.send("a1", ONE, "move_to", "NorthGate")
         driven.until(lambda: "command 400" in drones.say()[ONE]["log"])
         drones.tell(ONE, authorize=245)

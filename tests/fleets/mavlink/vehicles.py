@@ -224,6 +224,7 @@ class Flock:
         for vehicle in chosen:
             if "mode" in line:
                 vehicle.behaves.mode = line["mode"]
+            vehicle.behaves.slow_s = line.get("slow_s", vehicle.behaves.slow_s)
             if "flight_mode" in line:
                 vehicle.mode = line["flight_mode"]
             if "battery" in line:
