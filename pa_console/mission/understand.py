@@ -9,8 +9,8 @@ from pa_console.language.clock_words import duration_words
 from pa_console.language.demands import contradiction
 from pa_console.language.order_steps import ReadSteps, read_steps
 from pa_console.language.patrols import Patrol, least_s, read_patrol
-from pa_console.language.references.conversation import LEANING, Unclear
-from pa_console.language.references.resolution import Answers, resolve
+from pa_console.language.references.conversation import LEANING, ResolvedOrder, Unclear
+from pa_console.language.references.resolution import Answers, resolve, with_answers
 from pa_console.language.references.scene import ReferenceScene
 from pa_console.language.standing_orders import asks_nobody, read_standing
 from pa_console.language.timed_orders import read_timed, schedule_words
@@ -248,7 +248,10 @@ def _read(context: MissionContext, answers: Answers) -> NotUnderstood | Understo
     services, mission = context.services, context.mission
     world, rules = services.fleet.world, services.rulebook
     found = resolve(_scene(context), mission.text, answers)
-    text = mission.text if isinstance(found, Unclear) else found.text
+    text = found.text if isinstance(found, ResolvedOrder) else mission.text
+    if isinstance(found, Unclear) and found.choices:
+        # *Send it home* names nothing of this site before it is known what is meant.
+        text = with_answers(text, {found.said: found.choices[0]})
     if question := question_back(mission.said, text, world, rules):
         return NotUnderstood(question)
     for words in dict.fromkeys((mission.text, text)):

@@ -26,6 +26,7 @@ from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
 from pa_console.session.confidence import UNSURE
 from pa_console.station.assembly import Site
+from pa_console.station.headless import run_missions
 from tests.mission.gate import send
 from tests.rig import Rig
 from tests.scripted import ScriptedEngine, plan
@@ -119,6 +120,32 @@ async def test_what_is_no_order_is_asked_back_about_or_moves_nobody(rig: Rig, ki
         trace = await rig.run(ScriptedEngine([answer]), text=text)
         assert trace.status in ("held", "rejected", "refused"), text
         assert not any(isinstance(event.data, ev.CommandSent) for event in rig.events), text
+
+
+@pytest.mark.parametrize(
+    ("text", "asked"),
+    [
+        ("Send it home.", "Who is meant by “it”?"),
+        ("Close the window, it is draughty.", "it names nobody and nothing of this site"),
+    ],
+)
+async def test_who_is_meant_is_asked_of_an_order_that_only_points(
+    rig: Rig, text: str, asked: str
+) -> None:
+    both = plan(
+        ("Drone_T04", "move_to EastGate"),
+        ("Robot_T01", "move_to EastGate"),
+        reason="asked: Drone_T04, Robot_T01 to EastGate; Drone_T04: free",
+    )
+    station = rig.station(ScriptedEngine([both]))
+    traces = await run_missions(
+        station,
+        ["Drone_T04 and Robot_T01 to the east gate.", text],
+        standing_approver("auto", least=0.0),
+        lambda event, _state: rig.events.append(event),
+    )
+    assert traces[1].status == "held"
+    assert asked in traces[1].reason
 
 
 @pytest.mark.parametrize(

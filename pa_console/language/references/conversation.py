@@ -463,7 +463,7 @@ class _Turn:
         while at < len(self._tokens):
             found = self._pronoun(at, within=bool(meant))
             if isinstance(found, Unclear):
-                return found
+                return found if self._asks else None
             if found is None:
                 at += 1
                 continue

@@ -161,7 +161,7 @@ def resolve(
 ) -> ResolvedOrder | Unclear:
     """Return `text` with its references replaced by names, or the question to ask first."""
     answered = dict(answers or {})
-    linked = LinkedText.of(scene.world, _with_answers(text, answered))
+    linked = LinkedText.of(scene.world, with_answers(text, answered))
     described = _described(scene, linked, reported_state(linked.text))
     if isinstance(described, Unclear):
         return described
@@ -184,7 +184,7 @@ def resolve(
     return ResolvedOrder(now.strip(), tuple(meant)) if meant else ResolvedOrder(text)
 
 
-def _with_answers(text: str, answers: Answers) -> str:
+def with_answers(text: str, answers: Answers) -> str:
     """Return `text` with the answers in place of its unclear words."""
     for said, means in answers.items():
         pattern = rf"(?<!\w){re.escape(said)}(?!\w)"
