@@ -36,14 +36,15 @@ class LeftMissions:
 
     `manual` are the assets under manual control, each with who took it: they stay so.
     `again` are the missions that moved no asset, the one that was being planned first; `under_way`
-    those that did; `standing` the ids of the standing orders in force there; `stopped` is whether
-    all assets were stopped.
+    those that did; `standing` the ids of the standing orders in force there; `awaiting` the ended
+    missions that await assets under manual control; `stopped` is whether all assets were stopped.
     """
 
     manual: tuple[tuple[str, str], ...] = ()
     again: tuple[Mission, ...] = ()
     under_way: tuple[MissionTrace, ...] = ()
     standing: tuple[str, ...] = ()
+    awaiting: tuple[tuple[Mission, tuple[str, ...]], ...] = ()
     stopped: bool = False
 
     @classmethod
@@ -54,12 +55,14 @@ class LeftMissions:
         begun = begun_missions(state)
         again = [trace.mission for trace in begun if not trace.commands]
         again += [entry.mission for entry in waiting_entries(state)]
-        again += [trace.mission for trace in _awaiting(state)]
         return cls(
             manual=tuple((name, one.by) for name, one in state.manual.items()),
             again=tuple(one for one in again if one.source == "operator"),
             under_way=tuple(trace for trace in begun if trace.commands),
             standing=tuple(name for name, one in state.standing.items() if one.in_force),
+            awaiting=tuple(
+                (trace.mission, state.awaiting[trace.mission.id]) for trace in _awaiting(state)
+            ),
             stopped=state.stop is not None,
         )
 
@@ -73,6 +76,11 @@ class LeftMissions:
             yield (
                 f"{station} had {trace.mission.id} “{trace.mission.said}” under way ({sent}): "
                 "vehicles end what they have begun, and nobody verifies it"
+            )
+        for mission, assets in self.awaiting:
+            yield (
+                f"{mission.id} “{mission.said}” of {station} awaits {', '.join(assets)}: give it "
+                "again here if it is still wanted"
             )
         if self.standing:
             yield (

@@ -114,6 +114,29 @@ def test_state_of_whatever_an_asset_is_at(
     assert read_again(state, said, world) == said
 
 
+@pytest.mark.parametrize(
+    ("mode", "status", "manual"),
+    [
+        ("AUTOMATIC", "ok", False), ("SEMIAUTOMATIC", "ok", False), ("MANUAL", "ok", True),
+        ("INTERVENED", "ok", True), ("TEACH_IN", "ok", True), ("STARTUP", "failed", False),
+        ("SERVICE", "failed", False),
+    ],
+)  # fmt: skip
+def test_an_operating_mode_tells_whether_somebody_drives_a_robot(
+    world: World, mode: str, status: str, manual: bool
+) -> None:
+    said = Checkpoint(world).picture().assets["Drone_T01"]
+    vehicle = Vehicle(DRONE, offers("uav"), lambda: NOW)
+    state = state_of(said, vehicle, 7, NOW).model_copy(update={"operating_mode": mode})
+    found = telemetry_of(state, said.id, said.kind, Terrain(world), said.stamp_s)
+    assert found is not None
+    assert (found.status, found.manual) == (status, manual)
+    assert found.available == (status == "ok" and not manual)
+    driven = state_of(found, vehicle, 8, NOW)
+    assert driven.operating_mode == ("MANUAL" if manual else "AUTOMATIC")
+    assert_valid(driven)
+
+
 def read_again(state: messages.RobotState, said: AssetTelemetry, world: World) -> AssetTelemetry:
     terrain = Terrain(world)
     found = telemetry_of(state, said.id, said.kind, terrain, said.stamp_s)

@@ -1,4 +1,8 @@
-"""Thousands of random histories of timed orders on a clock that jumps, sleeps and goes back."""
+"""Thousands of random histories of timed orders on a clock that jumps, sleeps and goes back.
+
+Another station takes command in between, and this one takes it back: nothing that was approved
+before is sent then.
+"""
 
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
@@ -9,13 +13,44 @@ import pytest
 
 from pa_console.language.references.scene import Move
 from pa_console.mission.agenda import Agenda, StationTime, TimingLimits
+from pa_console.mission.gate import CommandGate
+from pa_console.mission.journal import Journal
+from pa_console.mission.rehearse import device_commands
 from pa_console.mission.standing import Due, Ended, StandingOrders, Withheld
-from pa_console.schema.mission import Schedule, StandingOrder
+from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.events import event as ev
+from pa_console.schema.mission import Decision, Schedule, StandingOrder
+from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Picture
+from tests.mission.test_command_gate import Link
 
 BEGAN = datetime(2026, 3, 1, 9, 0, tzinfo=UTC)
 GRACE_S = 60.0
 HISTORIES, STEPS = 5000, 60
+RULES = Rulebook("none", "", ())
+EAST = Plan(reason="r", actions=(Action(agent="Drone_T04", command="move_to EastGate"),))
+
+
+@dataclass
+class Command:
+    """The right of this station to command, in place of the keys of a site."""
+
+    refusal: str = ""
+
+    def objection(self, _: Rulebook) -> str:
+        """Return why nothing may be sent."""
+        return self.refusal
+
+    def fresh(self, _: set[str]) -> tuple[str, ...]:
+        """Return the vehicles that know no roster: none."""
+        return ()
+
+    def valid(self, *_: object) -> dict[str, str]:
+        """Return the signatures that count."""
+        return {"anna": "signed"}
+
+    def grant(self, *_: object) -> None:
+        """Take in an approval."""
 
 
 @dataclass
@@ -36,6 +71,8 @@ class History:
     out_of_force: set[str] = field(default_factory=set[str])
     paused: set[str] = field(default_factory=set[str])
     count: int = 0
+    command: Command = field(default_factory=Command)
+    link: Link = field(default_factory=Link)
 
     def __post_init__(self) -> None:
         self.restart()
@@ -49,6 +86,29 @@ class History:
         self.orders = StandingOrders(StationTime(lambda: self.wall))
         self.orders.limits = TimingLimits(grace_s=GRACE_S)
         self.orders.skip_ids([*self.accounted, "S0"])
+        self.gate = CommandGate(self.link, Journal(), self.command, self.orders)  # pyright: ignore[reportArgumentType]
+
+    def relieve_or_take_back(self) -> None:
+        """Another station takes command, or this one takes it back with a session of its own."""
+        if self.command.refusal:
+            self.command.refusal = ""
+            self.restart()
+        else:
+            self.command.refusal = "another station is in command"
+
+    def send(self, mission: str) -> None:
+        """Approve a plan of a mission that has been started, and send it where that is allowed."""
+        request = ev.ApprovalRequested(request_id=f"{mission}.1", attempt=1, plan=EAST)
+        commands, before = device_commands(EAST, request.request_id), len(self.link.sent)
+        if self.command.refusal:
+            with pytest.raises(ValueError, match="another station"):
+                self.gate.grant(request, Decision(kind="approve"), RULES)
+            self.gate.send(commands, lambda _: None)
+            assert len(self.link.sent) == before, "none while another station is in command"
+            return
+        self.gate.grant(request, Decision(kind="approve"), RULES)
+        self.gate.send(commands, lambda _: None)
+        assert self.link.sent[before:] == [*commands]
 
     def approve(self) -> None:
         """Put one more order in force."""
@@ -96,6 +156,7 @@ class History:
                     name = f"M{self.count}"
                     self.missions[name] = order.id
                     self.orders.started(name, found)
+                    self.send(name)
                 case Withheld(order=order, reason=reason):
                     assert reason
                     many = reason.split(" moments from")
@@ -122,8 +183,8 @@ class History:
         random = self.random
         match random.choices(
             ("go", "jump", "back", "sleep", "stop", "end", "revoke", "pause", "skip", "approve",
-             "restart"),
-            (50, 5, 4, 4, 4, 25, 3, 5, 5, 6, 1),
+             "restart", "relieve"),
+            (50, 5, 4, 4, 4, 25, 3, 5, 5, 6, 1, 2),
         )[0]:  # fmt: skip
             case "go":
                 seconds = random.choice([0.5, 5.0, 45.0])
@@ -152,6 +213,8 @@ class History:
                 self.approve()
             case "restart":
                 self.restart()
+            case "relieve":
+                self.relieve_or_take_back()
             case _:
                 pass
 
@@ -174,7 +237,7 @@ class History:
 
 @pytest.mark.parametrize("part", range(4))
 def test_in_any_history_none_runs_unapproved_twice_late_or_is_lost_in_silence(part: int) -> None:
-    started = 0
+    started = sent = 0
     for seed in range(part, HISTORIES, 4):
         history = History(Random(seed))
         history.approve()
@@ -182,8 +245,8 @@ def test_in_any_history_none_runs_unapproved_twice_late_or_is_lost_in_silence(pa
             history.step()
             history.look()
         history.none_lost()
-        started += history.count
-    assert started > HISTORIES / 4, "the histories have runs in them"
+        started, sent = started + history.count, sent + len(history.link.sent)
+    assert started > sent > HISTORIES / 4, "the histories have runs, some without command"
 
 
 def test_the_station_clock_is_the_wall_clock_unless_the_simulation_runs_faster() -> None:

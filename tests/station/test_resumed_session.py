@@ -173,3 +173,43 @@ async def test_a_world_that_does_not_come_out_as_it_was_is_refused(
     found.state.started = found.state.started.model_copy(update={"seed": 99})
     with pytest.raises(NotResumableError, match="did not come out again"):
         resume(found, site.world, None)
+
+
+async def test_who_drives_an_asset_by_hand_and_what_awaits_it_go_on(
+    site: Site, tmp_path: Path
+) -> None:
+    def until_it_awaits(event: ev.Event, station: ControlStation) -> bool:
+        if event.data.kind == "session_started":
+            station.submit("Send Drone_T04 to the south gate.")
+        if event.data.kind == "command_sent":
+            station.submit("Take over Drone_T04")
+        approving(event, station)
+        return event.data.kind == "mission_awaits_assets"
+
+    station = open_station(site, ScriptedEngine([SOUTH]).engine(), SteppedClock())
+    await until(station, tmp_path / "logs" / "a.jsonl", until_it_awaits)
+    found = find_unclosed(tmp_path / "killed", site.world_sha256)
+    assert found is not None
+    assert found.unfinished
+    assert [*found.manual] == [("Drone_T04", "operator")]
+    ((mission, assets),) = found.awaiting
+    assert (mission.text, assets) == ("Send Drone_T04 to the south gate.", ("Drone_T04",))
+
+    again = open_again(site, found, ScriptedEngine([SOUTH] * 9))
+    given = list[str]()
+
+    def gives_back(event: ev.Event) -> bool:
+        if event.data.kind == "telemetry" and not given:
+            assert isinstance(event.data, ev.TelemetryReceived)
+            assert event.data.picture.assets["Drone_T04"].manual
+            given.append(again.submit("Give Drone_T04 back").id)
+        return event.data.kind == "approval_requested"
+
+    happened = await _go_on(again, found.log, gives_back)
+    kinds = [event.data.kind for event in happened]
+    assert "command_sent" not in kinds
+    assert "manual_control_ended" in kinds
+    received = [e.data.mission.text for e in happened if isinstance(e.data, ev.MissionReceived)]
+    assert "Send Drone_T04 to the south gate." in received
+    assert verify(found.log).intact
+    assert resimulate(list(read_log(found.log)), site.world).equal
