@@ -1,13 +1,16 @@
 """A broker for tests: Mosquitto where it is installed, else the one of our own process."""
 
+import asyncio
 import shutil
 import socket
 import subprocess
 import tempfile
+import threading
 import time
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Protocol
+from random import Random
+from typing import Protocol, Self
 
 from pa_console.fleets.vda5050.broker import LOOPBACK, BrokerAddress, run_broker
 
@@ -90,6 +93,65 @@ class Embedded:
             self._broker = None
 
 
+PUBLISH, PUBACK, AT_LEAST_ONCE = 3, 0x40, 1
+"""A kind of MQTT packet, the first byte of its acknowledgement, and the quality that wants one."""
+
+
+class Lossy:
+    """A port in front of a broker; of what is published through it, a `share` is lost unseen.
+
+    That goes for both directions, as with a broker that drops messages.
+    """
+
+    def __init__(self, broker: Broker, share: float, seed: int = 0) -> None:
+        self.port, self.lost = free_port(), 0
+        self._behind, self._share, self._random = broker.port, share, Random(seed)
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        serving = asyncio.start_server(self._serve, LOOPBACK, self.port)
+        asyncio.run_coroutine_threadsafe(serving, self._loop).result(UP_S)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join(UP_S)
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        behind, beyond = await asyncio.open_connection(LOOPBACK, self._behind)
+        both = [
+            asyncio.create_task(self._relay(reader, beyond, writer)),
+            asyncio.create_task(self._relay(behind, writer, beyond)),
+        ]
+        await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
+        writer.close()
+        beyond.close()
+        await asyncio.gather(*both, return_exceptions=True)
+
+    async def _relay(
+        self, source: asyncio.StreamReader, to: asyncio.StreamWriter, back: asyncio.StreamWriter
+    ) -> None:
+        """Pass packets from `source` on; acknowledge a lost one to its sender."""
+        while True:
+            head = await source.readexactly(1)
+            length = shift = 0
+            while head[-1] & 0x80 or len(head) == 1:
+                head += await source.readexactly(1)
+                length |= (head[-1] & 0x7F) << shift
+                shift += 7
+            body = await source.readexactly(length)
+            if head[0] >> 4 != PUBLISH or self._random.random() >= self._share:
+                to.write(head + body)
+                await to.drain()
+                continue
+            self.lost += 1
+            if head[0] >> 1 & 3 == AT_LEAST_ONCE:
+                at = 2 + int.from_bytes(body[:2], "big")
+                back.write(bytes((PUBACK, 2)) + body[at : at + 2])
+
+
 def any_broker() -> Broker:
     return Mosquitto() if mosquitto() else Embedded()
 
@@ -106,5 +168,5 @@ def wait_open(port: int) -> None:
     raise TimeoutError(f"no broker on port {port}")
 
 
-def address_of(broker: Broker, site: str) -> BrokerAddress:
+def address_of(broker: "Broker | Lossy", site: str) -> BrokerAddress:
     return BrokerAddress(LOOPBACK, broker.port, site)

@@ -14,7 +14,7 @@ import time
 from collections import Counter
 from collections.abc import Generator
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
@@ -48,7 +48,7 @@ from pa_console.sim.worlds.world_file import load_world
 from pa_console.station.assembly import load_site, open_station
 from pa_console.station.clock import DevicesClock
 from pa_console.station.station import ControlStation
-from tests.fleets.broker import Broker, address_of, any_broker
+from tests.fleets.broker import Broker, Lossy, address_of, any_broker
 from tests.fleets.conftest import SHA, RunningSite, running
 from tests.scripted import ScriptedEngine, plan
 
@@ -60,6 +60,8 @@ STALL_S = 0.1
 """A longer step was a stall: the machine did not run the process of site and station."""
 WATCH_S, NAMED_S, LIE_S = 1.5, 1.5, 6.0
 """Real seconds of watching; seconds of the fleet until one in doubt, or a liar, is named."""
+UNNAMED_S = 2.0
+"""Seconds from a press until a robot without a hold must be named: 1 s, a picture, and slack."""
 BACK_S = 4.0
 """Real seconds more that are given to a broker that was killed, and to robots that reconnect."""
 STOOD_M = 0.05
@@ -67,11 +69,21 @@ RULES = Rulebook("none", "", ())
 Position = tuple[float, float]
 
 
+def fleet_at(address: BrokerAddress, world: World, sha256: str = SHA) -> MqttFleet:
+    """Join the site, again if the broker has lost what says that it runs."""
+    while True:
+        found = join(address)
+        try:
+            return fleet_of(found, world, sha256)
+        except ValueError:
+            found.link.close()
+
+
 class Session:
     """What a station does of ordering and stopping, in the fleet's own time."""
 
     def __init__(self, world: World, address: BrokerAddress) -> None:
-        self.fleet: MqttFleet = fleet_of(join(address), world, SHA)
+        self.fleet: MqttFleet = fleet_at(address, world)
         self.gate = CommandGate(self.fleet, Journal())
         self.stops = EmergencyStop(self.fleet, self.gate)
         self.named: dict[str, float] = {}
@@ -167,15 +179,35 @@ import json, sys, time
 from datetime import UTC, datetime
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
+from paho.mqtt.subscribeoptions import SubscribeOptions
 host, port, site, name, kind = sys.argv[1:]
 client = Client(CallbackAPIVersion.VERSION2, protocol=MQTTProtocolVersion.MQTTv5)
+heard = {}
+def note(_client, _data, message):
+    heard[message.topic] = json.loads(message.payload)
+client.on_message = note
 client.connect(host, int(port))
+if kind == "retained":
+    alone = SubscribeOptions(qos=0, noLocal=True)
+    client.subscribe([(f"{site}/v3/+/+/{topic}", alone) for topic in ("state", "connection")])
 client.loop_start()
+def lie():
+    for topic, said in list(heard.items()):
+        if "agvPosition" in said:
+            said["agvPosition"] |= {"x": 0.0, "y": 0.0}
+        if "connectionState" in said:
+            said["connectionState"] = "OFFLINE"
+        said["headerId"] += 1_000_000
+        client.publish(topic, json.dumps(said), qos=1, retain=True)
 garbage = b'{"headerId": 1, "contacts": [' + b'{"signature": "x"}, ' * 5_700 + b"{}]}"
 number = 0
 while True:
     number += 1
     payload = garbage
+    if kind == "retained":
+        lie()
+        time.sleep(0.2)
+        continue
     if kind == "phantoms":
         now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S.%f")[:-3] + "Z"
         contacts = [
@@ -195,7 +227,8 @@ while True:
 def flood(address: BrokerAddress, name: str, kind: str = "garbage") -> Generator[None]:
     """Let a process send much in the name of a robot.
 
-    That is 200 messages of 114 KB of garbage a second, or 10 a second with 900 phantom contacts.
+    That is 200 messages of 114 KB of garbage a second, 10 a second with 900 phantom contacts, or,
+    five times a second, a retained state and last will of every robot that are not true.
     """
     words = [address.host, str(address.port), address.site, name, kind]
     process = subprocess.Popen([sys.executable, "-c", POUR, *words], stderr=subprocess.DEVNULL)
@@ -391,22 +424,31 @@ def play(histories: int, seed: int) -> Outcome:
 class Pressed:
     """A whole station on a site of another process; STOP is pressed there at random moments."""
 
-    def __init__(self, address: BrokerAddress, presses: int, seed: int) -> None:
+    def __init__(
+        self, address: BrokerAddress, presses: int, seed: int, ears: BrokerAddress | None = None
+    ) -> None:
+        """`ears` is where the wire is listened to, if not at `address`."""
         self._address, self._presses, self._random = address, presses, Random(seed)
+        self._ears = ears or address
         self._site = load_site("checkpoint", "checkpoint")
         self._holds: dict[str, float] = {}
         """When the hold of each robot was on the wire."""
         self.took_ms: list[float] = []
+        self.first_ms: list[float] = []
+        """The time from each press to the first hold of all robots, ms."""
+        self.unconfirmed: set[str] = set()
+        self.unnamed = 0
+        """Robots that had no hold for two seconds of which nothing was said."""
 
     async def run(self) -> list[float]:
         """Return the time from each press that was due to the last hold on the wire, sorted, ms."""
         ear = Client(CallbackAPIVersion.VERSION2, protocol=MQTTProtocolVersion.MQTTv5)
         ear.on_message = self._note
-        ear.connect(self._address.host, self._address.port)
-        ear.subscribe(f"{self._address.site}/v3/+/+/instantActions", qos=1)
+        ear.connect(self._ears.host, self._ears.port)
+        ear.subscribe(f"{self._ears.site}/v3/+/+/instantActions", qos=1)
         ear.loop_start()
         engine = ScriptedEngine([plan()]).engine()
-        fleet = fleet_of(join(self._address), self._site.world, self._site.world_sha256)
+        fleet = fleet_at(self._address, self._site.world, self._site.world_sha256)
         station = open_station(
             self._site, engine, DevicesClock(), fleet=fleet, respond=True, read_unasked=False
         )
@@ -416,8 +458,9 @@ class Pressed:
         ):
             station.write_to(log)
             pressing = asyncio.create_task(self._press(station))
-            async for _ in station.run():
-                pass
+            async for event in station.run():
+                if isinstance(event.data, ev.StopUnconfirmed):
+                    self.unconfirmed |= set(event.data.assets)
             await pressing
         ear.disconnect()
         ear.loop_stop()
@@ -430,10 +473,15 @@ class Pressed:
             wait_s = self._random.uniform(0.3, 0.8)
             due = time.perf_counter() + wait_s
             self._holds.clear()
+            self.unconfirmed.clear()
             loop.call_later(wait_s, station.stop_all)
             while len(self._holds) < len(self._site.world.assets):
                 await asyncio.sleep(0.01)
+                without = set(self._site.world.assets) - set(self._holds) - self.unconfirmed
+                late = time.perf_counter() > due + UNNAMED_S
+                self.unnamed += len(without) if late else 0
             self.took_ms.append((max(self._holds.values()) - due) * 1e3)
+            self.first_ms.append((min(self._holds.values()) - due) * 1e3)
             station.release()
         await station.close()
 
@@ -444,7 +492,7 @@ class Pressed:
 
 def press(presses: int, seed: int) -> None:
     """Press STOP many times under each flood; print how long the last hold took to be sent."""
-    for kind in ("none", "garbage", "phantoms"):
+    for kind in ("none", "garbage", "phantoms", "retained", "half lost"):
         broker = any_broker()
         broker.start()
         address = address_of(broker, "press")
@@ -454,16 +502,24 @@ def press(presses: int, seed: int) -> None:
             while (found := join(address)).site is None:
                 found.link.close()
             found.link.close()
-            with flood(address, "Drone_T02", kind) if kind != "none" else nullcontext():
-                took = asyncio.run(Pressed(address, presses, seed).run())
+            with ExitStack() as faults:
+                by = address
+                if kind == "half lost":
+                    by = address_of(faults.enter_context(Lossy(broker, 0.5, seed)), "press")
+                elif kind != "none":
+                    faults.enter_context(flood(address, "Drone_T02", kind))
+                pressed = Pressed(by, presses, seed, ears=address)
+                took = asyncio.run(pressed.run())
         finally:
             site.kill()
             site.wait()
             broker.kill()
-        share = {name: took[min(int(part * len(took)), len(took) - 1)]
-                 for name, part in (("p50", 0.5), ("p99", 0.99))}  # fmt: skip
-        words = ", ".join(f"{name} {value:.0f} ms" for name, value in share.items())
-        print(f"{presses} presses, flood {kind}: {words}, most {took[-1]:.0f} ms")
+        for of, times in (("last", took), ("first", sorted(pressed.first_ms))):
+            share = {name: times[min(int(part * len(times)), len(times) - 1)]
+                     for name, part in (("p50", 0.5), ("p99", 0.99))}  # fmt: skip
+            words = ", ".join(f"{name} {value:.0f} ms" for name, value in share.items())
+            print(f"{presses} presses, {kind}, {of} hold: {words}, most {times[-1]:.0f} ms")
+        print(f"{presses} presses, {kind}: without a hold and not named {pressed.unnamed}")
 
 
 def main() -> None:
