@@ -17,7 +17,14 @@ from pa_console.fleets.mavlink import commands
 from pa_console.fleets.mavlink.commands import Autopilot, MavCommand, MavItem
 from pa_console.fleets.mavlink.drone_state import DroneState
 from pa_console.fleets.mavlink.geofence import FenceWatch, fence_of
-from pa_console.fleets.mavlink.orders import Climb, FlightOrder, OrderPlanner, Step, Upload
+from pa_console.fleets.mavlink.orders import (
+    Climb,
+    FlightOrder,
+    HoldOrder,
+    OrderPlanner,
+    Step,
+    Upload,
+)
 from pa_console.fleets.mavlink.vehicles_file import MavlinkVehicles
 from pa_console.fleets.reports import AssetReport
 from pa_console.schema.base import Point
@@ -59,18 +66,6 @@ _HERE = ("HOLD", "OFFBOARD", "TAKEOFF", "MISSION", "READY", "UNKNOWN")
 
 
 @dataclass
-class _Hold:
-    command: DeviceCommand
-    since_s: float
-    accepted_s: float | None = None
-    accepted_at: datetime | None = None
-    asked: bool = True
-    """True while the autopilot has not answered."""
-    refused: tuple[str, float] | None = None
-    done: bool = False
-
-
-@dataclass
 class _Said:
     """The last answers by command id, and texts that were told a while ago."""
 
@@ -108,7 +103,7 @@ class Flight:
         areas = fence_of(terrain.world, geography)
         self.fence = FenceWatch(areas, geography, autopilot, self._say, vehicles.fence_check_s)
         self._order: FlightOrder | None = None
-        self._hold: _Hold | None = None
+        self._hold: HoldOrder | None = None
         self._said = _Said()
         self._task: Task = "idle"
         self._busy_until: dict[int, float] = {}
@@ -279,7 +274,7 @@ class Flight:
                 self._order = None
         elif not order.steps:
             self._follow(order, now)
-        elif self._hold is None or not self._hold.asked:
+        elif self._hold is None or not self._hold.waits(now):
             self._step(order, order.steps[0], now)
 
     def _begin(self, command: DeviceCommand) -> None:
@@ -337,15 +332,13 @@ class Flight:
             self._withdraw(old)
             self._answer(old.command, "failed", "superseded")
 
-    def _kept_hold(self) -> _Hold | None:
+    def _kept_hold(self) -> HoldOrder | None:
         """Return the hold that the autopilot has not answered: nothing is sent before it does."""
         hold = self._hold
-        if hold is None:
-            return None
-        if not hold.done:
+        if hold is not None and not hold.done:
             self._answer(hold.command, "failed", "superseded")
-        hold.done = True
-        return hold if hold.asked else None
+            hold.done = True
+        return hold if hold is not None and hold.asked else None
 
     def _withdraw(self, order: FlightOrder) -> None:
         if order.steps and isinstance(order.steps[0], Upload) and order.step_s is not None:
@@ -386,6 +379,9 @@ class Flight:
             height = f"{fix.altitude_m:.0f} m" if fix is not None else "an unknown height"
             reason = f"it does not take off: at {height} after {STALL_S:.0f} s"
             self._end(order, "failed", self._with_words(reason, order.step_s))
+        elif fix is not None:
+            words = f"takes off: at {fix.altitude_m:.0f} of {step.altitude_m:.0f} m"
+            self._progress(order, words, now)
 
     def _next(self, order: FlightOrder) -> None:
         """Go on to the next step; the first that succeeded acknowledges the order."""
@@ -393,9 +389,9 @@ class Flight:
         order.steps.popleft()
         order.step_s, order.tries = None, 0
         if not order.acknowledged:
-            order.acknowledged = True
+            order.acknowledged, order.told_s = True, now
             self._answer(order.command, "acknowledged")
-        order.nearest_m, order.nearest_s, order.told_s, order.started_s = math.inf, now, now, now
+        order.nearest_m, order.nearest_s, order.started_s = math.inf, now, now
         if order.steps:
             self._step(order, order.steps[0], now)
 
@@ -419,9 +415,14 @@ class Flight:
         elif now - order.nearest_s > STALL_S:
             words = f"it has not come nearer for {STALL_S:.0f} s, {gap:.0f} m to go"
             self._end(order, "failed", self._with_words(words, order.since_s))
-        elif now - order.told_s >= PROGRESS_S:
+        else:
+            self._progress(order, f"{gap:.0f} m to go", now)
+
+    def _progress(self, order: FlightOrder, words: str, now: float) -> None:
+        """Tell how far an order has come, every few seconds: one without news is sent again."""
+        if order.acknowledged and now - order.told_s >= PROGRESS_S:
             order.told_s = now
-            self._answer(order.command, "progress", f"{gap:.0f} m to go")
+            self._answer(order.command, "progress", words)
 
     def _look(self) -> None:
         """End the order, or the hold, that the position just reported shows to be done."""
@@ -487,9 +488,11 @@ class Flight:
         again = before is not None and before.command.command_id == command.command_id
         if before is not None and not before.done and not again:
             self._answer(before.command, "failed", "superseded")
-        asked = before is not None and before.asked
-        self._hold = _Hold(command, self._now())
-        if not asked:
+        now = self._now()
+        if before is not None and before.waits(now):
+            self._hold = HoldOrder(command, before.asked_s)
+        else:
+            self._hold = HoldOrder(command, now)
             self._autopilot.hold()
 
     def _step_hold(self, now: float) -> None:
@@ -506,7 +509,7 @@ class Flight:
             return
         elsewhere = state.mode != "HOLD" and state.mode_s > hold.accepted_s
         if elsewhere and now - hold.accepted_s > HOLD_S and self._order is None:
-            hold.asked, hold.accepted_s = True, None
+            hold.asked, hold.asked_s, hold.accepted_s = True, now, None
             self._autopilot.hold()
 
     # Words

@@ -4,6 +4,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from typing import cast
 
 from pa_console.fleets.mavlink import commands
@@ -14,6 +15,9 @@ from pa_console.schema.base import Point
 from pa_console.schema.command import DeviceCommand
 from pa_console.sim.worlds.geography import Geography
 from pa_console.sim.worlds.terrain import Terrain
+
+UNANSWERED_S = 3.0
+"""mavsdk has answered a hold within this time, or never will."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,25 @@ class FlightOrder:
     def arming(self) -> bool:
         """True while the drone is to be armed for it."""
         return any(isinstance(s, MavCommand) and s.command == Cmd.ARM for s in self.steps)
+
+
+@dataclass
+class HoldOrder:
+    """A hold, from when it is asked for until the drone stands."""
+
+    command: DeviceCommand
+    asked_s: float
+    """When the autopilot was asked."""
+    accepted_s: float | None = None
+    accepted_at: datetime | None = None
+    asked: bool = True
+    """True while the autopilot has not answered."""
+    refused: tuple[str, float] | None = None
+    done: bool = False
+
+    def waits(self, now: float) -> bool:
+        """Return whether the autopilot has still to answer."""
+        return self.asked and now - self.asked_s < UNANSWERED_S
 
 
 @dataclass

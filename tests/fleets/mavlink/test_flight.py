@@ -43,8 +43,10 @@ def test_from_the_ground_it_is_armed_takes_off_and_climbs_first(world: World) ->
     for command in (Cmd.ARM, Cmd.TAKEOFF):
         assert rig.autopilot.asked()[-1] == command
         rig.answer(command)
-    rig.wait(1.0)
+    rig.wait(6.0)
     assert rig.autopilot.asked() == [Cmd.ARM, Cmd.TAKEOFF]
+    assert rig.answers("c1") == ["acknowledged", "progress"]
+    assert rig.detail("c1") == "takes off: at 0 of 20 m"
     rig.flight.state.on_ground = False
     rig.report(height=19.0)
     rig.wait(0.2)
@@ -357,3 +359,13 @@ def test_sensors_that_do_not_work_degrade_it_once_they_are_known(world: World) -
     rig.flight.health(False)
     rig.report()
     assert rig.last().status == "degraded"
+
+
+def test_a_hold_of_which_nothing_is_ever_heard_is_asked_for_anew(world: World) -> None:
+    rig = Rig(world).ready()
+    rig.order("h1", "hold")
+    rig.order("h1", "hold")
+    assert rig.autopilot.holds == 1, "it is still being asked for"
+    rig.wait(4.0)
+    rig.order("h1", "hold")
+    assert rig.autopilot.holds == 2
