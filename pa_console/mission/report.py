@@ -206,6 +206,10 @@ def _outcome(facts: PlanFacts) -> Iterator[str]:
     yield f"By telemetry as of {seen.as_of_s:.1f} s: {seen.outcome}, {seen.reason}"
 
 
+LEAST_TOLD_S = 0.5
+"""A shorter time without anybody at a place of a patrol counts as none, seconds."""
+
+
 def _patrol(facts: ReportFacts) -> Iterator[str]:
     """Yield when each place of a patrol was seen by it, and how long nobody was there at most."""
     for place, watch in facts.patrolled.items():
@@ -219,7 +223,9 @@ def _patrol(facts: ReportFacts) -> Iterator[str]:
             )
         ]
         when = f"seen at {', '.join(seen)}" if seen else "not seen"
-        yield f"Patrol: {place} {when}; nobody there for {watch.longest_s:.0f} s at the longest"
+        alone = f"nobody there for {watch.longest_s:.0f} s at the longest"
+        cover = alone if watch.longest_s >= LEAST_TOLD_S else "somebody was always there"
+        yield f"Patrol: {place} {when}; {cover}"
 
 
 def _gates(facts: ReportFacts, picture: Picture) -> Iterator[str]:

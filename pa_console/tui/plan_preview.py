@@ -84,8 +84,15 @@ class PlanPreview:
         goal, asset = self.goal(action), self.before.assets.get(action.agent)
         return not goal or (asset is not None and asset.at == goal)
 
-    def arrival_s(self, agent: str) -> float | None:
-        """Return when an agent is where it is sent, else when its command ends; None: never."""
+    def arrival_s(self, agent: str, place: str = "") -> float | None:
+        """Return when an agent is where it is sent, else when its command ends; None: never.
+
+        Of an agent that is sent to several places, it is when it first comes to `place`.
+        """
+        if place and sum(action.agent == agent for action in self.plan.actions) > 1:
+            frame, way = self.world.frames[place], self.ways.get(agent, ())
+            there = (time_s for time_s, *at in way if dist(at, frame.at) <= frame.radius_m)
+            return next(there, None)
         motion = self.rehearsal.motion
         return motion.arrived_s.get(agent, motion.ended_s.get(agent))
 

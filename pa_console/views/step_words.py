@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pa_console.language.plain_words import listed, place_words
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.plan import Action, Plan
-from pa_console.schema.text import count, duration_text
+from pa_console.schema.text import count
 
 MOST_AWAITED = 2
 """More actions than these that are waited for are only counted."""
@@ -78,7 +78,7 @@ def _goes_on(leg: Action, following: Action) -> bool:
 def _does(action: Action) -> str:
     place = place_words(action.target) if action.target else ""
     plainly = COMMANDS[action.verb].plainly
-    stays = f" ({duration_text(action.stay_s)} at each place)" if action.stay_s else ""
+    stays = f" ({action.stay_s:g} s at each place)" if action.stay_s else ""
     match action.verb:
         case "move_to":
             return f"goes{stays}: {place}"

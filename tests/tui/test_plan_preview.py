@@ -388,3 +388,16 @@ def apart(view: MapView) -> tuple[int, int]:
 
     (west, top), (east, bottom) = at("NorthGate"), at("SouthGate")
     return east - west, bottom - top
+
+
+def test_who_is_sent_to_several_places_comes_to_each_at_its_own_time() -> None:
+    given = compound.rehearsal()
+    frames, agent = WORLD.frames, "Drone_T04"
+    at = [frames[place].at for place in ("WestGate", "NorthGate")]
+    way = ((0.0, *frames["Checkpoint"].at), (6.0, *at[0]), (16.0, *at[0]), (24.0, *at[1]))
+    motion = given.motion.model_copy(update={"trajectories": {agent: way}})
+    plan = plan_of(f"{agent} observe WestGate", f"{agent} observe NorthGate")
+    shown = PlanPreview(WORLD, plan, given.model_copy(update={"motion": motion}))
+    assert shown.arrival_s(agent, "WestGate") == 6.0
+    assert shown.arrival_s(agent, "NorthGate") == 24.0
+    assert shown.arrival_s(agent, "SouthGate") is None

@@ -196,8 +196,8 @@ def _order(trace: MissionTrace, request: ApprovalRequested) -> Iterator[WrappedR
     }
     if mission.agent:
         yield row(("▲ ", WARN), (mission.origin[0].upper() + mission.origin[1:], f"bold {WARN}"))
-    number = sum(not each.step for each in trace.attempts if each.number <= request.attempt)
-    later = [(f"  (plan {number})", QUIET)] if number > 1 else []
+    again = request.attempt > 1 and len(request.plan.steps) == 1
+    later = [(f"  (plan {request.attempt})", QUIET)] if again else []
     yield row((who[mission.source], QUIET), *typed_words(mission), *later)
     asked = asked_words(attempt.plan.reason).rstrip("; ") if attempt and attempt.plan else ""
     if asked and not request.readings:

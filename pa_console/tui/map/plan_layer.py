@@ -68,7 +68,7 @@ class PlanLayer:
             at = world.frames[place].at
             if view.shows(at):
                 coming = self.preview.arrivals.get(place, ())
-                lines = list(self._lines(changes.get(place), coming))
+                lines = list(self._lines(changes.get(place), place, coming))
                 spot = view.spot(at)
                 beside = (
                     labels.place(view.cell(at), [spot], [one], most=FARTHEST) for one in lines
@@ -77,9 +77,11 @@ class PlanLayer:
                     behind = name[0] + len(place), name[1]
                     _ = any(labels.write(behind, line) for line in lines)
 
-    def _lines(self, change: CoverChange | None, coming: tuple[str, ...]) -> Iterator[list[Run]]:
+    def _lines(
+        self, change: CoverChange | None, place: str, coming: tuple[str, ...]
+    ) -> Iterator[list[Run]]:
         """Yield the texts for a place, and shorter ones for little room."""
-        yield list(self._line(change, self._coming(coming)))
+        yield list(self._line(change, self._coming(place, coming)))
         if coming:
             yield list(self._line(change, f"+{len(coming)}"))
         if change is not None:
@@ -92,14 +94,16 @@ class PlanLayer:
         if coming:
             yield f"{' ' * (change is not None)}{coming}", "arrival"
 
-    def _coming(self, names: tuple[str, ...]) -> str:
+    def _coming(self, place: str, names: tuple[str, ...]) -> str:
         if len(names) > MOST_NAMED:
-            last = self.preview.arrival_s(names[-1])
+            last = self.preview.arrival_s(names[-1], place)
             return f"{len(names)} come" + (f" by {last:.0f}s" if last is not None else "")
-        return " ".join(f"{self.short.get(name, name)}{self._seconds(name)}" for name in names)
+        return " ".join(
+            f"{self.short.get(name, name)}{self._seconds(name, place)}" for name in names
+        )
 
-    def _seconds(self, name: str) -> str:
-        at = self.preview.arrival_s(name)
+    def _seconds(self, name: str, place: str) -> str:
+        at = self.preview.arrival_s(name, place)
         return "" if at is None else f"+{at:.0f}s"
 
 
