@@ -206,10 +206,6 @@ def _outcome(facts: PlanFacts) -> Iterator[str]:
     yield f"By telemetry as of {seen.as_of_s:.1f} s: {seen.outcome}, {seen.reason}"
 
 
-LEAST_TOLD_S = 0.5
-"""A shorter time without anybody at a place of a patrol counts as none, seconds."""
-
-
 def _patrol(facts: ReportFacts) -> Iterator[str]:
     """Yield when each place of a patrol was seen by it, and how long nobody was there at most."""
     for place, watch in facts.patrolled.items():
@@ -224,7 +220,7 @@ def _patrol(facts: ReportFacts) -> Iterator[str]:
         ]
         when = f"seen at {', '.join(seen)}" if seen else "not seen"
         alone = f"nobody there for {watch.longest_s:.0f} s at the longest"
-        cover = alone if watch.longest_s >= LEAST_TOLD_S else "somebody was always there"
+        cover = alone if watch.longest_s >= GAP_WORTH_S else "somebody was always there"
         yield f"Patrol: {place} {when}; {cover}"
 
 
