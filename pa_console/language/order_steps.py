@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from pa_console.language.lexicon import find_verbs, word_lists
 from pa_console.language.mentions import ASSETS, KINDS
+from pa_console.language.name_linking import link_names
 from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.reader import (
     DEFINITE,
@@ -87,7 +88,8 @@ class _Cutter:
     """Parts the tokens of one text into steps."""
 
     def __init__(self, scene: ReferenceScene, text: str) -> None:
-        self._scene, self._text, self._tokens = scene, text, read_tokens(text)
+        self._scene, self._text = scene, link_names(scene.world, text)
+        self._tokens = read_tokens(self._text)
         self.parts: list[list[int]] = []
         """The tokens of each step."""
         self.unclear: Unclear | None = None
@@ -340,6 +342,8 @@ class _Cutter:
         while not reader.over:
             if not place and (found := place_at(self._scene, reader)):
                 place, arrived = found, True
+            elif arrived and reader.word() == "it" and reader.word(1) in _STOPS:
+                reader.at += 1
             elif arrived and (reader.word() in _IMPERATIVES or self._is_asset()):
                 break
             elif reader.word() in _ARRIVAL:
@@ -380,7 +384,8 @@ class _Cutter:
         lead = read_tokens(words)[:1]
         if lead and lead[0].word in _OWN_VERBS | _IMPERATIVES | {*_WORDS["elided"]}:
             return True
-        return any(verb.plain or verb.start == 0 for verb in find_verbs(words))
+        told = bool(lead) and lead[0].word in _PRONOUNS
+        return any(verb.plain or verb.start == 0 or told for verb in find_verbs(words))
 
     def words(self, part: Sequence[int]) -> str:
         """Return the text of those tokens, without the stops and joints around it."""

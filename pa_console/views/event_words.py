@@ -48,10 +48,14 @@ def incident_truth_in_words(incident: Incident) -> str:
 
 def safety_in_words(declared: Sequence[Action]) -> str:
     """Return a plan's declared way to safety: the assets that go back, and those that hold."""
-    back = {action.agent: action.target for action in declared if action.target is not None}
+    back: dict[str, list[str]] = {}
+    for action in declared:
+        known = back.setdefault(action.agent, []) if action.target is not None else []
+        if action.target is not None and action.target not in known:
+            known.append(action.target)
     parts = [
-        f"{agent} back to {target} (holds if another covers it by then)"
-        for agent, target in back.items()
+        f"{agent} back to {' or '.join(places)} (holds if another covers it by then)"
+        for agent, places in back.items()
     ]
     holding = [*dict.fromkeys(a.agent for a in declared if a.agent not in back)]
     if holding:

@@ -178,7 +178,7 @@ def plan(attempt: Attempt) -> TraceSection:
 
 
 def _stay(action: Action) -> str:
-    return f"; stays {duration_text(action.stay_s)}" if action.stay_s else ""
+    return f"; stays {action.stay_s:g} s" if action.stay_s else ""
 
 
 def plan_json(attempt: Attempt) -> TraceSection:

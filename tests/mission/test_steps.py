@@ -1,10 +1,13 @@
 """Plans in steps: nothing is sent before what it comes after is verified, and nothing is lost."""
 
 import json
+from datetime import UTC, datetime
 from typing import TypeVar
 
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset
+from pa_console.schema.mission import Mission
+from pa_console.session.state import SessionState
 from pa_console.station.station import ControlStation
 from tests.rig import Rig
 from tests.scripted import FAILURE, SUCCESS, ScriptedEngine
@@ -26,6 +29,11 @@ TWO = plan(("Robot_T01", "move_to NorthGate", ()), ("Drone_T04", "return_to_base
 
 
 Kind = TypeVar("Kind")
+
+
+def some_mission() -> Mission:
+    """Return a mission of which nothing but its words is known."""
+    return Mission(id="M1", text="Watch the gates.", created=datetime(2026, 3, 1, tzinfo=UTC))
 
 
 def of_kind(rig: Rig, kind: type[Kind]) -> list[Kind]:
@@ -76,7 +84,7 @@ async def test_words_of_order_become_one_plan_in_steps_approved_once(rig: Rig) -
         ("Drone_T04", (1,)),
     ]
     assert [read.text for read in of_kind(rig, ev.OrderStepRead)] == [
-        "Robot_T01 to the north gate.",
+        "Robot_T01 to NorthGate.",
         "Bring Drone_T04 home.",
     ]
     assert trace.status == "verified"
@@ -112,3 +120,16 @@ async def test_a_judge_that_objects_to_one_step_objects_to_the_order(rig: Rig) -
     (asked,) = of_kind(rig, ev.ApprovalRequested)
     assert asked.needs_override
     assert not trace.commands
+
+
+async def test_a_session_with_steps_reads_the_same_from_its_log(rig: Rig) -> None:
+    live = await rig.run(ScriptedEngine(STEPS), text=ORDER)
+    state = SessionState()
+    for event in rig.events:
+        if not event.data.transient:
+            state.apply(ev.Event.model_validate_json(event.model_dump_json()))
+    again = state.missions[live.mission.id]
+    assert again.commands == live.commands
+    assert again.verified == live.verified
+    assert (again.status, again.report, again.reason) == (live.status, live.report, live.reason)
+    assert [step.plan for step in again.attempts] == [step.plan for step in live.attempts]
