@@ -19,6 +19,7 @@ import llama_cpp
 import numpy as np
 from numpy.typing import NDArray
 
+from pa_console.llm.models.gguf_bounds import check_gguf
 from pa_console.llm.models.preparing import AS_STORED, Quantisation
 
 TOKENS, SCORES, TYPES, MERGES = (
@@ -178,7 +179,11 @@ def quantise(source: str, target: str, quantisation: Quantisation) -> None:
 
 
 def convert(source: str, target: str, kind: str, pieces: int) -> None:
-    """Write to `target` what `kind` and `pieces` make of `source`; raises ValueError or OSError."""
+    """Write to `target` what `kind` and `pieces` make of `source`; raises ValueError or OSError.
+
+    The header of `source` is checked before a library parses it: this process is not confined.
+    """
+    check_gguf(source, "model")
     if pieces and kind == AS_STORED:
         cut_vocabulary(Path(source), Path(target), pieces)
     elif pieces:
