@@ -34,6 +34,8 @@ SCENE = ReferenceScene(home(), SimulatedFleet.start(home()).picture())
          ("Robot_T01 goes to EastGate.", "Drone_T04 goes home.")),
         ("I want Drone_T04 at the south gate. Afterwards it goes back to base.",
          ("I want Drone_T04 at SouthGate.", "It goes back to base.")),
+        ("Drone_T04 goes to south first and only when its on station Drone_T03 comes home",
+         ("Drone_T04 goes to south.", "Drone_T03 comes home.")),
         ("1) Drone_T04 observe north gate 2) Robot_T01 to north gate",
          ("Drone_T04 observe NorthGate.", "Robot_T01 to NorthGate.")),
         ("Send a drone to the north gate. Next, send a robot to the west gate. Then all report.",

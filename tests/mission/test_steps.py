@@ -4,10 +4,12 @@ import json
 from datetime import UTC, datetime
 from typing import TypeVar
 
+from pa_console.mission.approval import standing_approver
 from pa_console.schema.events import event as ev
-from pa_console.schema.incident import FailAsset
+from pa_console.schema.incident import FailAsset, SpawnTrack
 from pa_console.schema.mission import Mission
 from pa_console.session.state import SessionState
+from pa_console.station.headless import run_missions
 from pa_console.station.station import ControlStation
 from tests.rig import Rig
 from tests.scripted import FAILURE, SUCCESS, ScriptedEngine
@@ -133,3 +135,43 @@ async def test_a_session_with_steps_reads_the_same_from_its_log(rig: Rig) -> Non
     assert again.verified == live.verified
     assert (again.status, again.report, again.reason) == (live.status, live.report, live.reason)
     assert [step.plan for step in again.attempts] == [step.plan for step in live.attempts]
+
+
+async def test_a_step_that_would_break_a_rule_by_its_moment_is_held_with_an_alarm(rig: Rig) -> None:
+    def fail(event: ev.Event, station: ControlStation) -> None:
+        if isinstance(event.data, ev.MissionVerified):
+            station.inject(FailAsset(kind="fail", asset="Robot_T01"))
+
+    relief = (("Robot_T01", "move_to WestGate", ()), ("Drone_T01", "return_to_base", (1,)))
+    trace = await rig.run(ScriptedEngine([plan(*relief, stay_s=5.0)]), on_event=fail)
+    assert trace.status == "held"
+    assert [c.command.agent for c in trace.commands.values()] == ["Robot_T01"]
+    (held,) = of_kind(rig, ev.StepsHeld)
+    assert "step 2 of 2 would break a rule now: WF-03" in held.reason
+    assert any(n.level == "alarm" and "would break a rule" in n.text for n in rig.state.notices)
+
+
+async def test_what_is_done_before_an_emergency_is_not_done_again(rig: Rig) -> None:
+    hostile = SpawnTrack(kind="spawn", gate="EastGate", intent="hostile")
+    watch = plan(("Drone_T04", "observe EastGate", ()))
+    third = plan(("Robot_T02", "move_to Checkpoint", ()))
+    engine = ScriptedEngine([*STEPS, third, watch, third])
+    station = rig.station(engine, respond=True)
+    verified = list[int]()
+
+    def sink(event: ev.Event, state: SessionState) -> None:
+        rig.events.append(event)
+        rig.state = state
+        match event.data:
+            case ev.MissionVerified(step=step) if step and not verified:
+                verified.append(step)
+                station.inject(hostile)
+            case _:
+                pass
+
+    text = f"{ORDER} After that send Robot_T02 to the checkpoint."
+    await run_missions(station, [text], standing_approver("auto"), sink)
+    preempted = of_kind(rig, ev.MissionPreempted)
+    sent = [sent.command.agent for sent in of_kind(rig, ev.CommandSent)]
+    assert preempted
+    assert sent.count("Robot_T01") == 1
