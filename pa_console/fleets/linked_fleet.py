@@ -71,6 +71,7 @@ class LinkedFleet:
     ) -> None:
         """`now` is the clock of the assets; raises ValueError for an asset on two links."""
         self._links, self._bus, self._now = tuple(links), bus, now
+        self._began = now()
         self._link_of = _links_of_assets(self._links, world)
         self._known = bus.known if bus is not None else ReportedPicture(world)
         self._known.links = {name: link.name for name, link in self._link_of.items()}
@@ -205,7 +206,8 @@ class LinkedFleet:
     def step(self) -> Received:
         """Move the clock on by `world.dt_s`; return what came in since the last step."""
         self._tick += 1
-        self._known.advance(self._tick)
+        passed_s = (self._now() - self._began).total_seconds()
+        self._known.advance(self._tick, passed_s - self.time_s)
         self._take_news()
         if self._bus is not None:  # it makes the picture anew as well
             received = self._bus.step()

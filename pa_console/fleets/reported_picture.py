@@ -178,7 +178,10 @@ class ReportedPicture:
         scene.station = StationState(at_gate=at_gate, manual=self._manual)
         self._never = tick - math.ceil(max(world.link_lost_s, world.stale_s) / world.dt_s) - 1
         self._cameras: dict[str, tuple[int, bool]] = {}
+        self._lag_s = 0.0
         self._recognised: dict[str, tuple[int, Point]] = {}
+        self._lags: dict[str, float] = {}
+        """How far the station's clock was behind at the latest report of each asset, seconds."""
         self._watched: dict[str, int] = {}
         """The tick of the latest detections of each asset that reports any."""
         self._taken: list[tuple[str, Callable[[], object]]] = []
@@ -197,13 +200,15 @@ class ReportedPicture:
 
     def report(self, name: str, stamp: int, said: AssetTelemetry) -> None:
         """Take in the report of asset `name` from tick `stamp`; an older one is left out."""
-        self._take(name, partial(self._report, name, stamp, said))
+        self._take(name, partial(self._report, name, stamp, said, self._lag_s))
 
-    def _report(self, name: str, stamp: int, said: AssetTelemetry) -> None:
+    def _report(self, name: str, stamp: int, said: AssetTelemetry, lag_s: float) -> None:
         scene = self._scene
         heard = scene.station.heard[name]
         if stamp <= heard.stamp:
             return
+        held_up_s = max(0.0, lag_s - self._lags.get(name, lag_s))
+        self._lags[name] = lag_s
         asset = scene.assets[name]
         asset.x, asset.y = said.position
         asset.battery, asset.failed = said.battery_pct, said.status == "failed"
@@ -212,7 +217,8 @@ class ReportedPicture:
                 SelfReport.of(said), stamp, station_side.marks_of("ok")
             )
             return
-        station_side.receive(self.terrain, scene, (Report(name, stamp, SelfReport.of(said)),))
+        report = Report(name, stamp, SelfReport.of(said), held_up_s=held_up_s)
+        station_side.receive(self.terrain, scene, (report,))
 
     def break_link(self, name: str) -> None:
         """Note that there is no connection to asset `name`."""
@@ -271,9 +277,13 @@ class ReportedPicture:
         trust = PositionTrust(stood=heard.trust.stood, carried_tick=self._scene.tick)
         self._scene.station.heard[name] = heard._replace(trust=trust)
 
-    def advance(self, tick: int) -> None:
-        """Go on to `tick`."""
-        self._scene.tick = tick
+    def advance(self, tick: int, lag_s: float = 0.0) -> None:
+        """Go on to `tick`, which is `lag_s` seconds behind the time that has truly passed.
+
+        A station that was held up does not race to catch up. An asset went on meanwhile: how far
+        it can have come since its last report is reckoned with the time that the clock has lost.
+        """
+        self._scene.tick, self._lag_s = tick, lag_s
 
     def show(self, weather: Weather = "clear") -> tuple[str, ...]:
         """Make the picture anew from the reports so far.
@@ -300,15 +310,17 @@ class ReportedPicture:
             dict(self._cameras),
             dict(self._recognised),
             dict(self._watched),
+            dict(self._lags),
         )
         self._taken.clear()
 
     def _restore(self) -> None:
         tick = self._scene.tick
-        scene, cameras, recognised, watched = self._good
+        scene, cameras, recognised, watched, lags = self._good
         self._scene = scene.copy()
         self._scene.tick, self._cameras = tick, dict(cameras)
         self._recognised, self._watched = dict(recognised), dict(watched)
+        self._lags = dict(lags)
 
     def _show_without_faults(self, weather: Weather) -> tuple[str, ...]:
         """Take in again, one by one, what has come since the last picture, and leave faults out."""

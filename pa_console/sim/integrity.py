@@ -43,7 +43,7 @@ def judge(world: World, heard: Heard, report: Report) -> PositionTrust:
         return PositionTrust(stood=_standing(now))
     if not trust.suspect and now.position == last.position == trust.stood and _standing(now):
         return trust
-    since_s = (report.stamp - heard.stamp) * world.dt_s
+    since_s = (report.stamp - heard.stamp) * world.dt_s + report.held_up_s
     if not trust.suspect:
         if _possible(world, now, last.position, since_s) and not _creeps(
             world, now, trust, since_s

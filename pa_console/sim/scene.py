@@ -97,6 +97,8 @@ class Report(NamedTuple):
     stamp: int
     telemetry: SelfReport
     detections: tuple[Detection, ...] = ()
+    held_up_s: float = 0.0
+    """Seconds since the asset's last report in which the station's clock stood still."""
 
 
 @dataclass(slots=True)

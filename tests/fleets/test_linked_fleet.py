@@ -18,7 +18,7 @@ from pa_console.session.state import SessionState
 from pa_console.session.wording import links_in_words
 from pa_console.terminal import session_lines
 from pa_console.tui.screens import card
-from tests.fleets.scripted_link import Desk, ScriptedLink
+from tests.fleets.scripted_link import EPOCH, Desk, ScriptedLink
 
 DRONE, UGV, ROBOT = "Drone_T01", "Ugv_T01", "Robot_T01"
 ON_AIR, ON_GROUND = "air:1", "ground:2"
@@ -251,6 +251,31 @@ def test_a_link_that_raises_ends_nothing(desk: Desk, monkeypatch: pytest.MonkeyP
     assert len([text for text in desk.told(ON_AIR) if "a fault of the link's own" in text]) == 2
     desk.fleet.close()
     assert ground.closed
+
+
+@pytest.mark.parametrize("held_up_s", [0.0, 1.0, 5.0])
+@pytest.mark.parametrize("forged_m", [0.0, 60.0])
+def test_a_station_that_was_held_up_takes_a_moving_asset_for_no_forgery(
+    desk: Desk, world: World, held_up_s: float, forged_m: float
+) -> None:
+    air, _ = desk.links
+    (x, y), speed_mps = world.frames["Base"].at, world.platforms["uav"].speed_mps
+
+    def fly(steps: int) -> None:
+        for _ in range(steps):
+            east_m = speed_mps * (desk.time.now() - EPOCH).total_seconds()
+            at = (x + east_m, y)
+            air.news.append(
+                desk.report(DRONE, "Base", position=at, speed_mps=speed_mps, task="moving")
+            )
+            desk.go()
+
+    fly(10)
+    desk.time.steps += round(held_up_s / world.dt_s)  # the drone flies on, the clock stands still
+    x += forged_m
+    fly(10)
+    expected = "suspect" if forged_m else "ok"
+    assert desk.fleet.picture().assets[DRONE].integrity == expected
 
 
 def test_an_asset_beside_a_drone_that_reports_no_detections_is_not_unseen(desk: Desk) -> None:

@@ -68,6 +68,7 @@ class MqttFleet:
         """The messages that this station has retained itself: the broker sends them back."""
         self._weather: Weather = joined.site.weather if joined.site is not None else "clear"
         self._tick, self._connected, self._ready = 0, True, False
+        self._start = self.now()
         for delivery in joined.deliveries:
             self._take_or_set_aside(delivery)
         self._ready = True
@@ -170,7 +171,8 @@ class MqttFleet:
     def step(self) -> Received:
         """Move the clock on by `world.dt_s`; return what came in since the last step."""
         self._tick += 1
-        self._known.advance(self._tick)
+        passed_s = (self.now() - self._start).total_seconds() * self._rate
+        self._known.advance(self._tick, 0.0 if self.paced else passed_s - self.time_s)
         self._look_after_link()
         self._receive()
         if self._older_there and self.time_s - self._published_s >= RETAIN_AGAIN_S:
