@@ -92,8 +92,8 @@ def test_chosen_rules_are_the_default_and_an_option_wins(call: Call, file: Path)
     mine.write_text(f"name: mine\nrules:\n  - {rule}\n")
     file.write_text(f"rules: {mine}\n")
     assert [found["id"] for found in call("rules", "list", "--json").json] == ["WF-99"]
-    assert len(call("rules", "list", "--rules", "checkpoint", "--json").json) == 32
-    assert len(json.loads(call("--set", "rules=checkpoint", "rules", "list", "--json").out)) == 32
+    assert len(call("rules", "list", "--rules", "checkpoint", "--json").json) == 35
+    assert len(json.loads(call("--set", "rules=checkpoint", "rules", "list", "--json").out)) == 35
 
 
 @pytest.mark.parametrize("word", ["theme", "themes=x", "speed=9"])

@@ -111,9 +111,9 @@ def test_the_version_is_told(call: Call) -> None:
 
 
 def test_the_installed_rules_are_listed_and_right(call: Call) -> None:
-    assert len(call("rules", "list", "--json").json) == 32
+    assert len(call("rules", "list", "--json").json) == 35
     checked = call("rules", "check", "--json").json
-    assert checked["rules"] == 32
+    assert checked["rules"] == 35
     assert checked["seal"]["version"]
     assert checked["wrong"] == []
 
