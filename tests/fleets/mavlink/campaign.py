@@ -30,7 +30,7 @@ from tests.fleets.mavlink.scripted import GEOGRAPHY
 from tests.scripted import ScriptedEngine, plan
 
 TEAM = ("Drone_T01", "Drone_T02", "Drone_T03", "Drone_T04")
-READY_S = 60.0
+READY_S = 240.0
 
 
 class Linked:
@@ -70,7 +70,7 @@ class Linked:
 
 @contextmanager
 def linked(
-    world: World, *teams: Sequence[str], rate: str = "1"
+    world: World, *teams: Sequence[str], options: Sequence[str] = ()
 ) -> Generator[tuple[Linked, list[Drones]]]:
     """Yield a fleet whose teams have a link each, and their drones."""
     with tempfile.TemporaryDirectory() as folder:
@@ -81,7 +81,7 @@ def linked(
                 place, port = Path(folder) / str(number), free_port()
                 place.mkdir()
                 file = vehicles_file(place, world, team)
-                drones.append(Drones(port, world, team, "--rate", rate))
+                drones.append(Drones(port, world, team, *options))
                 links.append(open_link(f"udpin://127.0.0.1:{port}#{file}", world, Settings()))
             fleet = Linked(world, links)
             fleet.ready(sum(map(len, teams)))
@@ -137,7 +137,7 @@ class Cuts:
 async def cut_sessions(site: Site, wanted: int, seed: int) -> Cuts:
     """Run missions while the drones' link is cut and restored at random moments of a motion."""
     found, world = Cuts(wanted, Random(seed)), site.world
-    with linked(world, TEAM, rate="2") as (over, (drones,)):
+    with linked(world, TEAM, options=("--rate", "2")) as (over, (drones,)):
         while found.cuts < wanted:
             await one_session(site, over, drones, found)
         for name, each in drones.say().items():
@@ -283,7 +283,7 @@ def crowd(world: World, count: int, seconds: float) -> str:
     names = [f"Drone_C{number:03}" for number in range(count)]
     assets = {n: AssetSpec(kind="uav", post=posts[i % len(posts)]) for i, n in enumerate(names)}
     larger = world.model_copy(update={"assets": assets})
-    with linked(larger, names) as (over, _):
+    with linked(larger, names, options=("--shared",)) as (over, _):
         ages: list[float] = []
         worst, ticks = 0.0, over.fleet.tick
         began, used = time.perf_counter(), time.process_time()

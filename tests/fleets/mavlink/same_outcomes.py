@@ -12,6 +12,7 @@ from pa_console.evaluation.jobs import (
     Job,
     chosen_missions,
     find_variant,
+    keep_worlds,
     load_set,
     mission_file,
     plan_jobs,
@@ -47,6 +48,7 @@ def jobs_of(name: str, only: str, every: int, folder: Path) -> list[Job]:
     site = load_site("checkpoint", "checkpoint")
     path = mission_file(name, site.world_path)
     loaded = load_set(path, "checkpoint", site.rulebook, folder)
+    keep_worlds(loaded)
     missions = chosen_missions(loaded.missions, only, every)
     assert missions is not None, "there is no such mission"
     loaded = type(loaded)(missions, loaded.sites)
@@ -76,10 +78,11 @@ def main() -> None:
     parser.add_argument("--set", default="paper")
     parser.add_argument("--only", default="", help="missions whose id or category contains this")
     parser.add_argument("--every", type=int, default=1)
+    parser.add_argument("--skip", type=int, default=0, help="so many of them at the beginning")
     arguments = parser.parse_args()
     with TemporaryDirectory() as folder:
         jobs = jobs_of(arguments.set, arguments.only, arguments.every, Path(folder))
-        asyncio.run(compare(jobs))
+        asyncio.run(compare(jobs[arguments.skip :]))
 
 
 if __name__ == "__main__":

@@ -172,14 +172,21 @@ class Flock:
         rate: float = 1.0,
         loss: float = 0.0,
         period_s: float = 0.2,
+        *,
+        shared: bool = False,
     ) -> None:
+        """With `shared`, all speak over one port, as behind a router."""
         self.vehicles = {v.system: v for v in vehicles}
-        self._links: dict[int, Any] = {
-            v.system: mavutil.mavlink_connection(
-                f"udpout:{address}", source_system=v.system, source_component=1
+        self._links: dict[int, Any] = {}
+        for system in self.vehicles:
+            self._links[system] = (
+                next(iter(self._links.values()))
+                if shared and self._links
+                else mavutil.mavlink_connection(
+                    f"udpout:{address}", source_system=system, source_component=1
+                )
             )
-            for v in vehicles
-        }
+        self._shared = shared
         self._rate, self._loss, self._random = rate, loss, Random(1)
         self._period_s = period_s
         self._began = time.monotonic()
@@ -239,7 +246,7 @@ class Flock:
             if "text" in line:
                 self._text(vehicle, line["text"])
             if "authorize" in line:
-                self._links[vehicle.system].mav.command_long_send(
+                self._mav(vehicle).command_long_send(
                     line["authorize"], 190, 3001, 0, vehicle.system, 0, 0, 0, 0, 0, 0
                 )
 
@@ -267,7 +274,7 @@ class Flock:
     # Messages out
 
     def _report(self, vehicle: Vehicle, now: float) -> None:
-        mav = self._links[vehicle.system].mav
+        mav = self._mav(vehicle)
         boot = int((now - self._began) * 1e3)
         if now >= self._beat[vehicle.system]:
             self._beat[vehicle.system] = now + 0.5
@@ -299,17 +306,23 @@ class Flock:
             )
 
     def _text(self, vehicle: Vehicle, text: str, severity: int = 4) -> None:
-        self._links[vehicle.system].mav.statustext_send(severity, text.encode()[:50])
+        self._mav(vehicle).statustext_send(severity, text.encode()[:50])
 
     def _answer(self, vehicle: Vehicle, sender: Any, command: int, result: int) -> None:
         if vehicle.behaves.mode == "silent" or self._random.random() < self._loss:
             return
-        mav = self._links[vehicle.system].mav
+        mav = self._mav(vehicle)
         mav.command_ack_send(
             command, result, 0, 0, sender.get_srcSystem(), sender.get_srcComponent()
         )
 
     # Messages in
+
+    def _mav(self, vehicle: Vehicle) -> Any:
+        """Return what packs and sends messages of a vehicle."""
+        mav = self._links[vehicle.system].mav
+        mav.srcSystem = vehicle.system
+        return mav
 
     def _hear(self, vehicle: Vehicle) -> None:
         link = self._links[vehicle.system]
@@ -321,6 +334,8 @@ class Flock:
             if message is None:
                 return
             addressed = getattr(message, "target_system", vehicle.system)
+            if self._shared:
+                vehicle = self.vehicles.get(addressed, vehicle)
             if addressed not in (0, vehicle.system) or vehicle.down:
                 continue
             if self._random.random() < self._loss:
@@ -332,7 +347,7 @@ class Flock:
                 self._mission(vehicle, message, kind)
             elif kind == "PARAM_REQUEST_READ" and vehicle.behaves.mode != "silent":
                 value = struct.unpack("<f", struct.pack("<i", vehicle.fence_action))[0]
-                link.mav.param_value_send(message.param_id.encode(), value, 6, 1, 0)
+                self._mav(vehicle).param_value_send(message.param_id.encode(), value, 6, 1, 0)
             elif kind == "COMMAND_ACK":
                 vehicle.log.append(f"ack {message.command} {message.result}")
 
@@ -361,11 +376,10 @@ class Flock:
             self._carry_out(vehicle, message)
 
     def _command_request(self, vehicle: Vehicle, message: Any) -> None:
-        link = self._links[vehicle.system]
         if vehicle.behaves.mode == "silent":
             return
         if message.command == 512 and int(message.param1) == 242:
-            link.mav.home_position_send(
+            self._mav(vehicle).home_position_send(
                 int(vehicle.home[0] * 1e7), int(vehicle.home[1] * 1e7), 100_000,
                 0, 0, 0, [1, 0, 0, 0], 0, 0, 0,
             )  # fmt: skip
@@ -414,7 +428,7 @@ class Flock:
     def _mission(self, vehicle: Vehicle, message: Any, kind: str) -> None:
         if vehicle.behaves.mode == "silent":
             return
-        mav, fence = self._links[vehicle.system].mav, getattr(message, "mission_type", 0) == 1
+        mav, fence = self._mav(vehicle), getattr(message, "mission_type", 0) == 1
         system, component = message.get_srcSystem(), message.get_srcComponent()
         stored = vehicle.fence if fence else vehicle.mission
         if kind == "MISSION_COUNT":
@@ -452,6 +466,7 @@ def main() -> None:
     parser.add_argument("address")
     parser.add_argument("--rate", type=float, default=1.0)
     parser.add_argument("--loss", type=float, default=0.0)
+    parser.add_argument("--shared", action="store_true", help="all over one port")
     parser.add_argument(
         "vehicles", help='JSON: [{"system": 1, "at": [lat, lon], "home": [lat, lon], ...}]'
     )
@@ -468,7 +483,9 @@ def main() -> None:
                 target_height=each.get("height", 20.0) if flies else 0.0,
             )
         )  # fmt: skip
-    flock = Flock(arguments.address, vehicles, arguments.rate, arguments.loss)
+    flock = Flock(
+        arguments.address, vehicles, arguments.rate, arguments.loss, shared=arguments.shared
+    )
     thread = threading.Thread(target=flock.run, daemon=True)
     thread.start()
     for line in sys.stdin:
