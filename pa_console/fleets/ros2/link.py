@@ -46,7 +46,7 @@ OPEN_S = 5.0
 LOOK_S = 2.0
 """The time that liveliness tokens have to come in, seconds."""
 
-RING = 64
+RING = 128
 """Messages of one topic that are kept between two looks; the oldest give way."""
 
 NEWS_S = 0.02
@@ -67,13 +67,10 @@ CHARGE_S = 5.0
 QUIET_S = 10.0
 """The same notice of a robot is not repeated before this time, seconds."""
 
-_TOPICS = {
-    "tf": "tf",
-    "tf_static": "tf_static",
-    "odom": "odom",
-    "amcl_pose": "amcl_pose",
-    "health": "diagnostics_toplevel_state",
-}
+_PLACES = {"odom": "odom", "tf_static": "tf_static", "tf": "tf", "amcl_pose": "amcl_pose"}
+"""Topics that give a place, by kind. They are read after all others, whose news a report has, and
+`odom` first, because the speeds of places come from it."""
+
 _KEPT = frozenset(("tf_static", "amcl_pose", "status"))
 """What is published when it changes: the last one is asked for (durability transient local)."""
 
@@ -191,10 +188,10 @@ class Ros2Link:
         """Take in what waits, and see to what is due."""
         self._arrived.clear()
         self._read()
-        now_s = self._clock()
         for robot in self._robots.values():
+            if (seen := self._seen(robot)) is not None:
+                robot.navigator.see_place(seen)
             robot.navigator.step()
-            self._report(robot, now_s)
             self._collect_answers(robot)
 
     # Topics
@@ -215,12 +212,14 @@ class Ros2Link:
             ),
             Localization(entry.map_frame, entry.base_frame, entry.pose),
         )
-        wanted = dict(_TOPICS)
+        action = f"{entry.action}/_action"
+        wanted = {"status": f"{action}/status", "feedback": f"{action}/feedback"}
+        wanted["health"] = "diagnostics_toplevel_state"
         if entry.battery is not None:
             wanted["battery"] = entry.battery
         if entry.manual is not None:
             wanted["manual"] = entry.manual
-        wanted |= {kind: f"{entry.action}/_action/{kind}" for kind in ("status", "feedback")}
+        wanted |= _PLACES
         for kind, topic in wanted.items():
             key = self._keys.topic(namespace, topic, kind)
             if kind in _KEPT:
@@ -251,6 +250,8 @@ class Ros2Link:
                 while count < RING and (sample := topic.try_recv()) is not None:
                     count += 1
                     self._see(robot, kind, sample.payload.to_bytes(), (now_s, now))
+                    if kind in _PLACES:
+                        self._report(robot, now_s)
                 if count == RING and now_s - self._read_s < FLOOD_S:
                     text = f"sends so much on {kind} that some of it goes unread"
                     self._tell(robot, "alarm", text, f"flood {kind}")
@@ -308,17 +309,23 @@ class Ros2Link:
 
     # Reports and answers
 
-    def _report(self, robot: _Robot, now_s: float) -> None:
-        """Report where a robot is, every telemetry period or so, if it has said so anew."""
+    def _seen(self, robot: _Robot) -> Seen | None:
+        """Return where a robot is in the world, None while that is not known."""
         place = robot.localization.place
-        if place is None or place.stamp <= robot.reported_stamp:
-            return
-        # A report that is a little early is one of the next period; to wait would skip that.
-        due = place.stamp - robot.reported_stamp >= 0.9 * self._period_s
+        if place is None:
+            return None
         pose = self._site.fit.to_world(place.pose)
-        speed_mps = robot.localization.speed(now_s)
-        robot.navigator.see_place(Seen((pose.x, pose.y), pose.yaw, speed_mps, place.arrived_s))
-        if not due:
+        speed_mps = robot.localization.speed(place.stamp)
+        return Seen((pose.x, pose.y), pose.yaw, speed_mps, place.arrived_s)
+
+    def _report(self, robot: _Robot, now_s: float) -> None:
+        """Report where a robot is, every telemetry period or so of its own time."""
+        place = robot.localization.place
+        # A report that is a little early is one of the next period; to wait would skip that.
+        if place is None or place.stamp - robot.reported_stamp < 0.9 * self._period_s:
+            return
+        seen = self._seen(robot)
+        if seen is None:
             return
         battery_pct = robot.battery_pct if robot.entry.battery is not None else 100.0
         if battery_pct is None:
@@ -337,9 +344,9 @@ class Ros2Link:
             AssetReport(
                 agent=robot.name,
                 sent=datetime.fromtimestamp(round(place.stamp, 3), UTC),
-                position=(pose.x, pose.y),
-                heading_deg=math.degrees(pose.yaw) % 360.0,
-                speed_mps=speed_mps,
+                position=seen.at,
+                heading_deg=math.degrees(seen.heading_rad) % 360.0,
+                speed_mps=seen.speed_mps,
                 status=robot.health,
                 task="none" if failed else robot.navigator.task,
                 battery_pct=battery_pct,

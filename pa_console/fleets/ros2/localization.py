@@ -1,6 +1,7 @@
 """The place and the speed of a robot, from the transforms and the odometry that it publishes."""
 
 import math
+from collections import deque
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -9,8 +10,11 @@ from pa_console.fleets.ros2.messages import Planar, Stamped
 MOST_FRAMES = 256
 """Frames of one robot that are kept; a robot with arms has about fifty."""
 
-FRESH_S = 1.0
-"""A measured speed counts for so long, seconds."""
+NEAR_S = 0.5
+"""A measured speed holds this long before and after its time, seconds."""
+
+MOST_SPEEDS = 256
+"""Measured speeds that are kept: those of as many messages as are read at once."""
 
 APART_S = 0.4
 """Without a measured speed, two places at least this far apart in time give one, seconds."""
@@ -35,8 +39,8 @@ class Localization:
         self._parents: dict[str, Stamped] = {}
         self._place: Place | None = None
         self._before: Place | None = None
-        self._measured: tuple[float, float] = (0.0, -math.inf)
-        """Speed by odometry, and when it came in."""
+        self._speeds: deque[tuple[float, float]] = deque(maxlen=MOST_SPEEDS)
+        """Times on the robot's clock, and the speeds by odometry."""
         self._speed_mps = 0.0
 
     @property
@@ -44,10 +48,16 @@ class Localization:
         """The place of the robot, None while it is not known."""
         return self._place
 
-    def speed(self, now_s: float) -> float:
-        """Return the speed in metres a second: as measured, else from two places."""
-        speed, at_s = self._measured
-        return speed if now_s - at_s <= FRESH_S else self._speed_mps
+    def speed(self, stamp: float) -> float:
+        """Return the speed at a time, metres a second: as measured then, else from two places.
+
+        A robot that has stopped since was no slower before: a place in motion with the speed of
+        now would look like one that creeps while it stands.
+        """
+        off_s, speed = min(
+            ((abs(at - stamp), speed) for at, speed in self._speeds), default=(math.inf, 0.0)
+        )
+        return speed if off_s <= NEAR_S else self._speed_mps
 
     def see_transforms(
         self, transforms: Iterable[Stamped], now_s: float, *, fixed: bool = False
@@ -69,7 +79,7 @@ class Localization:
 
     def see_odometry(self, pose: Stamped, speed_mps: float, now_s: float) -> None:
         """Take in odometry: its speed, and its place where that is the source."""
-        self._measured = (speed_mps, now_s)
+        self._speeds.append((pose.stamp, speed_mps))
         if self._source == "odom":
             self._move(pose.pose, pose.stamp, now_s)
 

@@ -1,11 +1,14 @@
 """The link commands robots with Nav2 in another process, in both layouts, and reports on them."""
 
+import math
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 import zenoh
 
+from pa_console.fleets.reports import AssetReport
 from pa_console.schema.world import AssetSpec, World
 from tests.fleets.ros2 import wire
 from tests.fleets.ros2.counterpart import Cable, Listener, Robots, linked
@@ -254,3 +257,23 @@ def test_no_hold_of_a_burst_gets_lost(world: World, tmp_path: Path) -> None:
             assert not any(robot["speed"] for robot in robots.change().values())
     finally:
         robots.close()
+
+
+def test_reports_that_came_while_nobody_looked_are_taken_in_one_by_one(
+    bridged: Robots, listener: Listener
+) -> None:
+    """Else a robot that stood before and stands after would seem to creep while it stands."""
+    before = listener.report("Robot_T01")
+    assert before is not None
+    count = len(listener.news)
+    listener.send("q", "Robot_T01", "move_to", "WestGate")
+    while math.dist(bridged.change()["Robot_T01"]["at"], before.position) < 6.0:
+        pass
+    bridged.change(Robot_T01={"goal": None})  # it says that it is there, and stands
+    listener.final("q")
+    reports = [r for r in listener.news[count:] if isinstance(r, AssetReport)]
+    way = [before, *(r for r in reports if r.agent == "Robot_T01")]
+    assert any(report.speed_mps > 0.0 for report in way)
+    for last, report in pairwise(way):
+        assert math.dist(last.position, report.position) < 4.0
+        assert report.speed_mps > 0.0 or last.speed_mps > 0.0 or report.position == last.position
