@@ -23,7 +23,7 @@ from pa_console.session.wording import (
     unconfirmed_in_words,
 )
 from pa_console.views.status_words import status_of
-from pa_console.views.step_words import plan_in_words
+from pa_console.views.step_words import orders_in_line
 
 _REACTIONS: dict[Reaction, str] = {
     "leave": "leaves when warned",
@@ -209,7 +209,7 @@ def _planning_event(data: ev.EventPayload) -> str:
         case ev.RulesRetrieved(hits=hits):
             words = ", ".join(hit.rule_id for hit in hits)
         case ev.PlanProposed(plan=plan, error=error):
-            words = plan_in_words(plan) if plan is not None else error
+            words = orders_in_line(plan) if plan is not None else error
         case ev.PlanChecked(findings=findings, unmet=unmet):
             broken = [finding.rule_id for finding in findings if finding.broken]
             words = f"broken: {', '.join(broken)}" if broken else "no rule broken"
@@ -224,7 +224,7 @@ def _planning_event(data: ev.EventPayload) -> str:
         case ev.RepairRequested(reasons=reasons):
             words = "; ".join(reasons)
         case ev.ApprovalRequested(blocked_by=blocked, plan=plan, readings=readings):
-            words = _state(data) + ("; ".join(blocked) if blocked else plan_in_words(plan))
+            words = _state(data) + ("; ".join(blocked) if blocked else orders_in_line(plan))
             words += f" | if halted: {safety_in_words(data.if_halted)}" if data.if_halted else ""
             words += "".join(f" | or: {plain_reading(asked)}" for asked in readings)
         case ev.DecisionMade(decision=decision, accepted=accepted, detail=detail):

@@ -7,10 +7,13 @@ from pa_console.schema.command import COMMANDS
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import Rehearsal
+from pa_console.schema.text import count
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.views.event_words import trigger_in_words
 
 NOT_UNDERSTOOD = "not understood: "
+MOST_STEPS = 4
+"""The first steps of a plan that are told; of the others, only the number is."""
 
 
 def reading_line(trace: MissionTrace, base: str) -> str:
@@ -49,7 +52,14 @@ def _parts(trace: MissionTrace, request: ApprovalRequested, base: str) -> Iterat
 
 
 def plan_in_words(plan: Plan, base: str) -> str:
-    """Return the orders of a plan, equal ones together: *Drone_T01 and Drone_T02 to Base*."""
+    """Return the orders of a plan, equal ones together: *Drone_T01 and Drone_T02 to Base*.
+
+    Of one in steps, the first steps one after the other.
+    """
+    if len(plan.steps) > 1:
+        shown = [plan_in_words(plan.part(step), base) for step in plan.steps[:MOST_STEPS]]
+        left = len(plan.steps) - len(shown)
+        return ", then ".join([*shown, *([count(left, "more step")] if left else [])])
     agents: dict[str, list[str]] = {}
     for action in plan.actions:
         spec, place = COMMANDS[action.verb], action.target or ""

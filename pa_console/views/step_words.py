@@ -61,7 +61,7 @@ def step_lines(plan: Plan) -> tuple[StepLine, ...]:
     return tuple(found)
 
 
-def plan_in_words(plan: Plan) -> str:
+def orders_in_line(plan: Plan) -> str:
     """Return a plan's actions in one line, those that wait after *then*."""
     parts = [
         "; ".join(f"{plan.actions[n - 1].agent} {plan.actions[n - 1].command}" for n in numbers)
