@@ -55,6 +55,8 @@ class SimulatedDrone(Vehicle):
         base = terrain.world.frames[terrain.world.base].at
         super().__init__(system, GEOGRAPHY.degrees(base), armed=True, height=FLIES_M)
         self.name, self.terrain, self.orders, self.number = name, terrain, orders, 0
+        self.goal: Point | None = None
+        """The place that it was sent to: a simulated asset chooses one at a frame by itself."""
 
     def show(self, said: AssetTelemetry, *, silent: bool) -> None:
         """Take over the place and the condition of the asset."""
@@ -95,8 +97,8 @@ class SimulatedDrone(Vehicle):
                 pass
 
     def _order(self, verb: Verb, x: int, y: int) -> None:
-        at = GEOGRAPHY.metres(x / 1e7, y / 1e7)
-        self._give(verb, self.terrain.frame_at(*at))
+        self.goal = GEOGRAPHY.metres(x / 1e7, y / 1e7)
+        self._give(verb, self.terrain.frame_at(*self.goal))
 
     def _give(self, verb: Verb, target: str | None) -> None:
         self.number += 1
@@ -149,6 +151,10 @@ class GroundLink(SimulatedLink):
         """Put the drones where their assets are."""
         truth, known = self.checkpoint.truth().assets, self.checkpoint.picture().assets
         for name, drone in self.drones.items():
+            asset = self.checkpoint._scene.assets[name]  # pyright: ignore[reportPrivateUsage]
+            if drone.goal is not None and asset.route and asset.task == "moving":
+                asset.station, asset.route = drone.goal, (*asset.route[:-1], drone.goal)
+                drone.goal = None
             drone.show(truth[name], silent=known[name].comms == "lost")
             self._was[name].append((self.checkpoint.tick, truth[name].position))
 
