@@ -76,6 +76,7 @@ NAMED = struct.pack("<Q", 20) + b"general.architecture" + struct.pack("<IQ", 8, 
         (HEADER + struct.pack("<QQQ", 0, 1, 200), "a key goes beyond the end"),
         (HEADER + struct.pack("<QQ", 0, 2) + 2 * NAMED, "'general.architecture' is there twice"),
         (HEADER + struct.pack("<QQ", 0, 0), "general.architecture is missing"),
+        (HEADER + struct.pack("<QQ", 0, 1) + NAMED[:28] + struct.pack("<I", 5), "of type 5, not 8"),
     ],
 )
 def test_the_error_names_the_file_and_the_number_that_is_wrong(

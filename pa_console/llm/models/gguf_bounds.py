@@ -63,6 +63,11 @@ SIZES: dict[str, tuple[int, int]] = {
 
 ARCHITECTURE, TYPE = "general.architecture", "general.type"
 TOKENS = "tokenizer.ggml.tokens"
+KINDS = {
+    ARCHITECTURE: STRING, TYPE: STRING, "general.alignment": UINT32, "adapter.type": STRING,
+    "adapter.lora.alpha": FLOAT32, "adapter.alora.invocation_tokens": ARRAY,
+}  # fmt: skip
+"""The types of the values that llama.cpp reads without looking: of another, it ends the process."""
 PER_TOKEN = ("tokenizer.ggml.scores", "tokenizer.ggml.token_type")
 REMEDY = "fetch it again, or take another file"
 
@@ -200,7 +205,10 @@ def _check(header: _Header, kind: GgufKind) -> None:
         key = header.text(MOST_KEY_BYTES, "a key")
         if not key or key in fields:
             raise ValueError(f"the key {key!r} is there twice" if key else "a key is empty")
-        fields[key] = header.value(header.number("<I", f"the type of {key}"), key)
+        kind_of_value = header.number("<I", f"the type of {key}")
+        if kind_of_value != (needed := KINDS.get(key, kind_of_value)):
+            raise ValueError(f"{key} has a value of type {kind_of_value}, not {needed}")
+        fields[key] = header.value(kind_of_value, key)
     _check_fields(fields, kind)
     alignment = fields.get("general.alignment", ALIGNMENT)
     if not isinstance(alignment, int) or not 0 < alignment <= MOST_ALIGNMENT:
