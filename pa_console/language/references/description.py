@@ -45,7 +45,7 @@ class Superlative:
 
 @dataclass
 class Group:
-    """Assets or gates of which an order picks some, and those `picked` so far.
+    """A set of assets or gates introduced by an order, and the members `picked` so far.
 
     `members` are in the order of the words, which are the characters from `start` to `end`.
     """

@@ -72,7 +72,7 @@ def find_descriptions(
 
 
 def _set_at(groups: SentenceGroups, text: str, at: int) -> ReadSet | None:
-    """Read a set at token `at`: names, a plural noun, *them*; None where there is none."""
+    """Read a set at token `at`, names or a plural noun; None where there is none."""
     return groups.read_names(at) or _DescriptionParser(groups, text, at).plural()
 
 
@@ -167,15 +167,15 @@ class _DescriptionParser:
 
     @property
     def _selects(self) -> bool:
-        """Return whether it only says which of the alternatives before it is meant."""
+        """True for *Drone_T04 or Ugv_T02, whichever is nearer*: it selects one of those named."""
         reader = Reader(self.reader.tokens, self._first)
         after = reader.word(-1) in (",", "-", "–", "(") and reader.word() == "whichever"
         return after and self._group is not None and self._group.choice and not self._group.leading
 
     def _spoken_of(self) -> bool:
-        """Read *the drone* as the one that the order, or else one of the last missions, is about.
+        """Read *the drone* as the one mentioned in the order, or else in the last two missions.
 
-        False where none was spoken of: then any drone will do.
+        Returns False if none was mentioned: then any drone will do.
         """
         if not self._demonstrative or self._number != 1 or not self._team:
             return False
@@ -455,9 +455,9 @@ class _DescriptionParser:
         return self._group is not None
 
     def _leave_out(self) -> None:
-        """Leave out what was picked before of a set, or what the order or the last one was about.
+        """Add the trait of *the other*: not picked from its set, not named, not moved last.
 
-        Where two gates were spoken of, the other one is of these two.
+        If two gates were mentioned, the other one is one of these two.
         """
         told, scene, last = self._told, self._scene, self._scene.last
         rest = self._groups.rest

@@ -1,4 +1,4 @@
-"""Sets of assets or gates that an order introduces, and what it has picked from them.
+"""Sets of assets or gates introduced by an order, and the members picked from them so far.
 
 *Of the two robots, the one with more battery goes north, the other one stays*: a set is a list of
 names or a plural noun; *the one that*, *whichever*, *the latter*, *the other one* pick from the
@@ -22,7 +22,7 @@ _ONE_OF = _WORDS["one_of"]
 _JOINTS = (*_WORDS["joints"], ",", "/", "&")
 _ORDINALS = {word: place for place, word in enumerate(_WORDS["ordinals"])}
 _MEMORY = 2
-"""The number of missions of which *the drone* may be the one that was sent."""
+"""The number of past missions that *the drone* can refer to."""
 _CLAUSE = frozenset(_WORDS["clause"])
 
 
@@ -70,7 +70,7 @@ class SentenceGroups:
 
     @property
     def rest(self) -> Group | None:
-        """The last set of which something has been picked, and something is left."""
+        """The last set with some members picked and some left."""
         picked = (g for g in reversed(self.opened) if 0 < len(g.picked) < len(g.members))
         return next(picked, None)
 
