@@ -22,11 +22,13 @@ from pa_console.llm.roles.grammar import (
 from pa_console.llm.roles.judge import Judgement, JudgeQuestion
 from pa_console.llm.roles.role_model import PromptFormat, RoleModel, first_answer
 from pa_console.mission.context import MissionContext
+from pa_console.mission.gate import STILL
 from pa_console.mission.plan import Candidate, PlanForDecision, with_commands_given
 from pa_console.mission.propose import PlannerAnswer
 from pa_console.mission.readings import may_decide, read_order
 from pa_console.mission.tasking.fulfilment import gaps
 from pa_console.mission.tasking.moves import PlanMoves
+from pa_console.mission.tasking.obstacles import obstacle_to
 from pa_console.policy.findings import ORDER_ID
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
@@ -174,7 +176,8 @@ async def _taken_instead(
     """Return a plan for another `reading` than the planner's, None if it may not be taken.
 
     No rule may block it, the judge has to pass it as a plan for that reading, and it may not leave
-    words of the order over if the plan on show leaves none.
+    words of the order over if the plan on show leaves none. A plan that moves nobody because
+    nothing of its reading can be done does not replace one that does all that its words ask for.
     """
     asked, reader = reading.asked, reading.reader
     other = await with_commands_given(
@@ -183,6 +186,8 @@ async def _taken_instead(
     if other is shown or other.examination.blocked:
         return None
     if other.mentions.gaps and not shown.mentions.gaps:
+        return None
+    if _acts(shown) and not _acts(other) and not shown.gaps_told and _is_in_vain(context, asked):
         return None
     other = await _judged(context, answered, other, asked)
     return None if other.objected else other
@@ -210,6 +215,18 @@ def verdict_on(steps: Sequence[Candidate]) -> tuple[Verdict | None, str]:
         feedback=feedback[:MAX_FEEDBACK],
     )
     return verdict, ""
+
+
+def _acts(candidate: Candidate) -> bool:
+    return any(action.verb not in STILL for action in candidate.examination.plan.actions)
+
+
+def _is_in_vain(context: MissionContext, asked: str) -> bool:
+    """Return whether nothing of a reading can be done, though every part of it might be asked."""
+    reading, fleet = read_asked(asked), context.services.fleet
+    if reading is None or not reading.asks or any(ask.task == "refused" for ask in reading.asks):
+        return False
+    return all(obstacle_to(ask, fleet.world, fleet.picture()) for ask in reading.asks)
 
 
 async def _judged(

@@ -9,9 +9,17 @@ from pa_console.llm.backend import EngineDiedError
 from pa_console.mission import readings as second_reader
 from pa_console.schema.events import event as ev
 from pa_console.session.confidence import UNSURE
-from tests.mission.test_rereading import EAST, NORTH, choosing, engine, requests, verdicts
+from tests.mission.test_rereading import (
+    EAST,
+    NORTH,
+    answer,
+    choosing,
+    engine,
+    requests,
+    verdicts,
+)
 from tests.rig import Rig
-from tests.scripted import Answer, ScriptedEngine
+from tests.scripted import Answer, ScriptedEngine, plan
 
 TO_EAST = "Send a drone to EastGate."
 TO_NORTH = "Send a drone to NorthGate."
@@ -102,6 +110,26 @@ async def test_a_reading_that_comes_to_the_same_orders_bears_the_plan_out(rig: R
     assert request.plan.actions[0].command == "move_to EastGate"
     assert (request.read_apart, request.state) == (False, "approve")
     assert "asked: Drone_T04 to EastGate" not in request.readings
+
+
+@pytest.mark.parametrize(
+    ("text", "moves"),
+    [("A car is at the east gate. One drone there.", True), ("Send one drone over there.", False)],
+)
+async def test_a_plan_for_want_of_a_place_replaces_none_that_serves_all_words(
+    rig: Rig, text: str, moves: bool
+) -> None:
+    nowhere = "asked: 1 drone to unknown place"
+    held = plan(("Drone_T04", "hold"), reason=f"{nowhere}; no such place (CAP-06), hold")
+    said = [words for asked in (EAST, nowhere) for words in verdicts(asked)]
+    chances = [(answer(EAST).index("EastGate"), math.log(0.05))]
+    scripted = ScriptedEngine([answer(EAST), held], said, chances=chances)
+    scripted.model = replace(scripted.model, prompts="compact")
+    scripted.second_reader = reader(nowhere, 0.99)
+    await rig.run(scripted, text=text)
+    [request] = requests(rig)
+    assert [action.verb for action in request.plan.actions] == ["move_to" if moves else "hold"]
+    assert request.state != "approve"
 
 
 async def test_what_it_alone_has_read_is_never_plain_approve(rig: Rig) -> None:
