@@ -108,7 +108,7 @@ class OrderPlanner:
         altitude = max(fix.altitude_m, self.vehicles.floor_m)
         if command.verb != "return_to_base":
             altitude = self.vehicles.altitude(self.agent, cast("FlownVerb", command.verb))
-            place = self.terrain.free_place(command.target or "", "uav", self.others())
+            place = self._place(command.target or "", fix)
             if place is None:
                 return f"{command.target}: there is no free place for a drone"
             found = self.terrain.planner.route("uav", fix.at, place)
@@ -126,6 +126,12 @@ class OrderPlanner:
         )
         self._looks = command.verb == "observe"
         return FlightOrder(command, deque(steps), route[-1] if route else None, altitude, now_s)
+
+    def _place(self, frame: str, fix: Fix) -> Point | None:
+        """Return where the drone is to stay at a frame: where it stands, else a free place."""
+        if self.terrain.frame_at(*fix.at) == frame and fix.speed_mps == 0.0:
+            return fix.at
+        return self.terrain.free_place(frame, "uav", self.others())
 
     def _steps(
         self,

@@ -369,3 +369,11 @@ def test_a_hold_of_which_nothing_is_ever_heard_is_asked_for_anew(world: World) -
     rig.wait(4.0)
     rig.order("h1", "hold")
     assert rig.autopilot.holds == 2
+
+
+def test_a_drone_that_stands_at_its_frame_keeps_its_place(world: World) -> None:
+    rig = Rig(world)
+    rig.report((2.0, 33.0))
+    rig.ready()
+    rig.order("c1", "move_to", "NorthGate")
+    assert rig.target() == pytest.approx((2.0, 33.0), abs=0.02)
