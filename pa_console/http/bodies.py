@@ -8,7 +8,7 @@ from pa_console.fleets.authorization import UnsignedApproval
 from pa_console.http.tokens import TokenRole
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import MAX_MISSION_TEXT, DecisionKind
-from pa_console.schema.plan import MAX_ACTIONS, Action, Plan
+from pa_console.schema.plan import MAX_ACTIONS, MAX_STAY_S, Action, Plan
 from pa_console.views.session_views import Sha256, shown_sha256
 
 
@@ -42,6 +42,11 @@ class ActionBody(RequestBody):
 
     agent: Annotated[str, Field(max_length=64)]
     command: Annotated[str, Field(max_length=160)]
+    after: Annotated[
+        list[int],
+        Field(max_length=MAX_ACTIONS, description="numbers of the actions it comes after, from 1"),
+    ] = []
+    stay_s: Annotated[float, Field(ge=0.0, le=MAX_STAY_S)] = 0.0
 
 
 class DecisionBody(RequestBody):
@@ -142,5 +147,8 @@ def to_sign_view(
 
 def plan_of(actions: tuple[ActionBody, ...], reason: str) -> Plan:
     """Return the operator's own plan; raises ValidationError for what is no command."""
-    parts = tuple(Action(agent=one.agent, command=one.command) for one in actions)
+    parts = tuple(
+        Action(agent=one.agent, command=one.command, after=tuple(one.after), stay_s=one.stay_s)
+        for one in actions
+    )
     return Plan(reason=reason or "changed by the operator", actions=parts)

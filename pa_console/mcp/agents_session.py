@@ -6,7 +6,7 @@ edits rules or signs: an agent has no way to do so.
 
 from collections.abc import Callable, Sequence
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 
 from pa_console.language.references.conversation import Unclear
 from pa_console.schema.command import COMMANDS
@@ -123,7 +123,7 @@ class AgentsSession:
         self, actions: Sequence[Action], purpose: str, *, rehearsed: bool
     ) -> ExaminedPlan:
         """Check a plan in the present picture; with `rehearsed`, tell how it would go."""
-        found = await self._station.examine(Plan(reason="", actions=tuple(actions)), purpose)
+        found = await self._station.examine(_plan("", actions), purpose)
         shown = found.rehearsal.timeline if rehearsed and found.rehearsal is not None else None
         return ExaminedPlan(blocked=found.blocked, findings=found.findings, rehearsal=shown)
 
@@ -135,7 +135,7 @@ class AgentsSession:
         self, agent: str, text: str, actions: Sequence[Action] = (), reason: str = ""
     ) -> MissionView:
         """Queue a mission that an agent proposes; raises ValueError when it is not taken."""
-        plan = Plan(reason=reason, actions=tuple(actions)) if actions else None
+        plan = _plan(reason, actions) if actions else None
         return mission_view(self._trace(self._station.proposals.propose(agent, text, plan)))
 
     def status(self, mission_id: str) -> MissionDetail:
@@ -156,3 +156,11 @@ class AgentsSession:
 
     def _trace(self, mission: Mission) -> MissionTrace:
         return self.state.missions.get(mission.id) or MissionTrace(mission)
+
+
+def _plan(reason: str, actions: Sequence[Action]) -> Plan:
+    """Return the plan of these actions; raises ValueError with one line for what is no plan."""
+    try:
+        return Plan(reason=reason, actions=tuple(actions))
+    except ValidationError as error:
+        raise ValueError(error.errors()[0]["msg"].removeprefix("Value error, ")) from None

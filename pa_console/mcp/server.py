@@ -131,12 +131,14 @@ def _add_looking(server: MCPServer[Any], session: AgentsSession) -> None:
     @server.tool(annotations=LOOKS)
     async def check_plan(actions: Actions, purpose: Purpose = "") -> ExaminedPlan:
         """Check a plan against every rule in the present picture; nothing is queued."""
-        return await session.examine(actions, purpose, rehearsed=False)
+        with _told():
+            return await session.examine(actions, purpose, rehearsed=False)
 
     @server.tool(annotations=LOOKS)
     async def rehearse_plan(actions: Actions, purpose: Purpose = "") -> ExaminedPlan:
         """Check a plan and tell how its rehearsal goes, gate by gate; nothing is queued."""
-        return await session.examine(actions, purpose, rehearsed=True)
+        with _told():
+            return await session.examine(actions, purpose, rehearsed=True)
 
     @server.tool(annotations=LOOKS)
     async def mission_status(mission_id: str) -> MissionDetail:

@@ -24,6 +24,14 @@ def _without_frame_prefix(value: object) -> object:
 Token = Annotated[str, BeforeValidator(_without_frame_prefix)]
 
 
+def _as_tuple(value: object) -> object:
+    """Read a list, which JSON has instead of a tuple."""
+    return tuple(cast(list[object], value)) if isinstance(value, list) else value
+
+
+Numbers = Annotated[tuple[int, ...], BeforeValidator(_as_tuple)]
+
+
 class Action(StrictModel):
     """One device command, e.g. agent `Drone_T01`, command `move_to EastGate`.
 
@@ -32,7 +40,7 @@ class Action(StrictModel):
 
     agent: Token = Field(min_length=1, max_length=64)
     command: Token = Field(min_length=1, max_length=160)
-    after: tuple[int, ...] = Field(
+    after: Numbers = Field(
         default=(),
         max_length=MAX_ACTIONS,
         exclude_if=lambda numbers: not numbers,

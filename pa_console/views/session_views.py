@@ -24,6 +24,7 @@ from pa_console.schema.rule import Rule, RulesSeal
 from pa_console.schema.telemetry import Picture
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.session.state import SessionState, StandingTrace
+from pa_console.views.step_words import in_steps, step_lines
 
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
@@ -128,6 +129,8 @@ class PlanView(BaseModel):
     request: ev.ApprovalRequested
     shown_sha256: Sha256
     attempt: AttemptView | None
+    steps: tuple[str, ...]
+    """The lines of a plan in steps, in words, each with what it waits for; none for other plans."""
     question: str
     choices: tuple[str, ...]
 
@@ -214,7 +217,9 @@ def mission_detail(trace: MissionTrace) -> MissionDetail:
 def plan_view(trace: MissionTrace, request: ev.ApprovalRequested) -> PlanView:
     """Return the plan of a mission that waits for a decision."""
     attempt = trace.find(request.attempt)
+    lines = step_lines(request.plan) if in_steps(request.plan) else ()
     return PlanView(
+        steps=tuple(line.in_words for line in lines),
         mission=mission_view(trace),
         request=request,
         shown_sha256=shown_sha256(request),

@@ -22,6 +22,11 @@ class StepLine:
     when: str
     """What it waits for, in words; '' for the first step."""
 
+    @property
+    def in_words(self) -> str:
+        """The whole line: *2: Drone_T02 returns to base, then, after Robot_T01 is at Base*."""
+        return f"{self.numbers}: {self.agent} {self.does}{f', {self.when}' if self.when else ''}"
+
 
 def in_steps(plan: Plan) -> bool:
     """Return whether some actions of `plan` wait for others."""

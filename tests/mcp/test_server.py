@@ -65,6 +65,20 @@ async def test_an_agent_looks_asks_and_examines(site: Site) -> None:
         assert not running.state.missions
 
 
+async def test_a_plan_in_steps_is_examined_and_what_is_none_is_told_in_one_line(
+    site: Site,
+) -> None:
+    first = {"agent": "Robot_T01", "command": "move_to NorthGate"}
+    home = {"agent": "Ugv_T02", "command": "return_to_base"}
+    async with beside(site) as running, Client(make_server(running.agents, "p")) as client:
+        checked = await called(client, "check_plan", actions=[first, {**home, "after": [1]}])
+        assert not checked["blocked"]
+        circle = [{**first, "after": [2]}, {**home, "after": [1]}]
+        told = await refused(client, "check_plan", actions=circle)
+        assert "wait for each other in a circle" in told
+        assert "\n" not in told
+
+
 async def test_a_proposal_is_approved_by_a_person_and_the_agent_reads_its_outcome(
     site: Site,
 ) -> None:
