@@ -245,11 +245,17 @@ def question_back(typed: str, read: str, world: World, rulebook: Rulebook) -> st
     if words.share >= _MOST_STRANGE:
         strange = ", ".join(dict.fromkeys((*words.strange, *words.slips)))
         return f"not known in English: {strange}. What is to be done, in English?"
+    if (found := _ENCODED.search(_without_names(typed, world))) is not None:
+        return f"nobody can read {found[0][:20]}... in it. What is to be done, in words?"
     if _is_code(typed):
         return "it reads as program text. What is to be done, in words?"
     if not speaks_of_site(world, link_names(world, read)) and not _moves_nobody(read):
         return "it names nobody and nothing of this site. What is to be done, by whom and where?"
     return ""
+
+
+_ENCODED = re.compile(r"(?=[\w+/]*[a-z])(?=[\w+/]*[A-Z])(?=[\w+/]*\d)\b[A-Za-z0-9+/]{32,}")
+"""Letters of both cases and digits in one long row, as in base64: an order may hide in it."""
 
 
 def _words(text: str, world: World, rulebook: Rulebook) -> _UnknownWords:
