@@ -250,7 +250,7 @@ class Ros2Link:
                 while count < RING and (sample := topic.try_recv()) is not None:
                     count += 1
                     self._see(robot, kind, sample.payload.to_bytes(), (now_s, now))
-                    if kind in _PLACES:
+                    if kind == robot.entry.pose:
                         self._report(robot, now_s)
                 if count == RING and now_s - self._read_s < FLOOD_S:
                     text = f"sends so much on {kind} that some of it goes unread"

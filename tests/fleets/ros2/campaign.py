@@ -91,6 +91,7 @@ class Cuts:
     cuts: int = 0
     moving: int = 0
     missions: Counter[str] = field(default_factory=Counter[str])
+    reasons: Counter[str] = field(default_factory=Counter[str])
     sent: int = 0
     lost: list[str] = field(default_factory=list[str])
     false: list[str] = field(default_factory=list[str])
@@ -186,6 +187,7 @@ async def one_session(site: Site, folder: Path, robots: Robots, found: Cuts) -> 
     found.sent += len(sent)
     found.lost += [name for name in sent if name not in ended]
     found.missions.update(trace.status or "none" for trace in traces)
+    found.reasons.update(trace.reason for trace in traces)
 
 
 def all_fresh(fleet: LinkedFleet) -> bool:
@@ -389,6 +391,9 @@ def main() -> None:
         if given.cuts:
             found = asyncio.run(broken_sessions(site, folder, given.cuts, given.seed))
             print(*found.false, *found.lost, sep="\n")
+            print(
+                *(f"{count} x {reason}" for reason, count in found.reasons.most_common()), sep="\n"
+            )
 
 
 if __name__ == "__main__":

@@ -134,7 +134,7 @@ class Nav2Site(SimulatedLink):
         return session, link
 
     def _utc_s(self) -> float:
-        return EPOCH.timestamp() + self.checkpoint.time_s + 0.001 * self._again
+        return EPOCH.timestamp() + self.checkpoint.time_s + 0.01 * self._again
 
     def _come(self, sample: zenoh.Sample) -> None:
         if int(sample.payload.to_string()) == self._up:
@@ -160,7 +160,9 @@ class Nav2Site(SimulatedLink):
         super().begin_again()
         self._again += 1
         for robot in self.link._robots.values():  # pyright: ignore[reportPrivateUsage]
-            robot.reported_stamp = -math.inf
+            robot.reported_stamp = (
+                self._utc_s() - 0.9 * self.checkpoint.world.telemetry_period_s - 0.005
+            )
 
     def take(self) -> Sequence[LinkNews]:
         """Return the state at the beginning; then what arrives in the next step."""
