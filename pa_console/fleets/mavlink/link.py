@@ -108,6 +108,9 @@ def _silent(*_arguments: object) -> bool:
 
 
 _SILENT = LogCallback(_silent)
+# mavsdk's own wrapper of the callback prints what it cannot decode. It is set once, before any
+# thread of mavsdk logs: setting it is not safe beside one.
+_cmavsdk_lib.mavsdk_log_subscribe(_SILENT, None)
 
 
 class MavlinkLink:
@@ -131,8 +134,6 @@ class MavlinkLink:
         self._awake, self._news_there = Condition(), Event()
         self._heard, self._closed = Event(), False
         self._news: deque[LinkNews] = deque(maxlen=MOST_WAITING)
-        # mavsdk's own wrapper of the callback prints what it cannot decode.
-        _cmavsdk_lib.mavsdk_log_subscribe(_SILENT, None)
         self._mavsdk = Mavsdk(
             Configuration.create_with_component_type(ComponentType.GROUND_STATION)
         )

@@ -74,11 +74,11 @@ class Drones:
         )
 
     def tell(self, name: str, **line: Any) -> None:
-        """Change how one of them behaves, all of them for ''."""
+        """Change how one of them behaves, all of them for ''; it has changed on return."""
         assert self._process.stdin is not None
         whom = {"system": self.ids[name]} if name else {"all": True}
         self._process.stdin.write(json.dumps(whom | line) + "\n")
-        self._process.stdin.flush()
+        self.say()
 
     def say(self) -> dict[str, dict[str, Any]]:
         """Return what each has done, by its name."""
