@@ -368,7 +368,8 @@ class Flight:
 
     def _fenced_off(self, order: FlightOrder) -> bool:
         """Return whether the fence has become another one; the way home stays open."""
-        return self.fence.differs and order.command.verb != "return_to_base"
+        takes_off = any(isinstance(step, Climb) for step in order.steps)
+        return self.fence.differs and (takes_off or order.command.verb != "return_to_base")
 
     def _climb(self, order: FlightOrder, step: Climb, now: float) -> None:
         order.step_s = order.step_s or now

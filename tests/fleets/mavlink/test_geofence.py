@@ -176,3 +176,17 @@ def test_no_further_step_is_sent_from_the_moment_the_fence_is_another(world: Wor
     assert len(rig.autopilot.sent) == sent
     rig.flight.step()
     assert rig.answers("c1")[-1] == "failed"
+
+
+def test_the_way_home_from_the_ground_is_a_start_too(world: World) -> None:
+    rig = Rig(world, flies=False).ready()
+    rig.order("c1", "return_to_base")
+    assert rig.autopilot.asked() == [Cmd.ARM]
+    rig.now_s += 11.0
+    rig.flight.step()
+    sent = len(rig.autopilot.sent)
+    rig.read_fence(items_of(world)[:-1])
+    rig.answer(Cmd.ARM)
+    rig.wait(2.0)
+    assert len(rig.autopilot.sent) == sent
+    assert rig.answers("c1")[-1] == "failed"
