@@ -18,8 +18,12 @@ SPEAKING = (
 _SILENT_CALLS = frozenset(("compile", "sub", "search", "fullmatch", "match", "query", "query_one"))
 _SILENT_ARGUMENTS = frozenset(("id", "classes", "pattern", "discriminator", "default_css"))
 _SILENT_NAMES = frozenset(("DEFAULT_CSS", "CSS", "CORE", "_HEAD"))
-_SILENT_FILES = ("fleets/authorization/memory.py", "fleets/vda5050/site_files.py")
-"""They write SQL and the configuration of a broker."""
+_SILENT_FILES = (
+    "fleets/authorization/memory.py",
+    "fleets/ros2/messages.py",
+    "fleets/vda5050/site_files.py",
+)
+"""They write SQL, definitions of messages and the configuration of a broker."""
 _NO_WORDS = (
     re.compile(r"\{[^{}]*\}"),
     re.compile(r"`[^`]*`"),

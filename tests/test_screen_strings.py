@@ -32,7 +32,9 @@ SYNONYMS = {
 }
 """Words that are not used, and the word of the glossary for that thing."""
 IDENTIFIER = re.compile(r"(?<![\w.-])[a-z]+(?:_[a-z0-9]+)+(?!\w)")
-FIELDS = frozenset(("at_s", "radius_m", "floor_m", "ceiling_m"))
+FIELDS = frozenset(
+    ("at_s", "radius_m", "floor_m", "ceiling_m", "off_by_m", "in_prompts", "occupied_thresh")
+)
 """Fields of files that people write, named where one is wrong."""
 QUOTED = ("pa_console/tui/", "pa_console/session/", "pa_console/views/")
 """Where values are quoted as people quote them."""

@@ -95,7 +95,7 @@ class Plan(StrictModel):
                 if not 1 <= other <= len(self.actions):
                     waits = f"action {number} ({action.agent} {action.command})"
                     there = f"the plan has actions 1 to {len(self.actions)}"
-                    raise ValueError(f"{waits} comes after action {other}, and {there}")
+                    raise ValueError(f"{waits} waits for action {other}, and {there}")
         try:
             self._sorter().prepare()
         except CycleError as error:

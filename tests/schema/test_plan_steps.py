@@ -40,8 +40,8 @@ def test_a_plan_in_steps_is_read_as_it_was_written() -> None:
     [
         (((2,), (1,)), "wait for each other in a circle"),
         (((1,),), "wait for each other in a circle"),
-        (((), (7,)), "action 2 (A1 hold) comes after action 7, and the plan has actions 1 to 2"),
-        (((), (0,)), "comes after action 0"),
+        (((), (7,)), "action 2 (A1 hold) waits for action 7, and the plan has actions 1 to 2"),
+        (((), (0,)), "waits for action 0"),
     ],
 )
 def test_what_is_no_order_of_steps_is_told(after: tuple[tuple[int, ...], ...], told: str) -> None:

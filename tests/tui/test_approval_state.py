@@ -70,7 +70,7 @@ async def test_the_title_says_what_to_know_first(
     async with show(told, size=SMALL) as (app, _, _, _):
         panel = app.screen.query_one(ApprovalPanel)
         assert panel.border_title == title
-        assert ("✔ Judge" in said(panel)) == (title == "✔ Approve")
+        assert ("✔ No rule is broken" in said(panel)) == (title == "✔ Approve")
 
 
 async def test_a_narrowed_plan_is_armed_when_its_last_line_was_on_screen(show: Show) -> None:

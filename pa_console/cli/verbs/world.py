@@ -67,7 +67,7 @@ def from_robots(
         typer.Option(
             "--map",
             metavar="FILE",
-            help="The map.yaml of a robot's occupancy map (ROS map_server, PGM) as background.",
+            help="The map.yaml of a robot's occupancy map (ROS map server, PGM) as background.",
         ),
     ] = None,
     output: Annotated[

@@ -40,7 +40,7 @@ class RobotEntry(StrictModel):
         description="what it is able to do; going to places if left out, hold and report always",
     )
     trees: dict[Verb, str] = Field(
-        default={}, description="behavior trees, files on the robot, for what is not only driving"
+        default={}, description="behaviour trees, files on the robot, for what is not only driving"
     )
     action: str = Field(default="navigate_to_pose", pattern=_TOPIC)
     stops: tuple[str, ...] = Field(
@@ -159,7 +159,7 @@ def read_site(path: Path, world: World) -> RobotSite:
         kind = world.assets[name].kind
         for verb in robot.trees:
             if verb not in robot.able:
-                problem = f"{name} has a behavior tree for {verb}; add {verb} to 'can'"
+                problem = f"{name} has a behaviour tree for {verb}; add {verb} to 'can'"
                 raise document.error(("robots", name, "trees", verb), problem)
         for place, verb in enumerate(robot.can or ()):
             if kind not in COMMANDS[verb].kinds:

@@ -146,7 +146,7 @@ _REASONS: Mapping[int, str] = MappingProxyType(
         207: "planning took too long",
         208: "there is no path to the goal",
         9000: "the navigator failed",
-        9001: "it cannot load the behavior tree",
+        9001: "it cannot load the behaviour tree",
         9002: "the navigator does not know where the robot is",
     }
 )
@@ -254,7 +254,7 @@ def read_result(payload: bytes) -> GoalResult:
 
 
 def write_goal(goal_id: bytes, at: Planar, frame: str, sent: float, tree: str) -> bytes:
-    """Return the request to go to `at`, a pose in the robot's `frame`, by a behavior tree.
+    """Return the request to go to `at`, a pose in the robot's `frame`, by a behaviour tree.
 
     `tree` is a file on the robot, '' for the robot's own choice; `sent` is in seconds (UTC).
     """

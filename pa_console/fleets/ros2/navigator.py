@@ -274,7 +274,7 @@ class Navigator:
     def _order(self, command: DeviceCommand) -> None:
         """Give the robot a new goal in place of the one that it has.
 
-        Nav2 changes over to a goal by itself, unless that has another behavior tree: then it keeps
+        Nav2 changes over to a goal by itself, unless that has another behaviour tree: then it keeps
         the old one, so that is cancelled first.
         """
         goal = _Goal(command, uuid.uuid5(self._salt, command.command_id).bytes)

@@ -1,7 +1,7 @@
 """`python -m tests.fleets.ros2.nav2_robot`: robots with Nav2, on a Zenoh router of their own.
 
 They behave as Nav2's navigator does by its public source (rclcpp_action, nav2_util's action server,
-bt_navigator): a second goal takes the place of the first unless its behavior tree differs, a known
+bt_navigator): a second goal takes the place of the first unless its behaviour tree differs, a known
 goal id ends the server, a result is given when the goal has ended and is kept for ten seconds.
 Lines of JSON on standard input change a robot; each is answered by the state of all of them.
 """
@@ -42,7 +42,7 @@ class Body(Protocol):
     level: int
 
     def go(self, x: float, y: float, tree: str) -> None:
-        """Set out for a place, by a behavior tree."""
+        """Set out for a place, by a behaviour tree."""
 
     def stop(self) -> None:
         """Stop."""
@@ -285,7 +285,7 @@ class Nav2Robot:
             self._publish_status()
         elif not any(wanted):
             self.body.stop()
-        for goal in chosen:  # the behavior tree notices at its next tick
+        for goal in chosen:  # the behaviour tree notices at its next tick
             self._due.append((self._clock() + 0.05, lambda goal=goal: self._cancelled(goal)))
 
     def _cancelled(self, goal: Goal) -> None:
