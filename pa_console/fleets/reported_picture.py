@@ -181,7 +181,7 @@ class ReportedPicture:
         self._lag_s = 0.0
         self._recognised: dict[str, tuple[int, Point]] = {}
         self._lags: dict[str, float] = {}
-        """How far the station's clock was behind at the latest report of each asset, seconds."""
+        """The lag of the station's clock at the latest report of each asset, seconds."""
         self._watched: dict[str, int] = {}
         """The tick of the latest detections of each asset that reports any."""
         self._taken: list[tuple[str, Callable[[], object]]] = []

@@ -23,7 +23,7 @@ BEHIND_S = 10.0
 
 @dataclass(frozen=True)
 class AssetReport:
-    """What an asset reports of itself; the station concludes from `sent` how old that is."""
+    """An asset's report of itself; the station concludes from `sent` how old that is."""
 
     agent: str
     sent: datetime
@@ -153,7 +153,7 @@ class Belief:
         return True
 
     def is_recent(self, name: str, age_ticks: int, rate: float = 1.0) -> bool:
-        """Return whether detections of `name` from so many ticks ago are of now."""
+        """Return whether detections of `name` that are `age_ticks` old still count."""
         age_s = age_ticks * self._dt_s
         if age_s > BEHIND_S * rate:
             text = f"its detections are {age_s:.0f} s old, or its clock is behind: set aside"

@@ -56,7 +56,7 @@ def is_of_order(
 
 
 def unread_times(world: World, text: str) -> tuple[str, ...]:
-    """Return the times that the words of an order name, in an order of which no time was read.
+    """Return the times named in an order of which no time was read.
 
     A time of something else, *the guard changes in an hour*, is none of the order's.
     """

@@ -83,7 +83,7 @@ _IF = re.compile(
 
 
 class Mention(NamedTuple):
-    """Words of an order as `said`, and their meaning: a name, a kind, a number, a verb.
+    """Words of an order, and their meaning: a name, a kind, a number, a verb.
 
     `asked` is False for words that are reported, quoted or ruled out, or call a place by radio.
     """
@@ -207,7 +207,7 @@ class _Finder:
             yield Mention("verb", verb.word, verb.word, plain, verb.tasks, verb.means)
 
     def _is_another(self, words: Sequence[tuple[str, int]], at: int) -> bool:
-        """Return whether a word that nobody here knows tells a place from ours: *the moon base*."""
+        """Return whether an unknown word makes it another place than ours: *the moon base*."""
         if at < 2 or words[at - 2][0].lower() not in _LEADS:
             return False
         before = words[at - 1][0].lower()

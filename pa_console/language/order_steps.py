@@ -184,7 +184,7 @@ class _Cutter:
             self._now = head
 
     def _takes_next(self) -> bool:
-        """Read the words that begin the next step, or that tell that a clause is one."""
+        """Read the words that begin the next step, or that mark a clause as one."""
         reader, start = self._reader, self._reader.at
         word, before = reader.word(), reader.word(-1)
         at_clause = self._at_clause

@@ -200,7 +200,7 @@ class _Reading:
         return True
 
     def patrol(self, limits: PatrolLimits) -> Patrol | Unclear:
-        """Return what was read as a patrol, or what to ask about it."""
+        """Return the patrol that was read, or the question about it."""
         if self._endless:
             asked = f"“{self._endless}”: a patrol ends after a number of laps, at most"
             return Unclear("", f"{asked} {limits.most_laps} (patrol_laps). How many?")

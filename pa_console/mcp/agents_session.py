@@ -45,7 +45,7 @@ class AssetView(BaseModel):
 
 
 class ExaminedPlan(BaseModel):
-    """What the checks say of a plan in the present picture, and how its rehearsal went.
+    """The checks' findings on a plan in the present picture, and the result of its rehearsal.
 
     Nothing was queued. The plan of a mission is examined again before anybody may approve it.
     """

@@ -60,7 +60,7 @@ class CommandGate:
         self.stopped = False
         """True while the stop is latched."""
         self.manual = ManualControl(fleet.world)
-        """Who drives which asset by hand."""
+        """The assets under manual control."""
         self._stops = 0
         self._orders: set[DeviceCommand] = set()
         """The commands of the plan in force that have not passed yet."""

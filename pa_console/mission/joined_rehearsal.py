@@ -1,4 +1,4 @@
-"""Joins the rehearsals of steps that follow each other into that of the whole plan."""
+"""Joins the rehearsals of successive steps into that of the whole plan."""
 
 from collections.abc import Sequence
 from itertools import accumulate

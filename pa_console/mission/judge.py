@@ -52,7 +52,7 @@ class OrderComparison(NamedTuple):
 
     @property
     def told(self) -> str:
-        """What is planned, and how it compares; open at the end where that is for the model."""
+        """The plan compared with the order; open at the end where the model is to finish it."""
         if self.gaps is None:
             return f"{self.planned}; "
         return f"{self.planned}; {'; '.join(self.gaps) or FITS}"

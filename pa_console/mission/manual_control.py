@@ -26,7 +26,7 @@ class AwaitingMission:
 
 
 class ManualControl:
-    """Who drives which asset of `world` by hand, and which missions await that asset."""
+    """The assets of `world` under manual control, and the missions that await them."""
 
     def __init__(self, world: World) -> None:
         self._world = world
@@ -37,11 +37,11 @@ class ManualControl:
 
     @property
     def assets(self) -> frozenset[str]:
-        """The assets under manual control, whoever says so."""
+        """The assets under manual control, by the operator's words or their own report."""
         return self._reported.union(self.taken)
 
     def refusal(self, asset: str) -> str:
-        """Return why a command to `asset` may not be sent, '' where nobody drives it."""
+        """Return the reason against a command to `asset`, '' without manual control."""
         if asset in self.taken:
             return f"{asset} is under manual control, taken by {self.taken[asset]}"
         return f"{asset} reports manual control" if asset in self._reported else ""

@@ -44,7 +44,7 @@ class _Leg:
 async def plan_patrol(
     context: MissionContext, retrieved: RetrievedRules, patrol: Patrol, done: int = 0
 ) -> PlanForDecision | NotUnderstood:
-    """Return the plan for what is left of a patrol of which `done` legs are done."""
+    """Return the plan for the rest of a patrol after its first `done` legs."""
     agent = _first_agent(context, patrol)
     if not agent:
         who = patrol.who or (f"{patrol.kind}" if patrol.kind else "asset")

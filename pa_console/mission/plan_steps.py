@@ -91,7 +91,7 @@ async def _planned(
 async def _joined(
     context: MissionContext, task: Mission, planned: Sequence[PlanForDecision], count: int
 ) -> PlanForDecision:
-    """Examine the plans of the steps as one, and return it with what was found of each."""
+    """Examine the plans of the steps as one; return it with the findings of each step."""
     bests = [each.best for each in planned]
     whole = joined_plan(bests)
     number = context.next_attempt()

@@ -149,7 +149,7 @@ def order_moments(plan: Plan, world: World, done: Collection[str]) -> tuple[Orde
 
 @dataclass(frozen=True)
 class RehearsedSteps:
-    """A plan's rehearsal as a whole, and that of each of its steps, as far as it got."""
+    """A plan's rehearsal as a whole, and that of each of its steps that began."""
 
     whole: Rehearsal
     steps: tuple[Rehearsal, ...]

@@ -54,18 +54,18 @@ class PlanFacts:
     """The step of a plan in steps, counted from 1; 0 for a whole plan."""
     steps: int = 0
     held: str = ""
-    """What of the plan was not sent after this step, and why."""
+    """The actions that were not sent after this step, and the reason."""
 
 
 @dataclass
 class PlaceWatch:
-    """When nobody was at a place, and for how long at most, in simulated seconds."""
+    """The times without anybody at a place, and the longest, in simulated seconds."""
 
     longest_s: float = 0.0
     _since_s: float | None = None
 
     def see(self, time_s: float, *, somebody: bool) -> None:
-        """Take in whether anybody is known to be there."""
+        """Note whether anybody is known to be there."""
         if somebody:
             self._since_s = None
             return
@@ -207,7 +207,7 @@ def _outcome(facts: PlanFacts) -> Iterator[str]:
 
 
 def _patrol(facts: ReportFacts) -> Iterator[str]:
-    """Yield when each place of a patrol was seen by it, and how long nobody was there at most."""
+    """Yield the visits of a patrol to each place, and the longest time without anybody there."""
     for place, watch in facts.patrolled.items():
         seen = [
             f"{plan.verification.as_of_s:.0f} s"

@@ -104,7 +104,7 @@ class StepByStep:
         status: MissionStatus,
         facts: PlanFacts | None = None,
     ) -> MissionResult:
-        """Send nothing of those `numbers` any more, and tell what that is."""
+        """Hold the actions `numbers` for good, and emit them."""
         new = sorted({*numbers} - self._held)
         self._held |= {*new}
         actions = [self._plan.actions[number - 1] for number in new]

@@ -17,7 +17,7 @@ from pa_console.station.worker import MissionWorker, StationParts
 MAX_STEPS_AT_ONCE = 20
 IDLE_S = 0.005
 LATE_S = 2.0
-"""A mission that starts so long after its moment is told as late."""
+"""The delay from which a mission counts as late, seconds."""
 OVER = "its last moment has passed"
 FAULT_AGAIN_S = 10.0
 """An internal error that recurs is reported this often."""
@@ -203,7 +203,7 @@ class Ticking:
         self._worker.see(picture)
 
     def _see_manual(self, picture: Picture) -> None:
-        """Take in who is under manual control; what an operator has changed is told already."""
+        """Note the assets under manual control; what an operator has changed is told already."""
         gate = self._services.gate
         gate.see(picture)
         taken = frozenset(gate.manual.taken)

@@ -50,7 +50,7 @@ class ManualAssets:
         self._look()
 
     def change(self, words: ManualWords, by: str = "operator") -> str:
-        """Do what an operator's words say, and return what was done; raises ValueError as they do.
+        """Carry out an operator's words, and return the change; raises ValueError as they do.
 
         Of several assets none is changed unless all can be.
         """

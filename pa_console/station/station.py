@@ -104,7 +104,7 @@ class ControlStation:
             self._writable,
             resumed.before.state.muted_agents if resumed else (),
         )
-        """What agents propose."""
+        """The agents' proposals."""
         self.manual = ManualAssets(
             parts, self._writable, self._look_now, self._worker.queue_changed
         )
@@ -398,7 +398,7 @@ class ControlStation:
             self._worker.change_steps(change.change)
 
     def _change(self, order: ReadText, change: OrderChange | ManualWords) -> Mission:
-        """Change at once what an operator's words say, and record them as a mission.
+        """Carry out an operator's words at once, and record them as a mission.
 
         Raises ValueError for what cannot be changed so.
         """

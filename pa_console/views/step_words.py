@@ -20,7 +20,7 @@ class StepLine:
     agent: str
     does: str
     when: str
-    """What it waits for, in words; '' for the first step."""
+    """The condition that it waits for, in words; '' for the first step."""
 
     @property
     def in_words(self) -> str:
@@ -67,7 +67,7 @@ def step_lines(plan: Plan) -> tuple[StepLine, ...]:
 
 
 def orders_in_line(plan: Plan) -> str:
-    """Return a plan's actions in one line, those that wait after *then*."""
+    """Return a plan's actions in one line, with *then* before those that wait."""
     parts = [
         "; ".join(f"{plan.actions[n - 1].agent} {plan.actions[n - 1].command}" for n in numbers)
         for numbers in plan.steps

@@ -1,4 +1,4 @@
-"""What one drone reports of itself over MAVLink, in the world's metres and the station's time."""
+"""The state of one drone by its own MAVLink messages, in the world's metres and station time."""
 
 import math
 from collections import deque
@@ -69,7 +69,7 @@ class BootClock:
 
 @dataclass(frozen=True)
 class Fix:
-    """Where a drone is: `altitude_m` above its home, `msl_m` above sea level."""
+    """A drone's position: `altitude_m` above its home, `msl_m` above sea level."""
 
     at: Point
     sent: datetime
@@ -86,7 +86,7 @@ class Fix:
 
 @dataclass(frozen=True)
 class StatusText:
-    """A line that the drone said, at the station's clock; severity 0 is the gravest."""
+    """A status text of the drone, by the station's clock; severity 0 is the gravest."""
 
     at_s: float
     severity: int
@@ -121,7 +121,7 @@ class DroneState:
 
     @property
     def landed(self) -> bool:
-        """True if it stands on the ground, or has never said that it flies."""
+        """True if it stands on the ground, or has never reported that it flies."""
         return self.on_ground is True or (self.on_ground is None and not self.armed)
 
     @property

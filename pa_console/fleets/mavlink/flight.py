@@ -42,7 +42,7 @@ REASON_S = 0.4
 
 ARRIVED_M = 1.5
 HEIGHT_M = 2.0
-"""How near a drone is to its place when it has arrived, across and in height."""
+"""The distances within which a drone has arrived, across and in height."""
 
 CLIMBED = 0.9
 """The part of its altitude at which a drone has taken off."""
@@ -542,7 +542,7 @@ class Flight:
         return f"{what}: {words}" if words else what
 
     def _say_now_and_then(self, level: Level, text: str) -> None:
-        """Tell the operator, unless the same was told a short while ago."""
+        """Emit a notice, unless an equal one was emitted a short while ago."""
         now, told = self._now(), self._said.texts
         for old in [old for old, at_s in told.items() if now - at_s > REPEAT_TEXT_S]:
             del told[old]

@@ -82,7 +82,7 @@ def difference(areas: Sequence[FenceArea], found: Sequence[MavItem], geography: 
 
 
 def _split(items: list[MavItem], corners: int) -> list[list[MavItem]]:
-    """Return polygons of so many corners each; a last one with fewer is as it is."""
+    """Return polygons with the given numbers of corners; a last one with fewer is as it is."""
     step = max(corners, 1)
     return [items[start : start + step] for start in range(0, len(items), step)]
 
@@ -114,7 +114,7 @@ class FenceWatch:
         self._areas, self._geography, self._autopilot = areas, geography, autopilot
         self._say, self._every_s = say, every_s
         self._asked: Literal["", "read", "upload", "enforce"] = ""
-        """What the drone has still to answer: nothing else that comes is taken for it."""
+        """The drone's outstanding answers: nothing else that comes is taken for it."""
         self._until_s = 0.0
         self._why_not_upload = ""
         self._next_s = 0.0

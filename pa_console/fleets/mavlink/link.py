@@ -37,7 +37,7 @@ PATIENCE_S = 10.0
 """So long a vehicle is waited for when a link is opened; autopilots send a heartbeat a second."""
 
 SILENT_S = 5.0
-"""A link on which no vehicle has been heard for so long has a problem."""
+"""The silence of all vehicles that counts as a problem of the link, seconds."""
 
 MOST_WAITING = 20_000
 """The number of messages that may wait; further ones are dropped and counted."""
@@ -199,7 +199,7 @@ class MavlinkLink:
         self._mavsdk.destroy()
 
     def discover(self) -> Sequence[FoundRobot]:
-        """Return the drones of the file that were heard, and other vehicles on the link."""
+        """Return the drones of the file that have been heard, and other vehicles on the link."""
         found = [
             FoundRobot(name, "uav", flight.state.fix.at if flight.state.fix else None)
             for name, flight in list(self._flights.items())

@@ -54,7 +54,7 @@ class FlightOrder:
     """When the step was asked for, last; None if it has not been."""
     tries: int = 0
     refused: tuple[str, float] | None = None
-    """What the autopilot refuses, and when it did."""
+    """The autopilot's refusal, and its time."""
     acknowledged: bool = False
     nearest_m: float = math.inf
     nearest_s: float = 0.0

@@ -1,4 +1,4 @@
-"""The file that says which drones a MAVLink link has, and how high they fly.
+"""The file of a MAVLink link: its drones and their altitudes.
 
 connection: udp://0.0.0.0:14540
 floor_m: 10

@@ -22,7 +22,7 @@ Layout = Literal["bridge", "rmw"]
 """The keys of robots behind zenoh-bridge-ros2dds, and of robots on rmw_zenoh."""
 
 _MOVES: tuple[Verb, ...] = ("move_to", "observe", "block", "return_to_base")
-"""What a robot that navigates can do by itself: going to a place, and staying there."""
+"""The commands of a robot that only navigates: going to a place, and staying there."""
 
 _LOCATOR = re.compile(r"(tcp|tls|quic|udp|ws|unixsock-stream|serial|vsock)/\S+")
 _TOPIC = r"^[A-Za-z0-9_~]+(/[A-Za-z0-9_~]+)*$"
@@ -67,7 +67,7 @@ class RobotEntry(StrictModel):
 
     @property
     def able(self) -> tuple[Verb, ...]:
-        """What it is able to do, besides hold and report."""
+        """Its abilities, besides hold and report."""
         return self.can if self.can is not None else _MOVES
 
 
@@ -140,7 +140,7 @@ class RobotSite:
 
 
 def read_site(path: Path, world: World) -> RobotSite:
-    """Return what the connection file at `path` says of robots of `world`.
+    """Return the contents of the connection file at `path`, for robots of `world`.
 
     Raises DocumentError, which names file, line, field and remedy.
     """
@@ -178,7 +178,7 @@ def read_site(path: Path, world: World) -> RobotSite:
 
 @dataclass(frozen=True)
 class MapFit:
-    """Where the robots' map lies in the world: turned and moved, never stretched or mirrored.
+    """The place of the robots' map in the world: turned and moved, never stretched or mirrored.
 
     Both are in metres, so a scale is an error of measurement, and shows as one.
     """

@@ -1,4 +1,4 @@
-"""The Zenoh keys of a robot's topics and services, in both layouts, and who is there.
+"""The Zenoh keys of a robot's topics and services in both layouts, and the robots present.
 
 Behind zenoh-bridge-ros2dds a key is the ROS name with the bridge's namespace in front. On rmw_zenoh
 it is `DOMAIN/NAME/TYPE/HASH`; types and hashes of services depend on the release, so they are read
@@ -29,7 +29,7 @@ _TYPES: Mapping[str, str] = MappingProxyType(
         "feedback": "nav2_msgs::action::dds_::NavigateToPose_FeedbackMessage_",
     }
 )
-"""The types of what is subscribed to, as rmw_zenoh writes them."""
+"""The types of subscriptions, as rmw_zenoh writes them."""
 
 
 class Service(NamedTuple):

@@ -50,7 +50,7 @@ RING = 128
 """Messages of one topic that are kept between two looks; the oldest give way."""
 
 NEWS_S = 0.02
-"""How often `wait` looks into the rings, seconds."""
+"""The interval at which `wait` polls the rings, seconds."""
 
 FLOOD_S = 0.25
 """A ring that fills up within this time is flooded, seconds; a busy topic takes longer."""
@@ -185,7 +185,7 @@ class Ros2Link:
         self._session.close()
 
     def _work(self) -> None:
-        """Take in what waits, and see to what is due."""
+        """Process waiting messages and due requests."""
         self._arrived.clear()
         self._read()
         for robot in self._robots.values():
@@ -456,7 +456,7 @@ def connect(where: Ros2Address, site: RobotSite) -> tuple[zenoh.Session, Keys]:
 
 
 def _open(where: Ros2Address, connection: Connection) -> zenoh.Session:
-    """Return a session that is a client of the router at `where`, and of nothing else."""
+    """Return a session that is a client of the router at `where` alone."""
     try:
         own = connection.zenoh
         config = zenoh.Config.from_file(own) if own is not None else zenoh.Config()

@@ -17,7 +17,7 @@ MOST_SPEEDS = 256
 """Measured speeds that are kept: those of as many messages as are read at once."""
 
 APART_S = 0.4
-"""Without a measured speed, two places at least this far apart in time give one, seconds."""
+"""The least time between two poses from which a speed is estimated, seconds."""
 
 
 class Place(NamedTuple):

@@ -52,13 +52,13 @@ RESEND_S = 8.0
 ended after ten, and would carry one out a second time."""
 
 ARRIVED_S = 2.0
-"""The place of a robot that says that it has arrived must show it within this time, seconds."""
+"""The pose of a robot that reports its arrival must confirm it within this time, seconds."""
 
 REASON_S = 1.0
 """The longest wait for a robot's own reason after its goal has ended, seconds."""
 
 POLL_S = 1.0
-"""After a hold, the results of goals that have not ended are asked for this often, seconds."""
+"""The interval of requests for the results of open goals after a hold, seconds."""
 
 PROGRESS_S = 5.0
 """Progress is reported this often, seconds."""
@@ -108,7 +108,7 @@ class _Goal:
     replaced: bool = False
     """True once a newer order came after it."""
     ended_s: float | None = None
-    """When the robot said that it has ended; the answer follows when the reason is known."""
+    """The time at which it was reported as ended; the answer follows once the reason is known."""
     said: DeviceAnswer | None = None
     told_s: float = -math.inf
 
@@ -124,7 +124,7 @@ class _Hold:
 
     command: DeviceCommand
     cancelled_s: float | None = None
-    """When the robot said that it cancels."""
+    """The time of the robot's report that it cancels."""
     polled_s: float = -math.inf
 
 
@@ -174,7 +174,7 @@ class Navigator:
 
     @property
     def task(self) -> Task:
-        """What the robot does."""
+        """The robot's task."""
         running = self._running()
         if running is not None and running.state.active:
             return "returning" if running.command.verb == "return_to_base" else "moving"
@@ -433,7 +433,7 @@ class Navigator:
     # Holds
 
     def _stop(self, command: DeviceCommand) -> None:
-        """Cancel every goal of the robot, whoever gave it, and whether it is known or not."""
+        """Cancel every goal of the robot, those of other clients too."""
         self._waiting = None
         for goal in self._goals.values():
             goal.held = goal.held or not goal.over
@@ -480,7 +480,7 @@ class Navigator:
     # Answers
 
     def _readable(self, read: Callable[[bytes], T], reply: bytes) -> T | None:
-        """Return what a reply says, None for one that cannot be read."""
+        """Return the content of a reply, None for one that cannot be read."""
         try:
             return read(reply)
         except UnreadableError as error:

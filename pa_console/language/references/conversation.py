@@ -26,7 +26,7 @@ from pa_console.schema.command import ENCOUNTERS
 
 @dataclass(frozen=True)
 class ResolvedReference:
-    """Words as `said`, from one character of the text up to another, and their meaning.
+    """Words of a text, their range of characters and their meaning.
 
     `becomes` is the replacement, if it is more than the names.
     """
@@ -72,7 +72,7 @@ _IT = _WORDS["it"]
 _THEM = _WORDS["them"]
 _THEY = _WORDS["they"]
 LEANING = frozenset((*_IT, *_THEM, *_THEY, *_THERE, *_SAME))
-"""The words that stand for what was ordered before."""
+"""The words that refer to an earlier order."""
 _HER = frozenset(_WORDS["her"])
 """The words after an *her* that is no possessive."""
 _SOMEBODY = frozenset((*CONTACTS, *_WORDS["somebody"]))
