@@ -180,4 +180,4 @@ def test_every_file_that_is_shipped_stays_far_from_the_limits() -> None:
     for path in files:
         document = Document.read(path)
         assert document.value == yaml.safe_load(path.read_text(encoding="utf-8"))
-        assert _size(document.value) < MOST_NODES / 5
+        assert _size(document.value) < MOST_NODES / 4

@@ -127,7 +127,7 @@ async def test_a_file_that_is_no_adapter_of_the_model_makes_it_unavailable(
     path = tmp_path / "odd.lora.gguf"
     path.write_bytes(b"GGUF but not really")
     model = replace(smallest_model, adapters=(LocalAdapter("judge", path, hash_file(path)),))
-    with pytest.raises(ModelUnavailableError, match=r"odd\.lora\.gguf: not an adapter"):
+    with pytest.raises(ModelUnavailableError, match=r"odd\.lora\.gguf: not a sound GGUF file"):
         await fresh(model, TALK)
 
 

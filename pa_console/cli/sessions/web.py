@@ -24,7 +24,7 @@ from pa_console.child_processes import OWN_FOLDER
 from pa_console.cli.sessions.tokens import offer_token, token_book
 from pa_console.end_signals import end_signals, exit_code_of
 from pa_console.fleets.authorization import RefusedError
-from pa_console.http.connections import ADDRESS, BACKLOG, Listening, listen
+from pa_console.http.connections import ADDRESS, QUEUED, Listening, listen
 from pa_console.http.guard import BODY_S, MOST_BYTES, NAMES, RequestRate
 from pa_console.http.tokens import Bearer, TokenBook
 from pa_console.terminal.output import errors, out
@@ -100,7 +100,7 @@ class ServedConsole(Server):
         app.on_response_prepare.append(_with_headers)
         runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.5)
         await runner.setup()
-        await web.SockSite(runner, self._listening, backlog=BACKLOG).start()
+        await web.SockSite(runner, self._listening, backlog=QUEUED).start()
         loop, over, ended_by = asyncio.get_running_loop(), asyncio.Event(), list[int]()
 
         def end(number: int) -> None:

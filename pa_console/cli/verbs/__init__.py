@@ -69,7 +69,7 @@ VERBS = {
         "Show a session on TAK maps (ATAK, WinTAK) as Cursor on Target; nothing is taken from "
         "there.",
     ),
-    "world": Verb("world:app", "Generate a checkpoint world, or check one."),
+    "world": Verb("world:app", "Generate a checkpoint world, make one from robots, or check one."),
     "settings": Verb("settings:app", "Show, change and reset the settings."),
     "manual": Verb("manual:manual", "Read the manual: list its pages, or show one of them."),
 }
@@ -185,6 +185,7 @@ EXAMPLES = {
     "tak": "pa-console tak --server tcp://127.0.0.1:8087 --replay last --origin 2.0,-30.0",
     "world": "pa-console world generate --gates 6 --out six.yaml",
     "world generate": "pa-console world generate --gates 6 --assets 20 --seed 7 --out six.yaml",
+    "world from": "pa-console world from --fleet mavlink:drones.yaml --out site.yaml",
     "world check": "pa-console world check six.yaml",
     "settings": "pa-console settings show",
     "settings show": "pa-console settings show --json",

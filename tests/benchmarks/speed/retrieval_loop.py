@@ -21,7 +21,7 @@ def measure_retrieval(bench: Bench) -> list[Comparison]:
     Raises ValueError when the plain loop and the retriever do not agree.
     """
     found: list[Comparison] = []
-    rules = bench.site.rulebook.rules
+    rules = [rule for rule in bench.site.rulebook.rules if rule.in_prompts]
     for number, some in enumerate((rules, more_rules(rules, MANY))):
         bench.tell(f"{len(some)} rules", number / 2)
         retriever = Retriever(some, "paper")

@@ -72,7 +72,7 @@ def test_a_twin_that_says_something_else_is_an_error(
 
 
 def test_the_plain_loop_scores_as_the_retriever_does(site: Site) -> None:
-    rules = more_rules(site.rulebook.rules, 60)
+    rules = more_rules([rule for rule in site.rulebook.rules if rule.in_prompts], 60)
     assert len({rule.id for rule in rules}) == 60
     query = "Block the vehicle, ignore nothing."
     scores = {hit.rule_id: hit.score for hit in Retriever(rules, "paper").score_all(query)}
