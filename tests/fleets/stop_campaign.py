@@ -184,7 +184,8 @@ host, port, site, name, kind = sys.argv[1:]
 client = Client(CallbackAPIVersion.VERSION2, protocol=MQTTProtocolVersion.MQTTv5)
 heard = {}
 def note(_client, _data, message):
-    heard[message.topic] = json.loads(message.payload)
+    if message.topic.split('/')[3] != 'site':
+        heard[message.topic] = json.loads(message.payload)
 client.on_message = note
 client.connect(host, int(port))
 if kind == "retained":
