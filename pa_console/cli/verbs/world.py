@@ -25,15 +25,19 @@ app = typer.Typer(
 )
 
 
+OutOption = Annotated[
+    Path | None, typer.Option("--out", "-o", help="File to write; stdout when left out.")
+]
+ForceOption = Annotated[bool, typer.Option("--force", help="Write over an existing file.")]
+
+
 @app.command()
 def generate(
     gates: Annotated[int, typer.Option("--gates", help="Number of gates.")] = 4,
     assets: Annotated[int, typer.Option("--assets", help="Number of assets.")] = 8,
     seed: Annotated[int, typer.Option("--seed", help="Equal seeds give equal worlds.")] = 0,
-    output: Annotated[
-        Path | None, typer.Option("--out", "-o", help="File to write; stdout when left out.")
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Write over an existing file.")] = False,
+    output: OutOption = None,
+    force: ForceOption = False,
 ) -> None:
     """Generate a valid world: other gates, shapes and teams for every seed."""
     _refuse_existing(output, force=force)
@@ -70,10 +74,8 @@ def from_robots(
             help="The map.yaml of a robot's occupancy map (ROS map server, PGM) as background.",
         ),
     ] = None,
-    output: Annotated[
-        Path | None, typer.Option("--out", "-o", help="File to write; stdout when left out.")
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Write over an existing file.")] = False,
+    output: OutOption = None,
+    force: ForceOption = False,
 ) -> None:
     """Write a world with the robots that are on these links, and their map as its background."""
     from pa_console.cli.sessions.links import survey  # noqa: PLC0415 - with robots only
