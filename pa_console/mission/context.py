@@ -7,6 +7,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Self
 
 from pa_console.fleets.fleet import Fleet
+from pa_console.fleets.foreseen import ForeseenFleet
 from pa_console.language.references.scene import Move, PastMission, ReferenceScene, after
 from pa_console.llm.backend import Answerer
 from pa_console.llm.early_answers import EarlyAnswers
@@ -16,9 +17,9 @@ from pa_console.llm.roles.clause_reader import ClauseReader
 from pa_console.llm.roles.judge import Judge
 from pa_console.llm.roles.planner import Planner
 from pa_console.llm.roles.role_model import PROMPT_FORMATS, PromptFormat, RoleModel, format_in
+from pa_console.mission.examine import Examination
 from pa_console.mission.gate import CommandGate
-from pa_console.mission.journal import Journal
-from pa_console.mission.standing import StandingOrders
+from pa_console.mission.orders.standing import StandingOrders
 from pa_console.policy.core_rules import with_core
 from pa_console.policy.moments import Pursuits
 from pa_console.policy.monitor import Monitor
@@ -31,6 +32,7 @@ from pa_console.schema.mission import Metrics, Mission, MissionStatus
 from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
+from pa_console.session.log.journal import Journal
 
 if TYPE_CHECKING:
     from pa_console.fleets.station_authority import StationAuthority
@@ -296,3 +298,37 @@ class MissionResult:
 
     status: MissionStatus
     reason: str
+
+
+class ForeseenContext:
+    """Gives each later step the context that the rehearsals of the steps before it leave."""
+
+    def __init__(self, context: MissionContext) -> None:
+        self._context, self._services, self._monitor = context, context.services, context.monitor
+
+    def begin(self, words: str) -> MissionContext:
+        """Return the context for a step with these words."""
+        mission = self._context.mission.model_copy(update={"text": words, "typed": ""})
+        return replace(
+            self._context, services=self._services, mission=mission, monitor=self._monitor
+        )
+
+    def end(self, step: MissionContext) -> None:
+        """Count on from the plans of a step."""
+        self._context.attempts = step.attempts
+
+    def went(self, found: Examination, mission: Mission) -> bool:
+        """Take in how a step goes; False where it is blocked, so that nothing follows it."""
+        rehearsal, world = found.rehearsal, self._services.fleet.world
+        if found.blocked or rehearsal is None:
+            return False
+        before, past = self._services.fleet.picture(), self._services.past
+        past = PastOrders([*past.missions], past.pointer)
+        spoken = mission.model_copy(update={"source": "operator"})
+        past.remember(spoken, ordered_by(found.plan, before), undid=False, corrects=False)
+        fleet = ForeseenFleet(world, rehearsal.after)
+        self._services = replace(self._services, fleet=fleet, past=past)
+        self._monitor = self._monitor.copy()
+        for moment in rehearsal.moments:
+            self._monitor.observe(moment)
+        return True

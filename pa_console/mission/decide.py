@@ -19,9 +19,9 @@ from pa_console.mission.approval import (
     unasked_decision,
 )
 from pa_console.mission.context import MissionContext, MissionResult
+from pa_console.mission.execution.premises import ways_to_safety
 from pa_console.mission.plan import Candidate, PlanForDecision
-from pa_console.mission.premises import ways_to_safety
-from pa_console.mission.propose import other_readings
+from pa_console.mission.planning.propose import other_readings
 from pa_console.mission.understand import NotUnderstood, StandingOffer
 from pa_console.schema.events import event as ev
 from pa_console.schema.events.event import MOST_READINGS

@@ -11,8 +11,7 @@ from shapely import Point, Polygon
 
 from pa_console.fleets.fleet import Outlook
 from pa_console.language.exclusions import excluded_names
-from pa_console.mission.joined_rehearsal import joined
-from pa_console.mission.rehearse import RehearsedSteps, order_moments, rehearse_steps
+from pa_console.mission.rehearse import RehearsedSteps, joined, order_moments, rehearse_steps
 from pa_console.policy.findings import ORDER_ID, STRUCTURE_ID, problems
 from pa_console.policy.moments import moment
 from pa_console.policy.monitor import Monitor

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from typing import Self
 
 from pa_console.mission.context import MissionContext
-from pa_console.mission.dispatch import TIMED_OUT, Dispatch, Step, StepFeed
 from pa_console.mission.examine import Examination
-from pa_console.mission.premises import Premises, safe_state
+from pa_console.mission.execution.dispatch import TIMED_OUT, Dispatch, Step, StepFeed
+from pa_console.mission.execution.premises import Premises, safe_state
 from pa_console.mission.rehearse import device_commands, order_moments
 from pa_console.schema.command import ADDRESSING, CommandReply, DeviceCommand
 from pa_console.schema.events import event as ev

@@ -5,16 +5,16 @@ from typing import TYPE_CHECKING
 
 from pa_console.fleets.fleet import Fleet
 from pa_console.mission.approval import inadmissible, not_unasked, people_needed
-from pa_console.mission.journal import Journal
-from pa_console.mission.manual_control import ManualControl
+from pa_console.mission.execution.manual_control import ManualControl
+from pa_console.mission.orders.standing import StandingOrders
 from pa_console.mission.rehearse import device_commands
-from pa_console.mission.standing import StandingOrders
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action
 from pa_console.schema.telemetry import Picture
+from pa_console.session.log.journal import Journal
 
 if TYPE_CHECKING:
     from pa_console.fleets.station_authority import StationAuthority

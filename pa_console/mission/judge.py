@@ -24,11 +24,11 @@ from pa_console.llm.roles.role_model import PromptFormat, RoleModel, first_answe
 from pa_console.mission.context import MissionContext
 from pa_console.mission.gate import STILL
 from pa_console.mission.plan import Candidate, PlanForDecision, with_commands_given
-from pa_console.mission.propose import PlannerAnswer
+from pa_console.mission.planning.fulfilment import gaps
+from pa_console.mission.planning.moves import PlanMoves
+from pa_console.mission.planning.obstacles import obstacle_to
+from pa_console.mission.planning.propose import PlannerAnswer
 from pa_console.mission.readings import may_decide, read_order
-from pa_console.mission.tasking.fulfilment import gaps
-from pa_console.mission.tasking.moves import PlanMoves
-from pa_console.mission.tasking.obstacles import obstacle_to
 from pa_console.policy.findings import ORDER_ID
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from pa_console.language.reading import read_reason
 from pa_console.mission.context import MissionResult
-from pa_console.mission.tasking.fulfilment import is_to_be_warned
+from pa_console.mission.planning.fulfilment import is_to_be_warned
 from pa_console.policy.expressions.deadlines import shared_deadline
 from pa_console.policy.monitor import Monitor
 from pa_console.policy.orderings import WorkflowRun

@@ -10,7 +10,10 @@ from pa_console.language.order import Reading
 from pa_console.language.reading import asked_words, read_asked, read_reason
 from pa_console.mission.context import MissionContext
 from pa_console.mission.examine import Examination, examine
-from pa_console.mission.propose import (
+from pa_console.mission.planning.fulfilment import gaps
+from pa_console.mission.planning.moves import PlanMoves
+from pa_console.mission.planning.obstacles import Unmet, unmet_asks
+from pa_console.mission.planning.propose import (
     NumberedPlan,
     PlannerAnswer,
     ask_for_others,
@@ -19,9 +22,6 @@ from pa_console.mission.propose import (
     commands_for,
 )
 from pa_console.mission.retrieve import RetrievedRules
-from pa_console.mission.tasking.fulfilment import gaps
-from pa_console.mission.tasking.moves import PlanMoves
-from pa_console.mission.tasking.obstacles import Unmet, unmet_asks
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Verdict
 from pa_console.schema.mission import Mission

@@ -16,10 +16,10 @@ from pa_console.llm.roles.grammar import PLANNED
 from pa_console.llm.roles.judge import Judge, JudgeQuestion, OrderReading
 from pa_console.mission.context import MissionContext
 from pa_console.mission.plan import Candidate
-from pa_console.mission.propose import PlannerAnswer, commands_for, served_plan
-from pa_console.mission.tasking.fulfilment import gaps
-from pa_console.mission.tasking.moves import PlanMoves
-from pa_console.mission.tasking.obstacles import unmet_asks
+from pa_console.mission.planning.fulfilment import gaps
+from pa_console.mission.planning.moves import PlanMoves
+from pa_console.mission.planning.obstacles import unmet_asks
+from pa_console.mission.planning.propose import PlannerAnswer, commands_for, served_plan
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events import event as ev
 from pa_console.schema.plan import Plan

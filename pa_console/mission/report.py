@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from pa_console.mission.picture_text import silence
+from pa_console.mission.planning.picture_text import silence
 from pa_console.schema.events.event import WorkflowMoved
 from pa_console.schema.mission import (
     Alarm,

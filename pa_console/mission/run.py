@@ -21,9 +21,10 @@ from pa_console.mission.decide import (
     offer_standing,
     rejection,
 )
-from pa_console.mission.dispatch import StepFeed
 from pa_console.mission.execute import ApprovedStep, Execution
+from pa_console.mission.execution.dispatch import StepFeed
 from pa_console.mission.judge import judge
+from pa_console.mission.orders.spelling import read_words
 from pa_console.mission.outcome import Results, WorkflowProgress, begun
 from pa_console.mission.plan import (
     Candidate,
@@ -33,13 +34,12 @@ from pa_console.mission.plan import (
     reexamine,
     take,
 )
-from pa_console.mission.plan_patrol import plan_patrol
-from pa_console.mission.plan_steps import Planned, plan_steps
-from pa_console.mission.propose import without_planner
+from pa_console.mission.planning.propose import without_planner
 from pa_console.mission.report import PlaceWatch, PlanFacts, ReportFacts, after_action_report
 from pa_console.mission.retrieve import RetrievedRules, retrieve
-from pa_console.mission.spelling import read_words
-from pa_console.mission.step_by_step import StepByStep
+from pa_console.mission.sequences.plan_patrol import plan_patrol
+from pa_console.mission.sequences.plan_steps import Planned, plan_steps
+from pa_console.mission.sequences.step_by_step import StepByStep
 from pa_console.mission.understand import (
     NotUnderstood,
     RefusedMission,

@@ -5,7 +5,13 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from pa_console.fleets.fleet import Fleet
-from pa_console.mission.dispatch import MOST_GROWTH, RESEND_GROWTH, RESEND_S, Dispatch, Step
+from pa_console.mission.execution.dispatch import (
+    MOST_GROWTH,
+    RESEND_GROWTH,
+    RESEND_S,
+    Dispatch,
+    Step,
+)
 from pa_console.mission.gate import CommandGate
 from pa_console.schema.base import Point
 from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand

@@ -14,10 +14,10 @@ from pa_console.language.references.resolution import Answers, resolve, with_ans
 from pa_console.language.references.scene import ReferenceScene
 from pa_console.language.standing_orders import asks_nobody, read_standing
 from pa_console.language.timed_orders import read_timed, schedule_words
-from pa_console.mission.agenda import Agenda
 from pa_console.mission.context import MissionContext
-from pa_console.mission.spelling import question_back
-from pa_console.mission.standing import example_subject, starts_now
+from pa_console.mission.orders.agenda import Agenda
+from pa_console.mission.orders.spelling import question_back
+from pa_console.mission.orders.standing import example_subject, starts_now
 from pa_console.policy.rule_checks import check_mission
 from pa_console.policy.standing_conditions import StandingCondition
 from pa_console.schema.events import event as ev

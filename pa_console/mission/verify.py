@@ -18,11 +18,11 @@ from pa_console.llm.roles.grammar import PLANNED, verdict_schema
 from pa_console.llm.roles.judge import Judgement, JudgeQuestion
 from pa_console.llm.roles.role_model import PromptFormat, RoleModel, first_answer
 from pa_console.mission.context import MissionContext
-from pa_console.mission.dispatch import TIMED_OUT
 from pa_console.mission.execute import EPSILON_S, ExecutedPlan, cover_stamp, doubt_of
+from pa_console.mission.execution.dispatch import TIMED_OUT
 from pa_console.mission.judge import compared_grammar
-from pa_console.mission.picture_text import digest_picture
-from pa_console.mission.tasking.moves import PlanMoves
+from pa_console.mission.planning.moves import PlanMoves
+from pa_console.mission.planning.picture_text import digest_picture
 from pa_console.schema.command import CommandReply
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import ActionOutcome, Mission, Outcome, Verification

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
-from pa_console.mission.picture_text import silence
+from pa_console.mission.planning.picture_text import silence
 from pa_console.mission.report import CLEARS_WHEN
 from pa_console.policy.moments import ways_out_shut
 from pa_console.schema.events.event import AlarmAcknowledged, AlarmCleared, AlarmRaised

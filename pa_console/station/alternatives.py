@@ -10,7 +10,7 @@ from pa_console.language.plain_words import plain_reading
 from pa_console.language.reading import read_asked
 from pa_console.llm.roles.grammar import CommandSlot
 from pa_console.mission.examine import CheckBasis, examine
-from pa_console.mission.tasking.choices import commands_serving
+from pa_console.mission.planning.choices import commands_serving
 from pa_console.schema.events.intake import AnswerLine
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Action, Plan

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from time import perf_counter
 from typing import Protocol
 
-from pa_console.mission.standing import Due, Ended, Withheld
+from pa_console.mission.orders.standing import Due, Ended, Withheld
 from pa_console.schema.events import event as ev
 from pa_console.schema.telemetry import Picture
 from pa_console.session.state import BY_CLOCK

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from pa_console.language.questions import Question, read_question
 from pa_console.language.references.scene import ReferenceScene
-from pa_console.mission.spelling import read_words
-from pa_console.mission.standing import Due
+from pa_console.mission.orders.spelling import read_words
+from pa_console.mission.orders.standing import Due
 from pa_console.policy.plain_text import compatible_form
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev

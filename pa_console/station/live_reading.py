@@ -17,8 +17,8 @@ from typing import NamedTuple, NoReturn
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.local.threads import NEARLY, idle_seconds
 from pa_console.mission.context import Services
-from pa_console.mission.dispatch import StepFeed
-from pa_console.mission.picture_text import digest_picture
+from pa_console.mission.execution.dispatch import StepFeed
+from pa_console.mission.planning.picture_text import digest_picture
 from pa_console.mission.run import MissionRun, StationSide
 from pa_console.mission.verify import OutcomeVerdicts
 from pa_console.policy.rulebook import Rulebook

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import Protocol, get_args
 
-from pa_console.mission.picture_text import silence
+from pa_console.mission.planning.picture_text import silence
 from pa_console.schema.events import event as ev
 from pa_console.schema.events.event import Level, Noticed
 from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Track

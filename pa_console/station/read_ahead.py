@@ -14,8 +14,8 @@ from pa_console.llm.backend import EngineError
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.roles.clause_reader import ClauseReader, reading_prefix
 from pa_console.mission.context import Services
-from pa_console.mission.picture_text import digest_picture, is_small
-from pa_console.mission.spelling import prepare, read_words
+from pa_console.mission.orders.spelling import prepare, read_words
+from pa_console.mission.planning.picture_text import digest_picture, is_small
 from pa_console.schema.events.event import Role
 from pa_console.schema.telemetry import Digest
 

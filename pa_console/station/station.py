@@ -13,10 +13,10 @@ from pa_console.language.order_changes import Change, OrderChange, OrderUnderWay
 from pa_console.language.questions import Question
 from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.scene import ReferenceScene
-from pa_console.mission.agenda import TimingLimits
 from pa_console.mission.context import Services
-from pa_console.mission.dispatch import StepFeed
 from pa_console.mission.examine import Examination, examine
+from pa_console.mission.execution.dispatch import StepFeed
+from pa_console.mission.orders.agenda import TimingLimits
 from pa_console.mission.stop import EmergencyStop
 from pa_console.mission.verify import OutcomeVerdicts
 from pa_console.policy.retriever import Retriever

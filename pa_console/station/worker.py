@@ -9,7 +9,7 @@ from pa_console.fleets.fleet import PlanCountersignature
 from pa_console.language.order_changes import Change
 from pa_console.mission.context import MissionResult, Services
 from pa_console.mission.decide import countersignature
-from pa_console.mission.dispatch import StepFeed
+from pa_console.mission.execution.dispatch import StepFeed
 from pa_console.mission.run import MissionRun, StationSide
 from pa_console.mission.stop import EmergencyStop
 from pa_console.mission.verify import OutcomeVerdicts

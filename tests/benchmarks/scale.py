@@ -19,7 +19,7 @@ from pa_console.llm.models.catalogue import find_model
 from pa_console.llm.roles.grammar import plan_grammar
 from pa_console.llm.roles.prompts import Prompt, planner_prompt
 from pa_console.mission.examine import examine
-from pa_console.mission.picture_text import digest_picture, select
+from pa_console.mission.planning.picture_text import digest_picture, select
 from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.base import StrictModel

@@ -33,7 +33,6 @@ from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
 from pa_console.fleets.vda5050.site_fleet import fleet_of
 from pa_console.fleets.vda5050.wire import Header
 from pa_console.mission.gate import CommandGate
-from pa_console.mission.journal import Journal
 from pa_console.mission.rehearse import device_commands
 from pa_console.mission.stop import EmergencyStop
 from pa_console.policy.rulebook import Rulebook
@@ -43,6 +42,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.world import World
+from pa_console.session.log.journal import Journal
 from pa_console.session.log.writer import LogWriter
 from pa_console.sim.worlds.world_file import load_world
 from pa_console.station.assembly import load_site, open_station

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from pa_console.fleets.link import DeviceAnswer, LinkNews, LinkNotice
 from pa_console.fleets.reports import AssetReport, ContactReport, SensorReport
 from pa_console.mission.gate import CommandGate
-from pa_console.mission.journal import Journal
 from pa_console.mission.stop import STANDS_MPS, EmergencyStop
 from pa_console.mission.verify import verify_plan
 from pa_console.resources import find_data
 from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand, ReplyStatus
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Task
+from pa_console.session.log.journal import Journal
 from pa_console.sim.worlds.world_file import load_world
 from tests.fleets.scripted_link import EPOCH, Desk, ScriptedLink
 

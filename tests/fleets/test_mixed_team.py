@@ -14,11 +14,11 @@ from pa_console.fleets.linked_fleet import LinkedFleet
 from pa_console.fleets.station_authority import Keys, StationAuthority
 from pa_console.fleets.vda5050.broker import BrokerAddress
 from pa_console.mission.gate import CommandGate
-from pa_console.mission.journal import Journal
 from pa_console.mission.stop import EmergencyStop
 from pa_console.schema.command import DeviceCommand, Verb
 from pa_console.schema.events import event as ev
 from pa_console.schema.world import AssetSpec, World
+from pa_console.session.log.journal import Journal
 from pa_console.settings.schema import Settings
 from pa_console.station.assembly import load_site
 from pa_console.station.clock import DevicesClock, SteppedClock

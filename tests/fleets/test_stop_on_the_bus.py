@@ -7,11 +7,11 @@ import pytest
 from pa_console.fleets.vda5050.broker import BrokerAddress
 from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
 from pa_console.mission.gate import CommandGate
-from pa_console.mission.journal import Journal
 from pa_console.mission.stop import EmergencyStop
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.world import World
+from pa_console.session.log.journal import Journal
 from tests.fleets.conftest import joined, running
 from tests.fleets.intruder import intruder
 

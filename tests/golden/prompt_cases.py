@@ -29,8 +29,8 @@ from pa_console.llm.roles.grammar import (
 from pa_console.llm.roles.prompts import Prompt, paper_prompt
 from pa_console.llm.roles.role_model import PROMPT_FORMATS, PromptFormat, PromptFormatName
 from pa_console.mission.approval import standing_approver
-from pa_console.mission.picture_text import digest_picture, select
-from pa_console.mission.tasking.choices import commands_serving
+from pa_console.mission.planning.choices import commands_serving
+from pa_console.mission.planning.picture_text import digest_picture, select
 from pa_console.policy.retriever import Retriever
 from pa_console.resources import data_folder
 from pa_console.schema.events.event import Event, MissionVerified, Role

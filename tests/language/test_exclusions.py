@@ -12,7 +12,7 @@ from pa_console.language.order import Ask, Who
 from pa_console.language.plain_words import plain_reading
 from pa_console.language.reading import asked_words, read_asked, read_reason
 from pa_console.mission.examine import examine, ruled_out
-from pa_console.mission.tasking.choices import commands_serving
+from pa_console.mission.planning.choices import commands_serving
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Action, Plan

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.mission.gate import STILL, CommandGate, Passage
-from pa_console.mission.journal import Journal
 from pa_console.mission.rehearse import device_commands
 from pa_console.policy.rulebook import Rulebook
 from pa_console.resources import data_folder
@@ -16,6 +15,7 @@ from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
+from pa_console.session.log.journal import Journal
 from pa_console.sim.worlds.world_file import load_world
 from tests.mission.gate import send
 

@@ -15,7 +15,7 @@ from pa_console.llm.roles.planner import Planner
 from pa_console.llm.roles.role_model import PROMPT_FORMATS
 from pa_console.mission.approval import standing_approver
 from pa_console.mission.context import Services
-from pa_console.mission.propose import ask_for_plan
+from pa_console.mission.planning.propose import ask_for_plan
 from pa_console.mission.retrieve import RetrievedRules
 from pa_console.schema.events.event import Event
 from pa_console.schema.mission import Mission

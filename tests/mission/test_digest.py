@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from pa_console.language.facts import tracks_of_digest
 from pa_console.llm.roles.prompts import planner_prompt
-from pa_console.mission.picture_text import digest_picture
+from pa_console.mission.planning.picture_text import digest_picture
 from pa_console.resources import find_data
 from pa_console.schema.telemetry import GateCover
 from pa_console.sim.worlds.world_file import load_world

@@ -6,7 +6,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.mission.dispatch import ACKNOWLEDGE_S, ASK_AGAIN_S, TIMED_OUT, Dispatch
+from pa_console.mission.execution.dispatch import ACKNOWLEDGE_S, ASK_AGAIN_S, TIMED_OUT, Dispatch
 from pa_console.schema.command import CommandReply, DeviceCommand, ReplyStatus
 
 DT_S, LIMIT_S = 0.1, 20.0

@@ -6,12 +6,12 @@ import pytest
 
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.mission.gate import CommandGate
-from pa_console.mission.journal import Journal
 from pa_console.mission.stop import SAFETY_LIMIT_S, EmergencyStop
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import SetRadio
 from pa_console.schema.telemetry import AssetTelemetry, Picture
+from pa_console.session.log.journal import Journal
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.station.assembly import Site
 

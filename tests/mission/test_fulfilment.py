@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from pa_console.language.reading import read_asked
 from pa_console.llm.roles.role_model import PROMPT_FORMATS
 from pa_console.mission.judge import compare_with_order, compared_grammar
-from pa_console.mission.tasking.fulfilment import gaps
-from pa_console.mission.tasking.moves import PlanMoves
+from pa_console.mission.planning.fulfilment import gaps
+from pa_console.mission.planning.moves import PlanMoves
 from pa_console.mission.verify import OutcomeCase, ask_about_outcome
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import data_folder

@@ -13,9 +13,8 @@ from random import Random
 import pytest
 
 from pa_console.mission.gate import CommandGate
-from pa_console.mission.journal import Journal
+from pa_console.mission.orders.standing import Due, StandingOrders
 from pa_console.mission.rehearse import device_commands
-from pa_console.mission.standing import Due, StandingOrders
 from pa_console.policy.rulebook import Rulebook
 from pa_console.policy.standing_conditions import StandingCondition
 from pa_console.schema.command import DeviceCommand
@@ -30,6 +29,7 @@ from pa_console.schema.mission import (
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rule import Rule, RuleSet, StandingLimits
 from pa_console.schema.telemetry import Picture
+from pa_console.session.log.journal import Journal
 from tests.mission.gate import send
 from tests.mission.pictures import GATES, asset, picture
 from tests.mission.test_command_gate import WORLD, Link

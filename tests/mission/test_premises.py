@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from pa_console.mission.premises import Premises, safe_state, way_to_safety, why_lost
+from pa_console.mission.execution.premises import Premises, safe_state, way_to_safety, why_lost
 from pa_console.resources import data_folder
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import GateTimeline, Timeline

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pa_console.language.name_linking import named, names_meant
 from pa_console.llm.roles.grammar import plan_grammar
 from pa_console.llm.roles.prompts import fixed_part, planner_prompt
-from pa_console.mission.picture_text import (
+from pa_console.mission.planning.picture_text import (
     MOST_ASSETS,
     MOST_GATES,
     MOST_TRACKS,

@@ -8,8 +8,8 @@ from datetime import UTC, datetime
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.language.reading import asked_words, read_reason
 from pa_console.llm.roles.clause_reader import reading_prompt
-from pa_console.mission.picture_text import digest_picture
-from pa_console.mission.propose import served_plan, still
+from pa_console.mission.planning.picture_text import digest_picture
+from pa_console.mission.planning.propose import served_plan, still
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan

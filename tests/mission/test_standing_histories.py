@@ -13,9 +13,15 @@ import pytest
 
 from pa_console.mission.approval import people_needed, unasked_decision
 from pa_console.mission.gate import CommandGate
-from pa_console.mission.journal import Journal
+from pa_console.mission.orders.standing import (
+    HOUR_S,
+    REST_S,
+    SETTLE_S,
+    Due,
+    StandingOrders,
+    Withheld,
+)
 from pa_console.mission.rehearse import device_commands
-from pa_console.mission.standing import HOUR_S, REST_S, SETTLE_S, Due, StandingOrders, Withheld
 from pa_console.policy.rulebook import Rulebook
 from pa_console.policy.standing_conditions import StandingCondition
 from pa_console.schema.command import DeviceCommand
@@ -24,6 +30,7 @@ from pa_console.schema.mission import ApprovalState, Decision, StandingOrder
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rule import Rule, RuleSet, StandingLimits
 from pa_console.schema.telemetry import Picture
+from pa_console.session.log.journal import Journal
 from tests.mission.gate import send
 from tests.mission.pictures import GATES, asset, picture
 from tests.mission.test_command_gate import WORLD, Link

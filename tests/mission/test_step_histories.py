@@ -9,20 +9,20 @@ from typing import Any, cast
 
 import pytest
 
-from pa_console.mission import step_by_step
 from pa_console.mission.context import MissionResult
 from pa_console.mission.examine import Examination
 from pa_console.mission.execute import ApprovedStep, ExecutedPlan
 from pa_console.mission.gate import CommandGate
-from pa_console.mission.journal import Journal
 from pa_console.mission.rehearse import device_commands
 from pa_console.mission.report import ReportFacts
+from pa_console.mission.sequences import step_by_step
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Finding
 from pa_console.schema.mission import ActionOutcome, Decision, Verification
 from pa_console.schema.plan import Action, Plan
+from pa_console.session.log.journal import Journal
 from tests.shipped import home
 
 RULES = Rulebook("none", "", ())

@@ -12,16 +12,16 @@ from random import Random
 import pytest
 
 from pa_console.language.references.scene import Move
-from pa_console.mission.agenda import Agenda, StationTime, TimingLimits
 from pa_console.mission.gate import CommandGate
-from pa_console.mission.journal import Journal
+from pa_console.mission.orders.agenda import Agenda, StationTime, TimingLimits
+from pa_console.mission.orders.standing import Due, Ended, StandingOrders, Withheld
 from pa_console.mission.rehearse import device_commands
-from pa_console.mission.standing import Due, Ended, StandingOrders, Withheld
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision, Schedule, StandingOrder
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Picture
+from pa_console.session.log.journal import Journal
 from tests.mission.test_command_gate import Link
 
 BEGAN = datetime(2026, 3, 1, 9, 0, tzinfo=UTC)

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from pa_console.fleets import authorization as auth
 from pa_console.fleets.station_authority import Keys, StationAuthority, Vehicles
 from pa_console.mission.gate import CommandGate
-from pa_console.mission.journal import Journal
 from pa_console.mission.rehearse import device_commands
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.command import DeviceCommand
@@ -19,6 +18,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rule import Rule, RuleSet, RulesSeal
+from pa_console.session.log.journal import Journal
 from tests.fleets.keyring import (
     KEYS,
     PUBLIC,

@@ -17,14 +17,14 @@ from pa_console.mission.approval import (
     standing_approver,
 )
 from pa_console.mission.gate import STILL, CommandGate
-from pa_console.mission.journal import Journal
+from pa_console.mission.orders.spelling import question_back, respell
 from pa_console.mission.rehearse import device_commands
-from pa_console.mission.spelling import question_back, respell
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Verdict
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
 from pa_console.session.confidence import UNSURE
+from pa_console.session.log.journal import Journal
 from pa_console.station.assembly import Site
 from pa_console.station.headless import run_missions
 from tests.mission.gate import send

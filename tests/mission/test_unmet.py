@@ -3,8 +3,8 @@
 import pytest
 
 from pa_console.language.reading import read_asked
-from pa_console.mission.tasking.moves import PlanMoves
-from pa_console.mission.tasking.obstacles import unmet_asks
+from pa_console.mission.planning.moves import PlanMoves
+from pa_console.mission.planning.obstacles import unmet_asks
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import data_folder
 from pa_console.schema.events import event as ev

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.mission.dispatch import TIMED_OUT
 from pa_console.mission.execute import needs_more_evidence
+from pa_console.mission.execution.dispatch import TIMED_OUT
 from pa_console.mission.verify import verify_plan
 from pa_console.resources import find_data
 from pa_console.schema.command import CommandReply

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from pa_console.language.reading import read_asked
 from pa_console.llm.roles.grammar import CommandSlot, slot_grammar
-from pa_console.mission.tasking.choices import commands_serving
+from pa_console.mission.planning.choices import commands_serving
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import data_folder
 from pa_console.schema.incident import FailAsset, Incident, PlaceAsset, SetBattery, SpawnTrack

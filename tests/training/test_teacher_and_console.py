@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.language.reading import read_asked
-from pa_console.mission.tasking.obstacles import obstacle_to
+from pa_console.mission.planning.obstacles import obstacle_to
 from pa_training.order_generator.orders import canonical_clause
 from pa_training.order_generator.sampler import sample_order
 from pa_training.situations.situations import random_situation

@@ -18,7 +18,7 @@ from pa_console.language.patrols import PatrolLimits
 from pa_console.llm.local.confinement import require_all, try_out
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.remote.servers import NO_SERVERS, Servers
-from pa_console.mission.agenda import TimingLimits
+from pa_console.mission.orders.agenda import TimingLimits
 from pa_console.policy.pinned_rules import RefusedRulesError, RulesPins
 from pa_console.schema.document import DocumentError
 from pa_console.schema.incident import Scenario

@@ -44,7 +44,7 @@ from pa_console.llm.remote.address import KEY_VARIABLES, ServerKey
 from pa_console.llm.remote.engine import ServerEngine
 from pa_console.llm.remote.servers import SessionModels, session_models
 from pa_console.mission.context import Services
-from pa_console.mission.propose import ask_for_plan
+from pa_console.mission.planning.propose import ask_for_plan
 from pa_console.mission.retrieve import RetrievedRules
 from pa_console.policy.retriever import Retriever
 from pa_console.schema.evaluation import Variant

@@ -10,7 +10,7 @@ from pa_console.llm.roles.prompts import plan_facts
 from pa_console.mission.context import MissionContext, Services
 from pa_console.mission.judge import judge
 from pa_console.mission.plan import Candidate, PlanningFailure, plan, take
-from pa_console.mission.propose import PlanQuestion, ask_for_plan
+from pa_console.mission.planning.propose import PlanQuestion, ask_for_plan
 from pa_console.mission.retrieve import RetrievedRules, retrieve
 from pa_console.mission.verify import OutcomeCase, ask_about_outcome
 from pa_console.policy.monitor import Monitor

@@ -20,7 +20,6 @@ from pa_console.fleets.linked_fleet import LinkedFleet
 from pa_console.fleets.ros2.link import Ros2Link, open_link
 from pa_console.mission.approval import standing_approver
 from pa_console.mission.gate import CommandGate
-from pa_console.mission.journal import Journal
 from pa_console.mission.rehearse import device_commands
 from pa_console.mission.stop import EmergencyStop
 from pa_console.policy.rulebook import Rulebook
@@ -29,6 +28,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision, Verification
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.world import AssetSpec, World
+from pa_console.session.log.journal import Journal
 from pa_console.session.state import SessionState
 from pa_console.settings.schema import Settings
 from pa_console.station.assembly import Site, load_site, open_station

@@ -9,12 +9,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from pa_console.evaluation.score import RunRecorder
-from pa_console.mission.dispatch import Dispatch
 from pa_console.mission.examine import Examination, examine
 from pa_console.mission.execute import EVIDENCE_S, MARGIN_S, SAFETY_S, gave_up, needs_more_evidence
+from pa_console.mission.execution.dispatch import Dispatch
+from pa_console.mission.execution.premises import Premises, safe_state, way_to_safety
 from pa_console.mission.outcome import WorkflowProgress
-from pa_console.mission.picture_text import digest_picture
-from pa_console.mission.premises import Premises, safe_state, way_to_safety
+from pa_console.mission.planning.picture_text import digest_picture
 from pa_console.mission.rehearse import order_moments
 from pa_console.mission.run import MAX_HALTS, MAX_TRIES, WATCH_S
 from pa_console.mission.verify import verify_plan

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 
 from pa_console.evaluation.score import RunRecorder
-from pa_console.mission.dispatch import Dispatch
+from pa_console.mission.execution.dispatch import Dispatch
 from pa_console.mission.rehearse import device_commands
 from pa_console.policy.rule_checks import check_mission
 from pa_console.policy.rulebook import Rulebook

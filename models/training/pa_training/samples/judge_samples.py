@@ -11,7 +11,7 @@ from pa_console.llm.roles.grammar import MOST_VIOLATED, PLANNED
 from pa_console.llm.roles.prompts import Prompt
 from pa_console.mission.examine import Examination
 from pa_console.mission.judge import compare_with_order, judged_rules
-from pa_console.mission.tasking.moves import PlanMoves
+from pa_console.mission.planning.moves import PlanMoves
 from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.evaluation import MissionCase

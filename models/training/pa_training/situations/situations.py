@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pa_console.evaluation.score import SETTLE_S
-from pa_console.mission.dispatch import Dispatch
-from pa_console.mission.picture_text import digest_picture
+from pa_console.mission.execution.dispatch import Dispatch
+from pa_console.mission.planning.picture_text import digest_picture
 from pa_console.mission.rehearse import device_commands
 from pa_console.schema.evaluation import Expectation, MissionCase
 from pa_console.schema.incident import Incident

@@ -18,7 +18,7 @@ from pa_console.language.order import (
     can_do,
     obstacle,
 )
-from pa_console.mission.tasking.moves import PlanMoves
+from pa_console.mission.planning.moves import PlanMoves
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import PLAIN_KINDS, AssetKind, World

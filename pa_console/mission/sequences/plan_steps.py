@@ -11,8 +11,7 @@ from dataclasses import replace
 from pa_console.language.mention_check import MentionCheck
 from pa_console.language.plain_words import plain_reading
 from pa_console.language.references.resolution import Answers
-from pa_console.mission.context import MissionContext
-from pa_console.mission.foreseen_context import ForeseenContext
+from pa_console.mission.context import ForeseenContext, MissionContext
 from pa_console.mission.judge import judge, verdict_on
 from pa_console.mission.plan import (
     UNTOLD,
@@ -22,8 +21,8 @@ from pa_console.mission.plan import (
     plan,
     safeguards,
 )
-from pa_console.mission.plan_patrol import plan_patrol
 from pa_console.mission.retrieve import retrieve
+from pa_console.mission.sequences.plan_patrol import plan_patrol
 from pa_console.mission.understand import (
     NotUnderstood,
     RefusedMission,

@@ -7,8 +7,8 @@ nor do additions that the rules ask for: takeovers of gates, and a first look.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from pa_console.language.order import Ask, Reading, Task
-from pa_console.mission.tasking.moves import PlanMoves
-from pa_console.mission.tasking.obstacles import (
+from pa_console.mission.planning.moves import PlanMoves
+from pa_console.mission.planning.obstacles import (
     PlanForOrder,
     is_of,
     may_move,

@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 from pa_console.language.order import Ask, Reading, Task
 from pa_console.llm.roles.grammar import CommandSlot
-from pa_console.mission.tasking.fulfilment import is_to_be_warned, of_everyone, reporters
-from pa_console.mission.tasking.moves import PlanMoves
-from pa_console.mission.tasking.obstacles import is_of, obstacle_to, unfit
+from pa_console.mission.planning.fulfilment import is_to_be_warned, of_everyone, reporters
+from pa_console.mission.planning.moves import PlanMoves
+from pa_console.mission.planning.obstacles import is_of, obstacle_to, unfit
 from pa_console.policy.rule_variables import goes_to
 from pa_console.schema.plan import MAX_ACTIONS, Action, Plan
 from pa_console.schema.telemetry import Picture, Track

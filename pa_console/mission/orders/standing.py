@@ -15,7 +15,7 @@ from datetime import datetime
 from typing import Literal
 
 from pa_console.language.references.scene import Move
-from pa_console.mission.agenda import Agenda, StationTime, TimingLimits
+from pa_console.mission.orders.agenda import Agenda, StationTime, TimingLimits
 from pa_console.policy.standing_conditions import StandingCondition
 from pa_console.schema.events.intake import StandingOrderScheduled
 from pa_console.schema.mission import PLACE, StandingOrder, StandingStart

@@ -11,11 +11,10 @@ from pa_console.language.clauses import written
 from pa_console.language.facts import is_free
 from pa_console.language.order import Task
 from pa_console.language.patrols import Patrol, legs_of
-from pa_console.mission.context import MissionContext
-from pa_console.mission.foreseen_context import ForeseenContext
+from pa_console.mission.context import ForeseenContext, MissionContext
 from pa_console.mission.judge import judge, verdict_on
 from pa_console.mission.plan import PlanForDecision, take
-from pa_console.mission.propose import without_planner
+from pa_console.mission.planning.propose import without_planner
 from pa_console.mission.rehearse import rehearse_steps
 from pa_console.mission.retrieve import RetrievedRules, retrieve
 from pa_console.mission.understand import NotUnderstood

@@ -26,9 +26,9 @@ from pa_console.llm.roles.planner import Proposal
 from pa_console.llm.roles.prompts import Prompt, paper_prompt
 from pa_console.llm.roles.role_model import RoleModel, first_answer
 from pa_console.mission.context import MissionContext, Services
-from pa_console.mission.picture_text import digest_picture, select
+from pa_console.mission.planning.choices import commands_serving
+from pa_console.mission.planning.picture_text import digest_picture, select
 from pa_console.mission.retrieve import RetrievedRules
-from pa_console.mission.tasking.choices import commands_serving
 from pa_console.schema.command import Verb
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Usage

@@ -1,0 +1,1 @@
+"""Plans of several steps and patrols: planned one step after another, and carried out so."""
