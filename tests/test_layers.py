@@ -118,7 +118,7 @@ def test_the_console_opens_without_what_only_other_screens_need() -> None:
         "networkx",
         "openai",
         "prompt_toolkit",
-        "pa_console.evaluation.report",
+        "pa_console.evaluation.reporting.report",
         "pa_console.tui.screens.compare",
         "pa_console.tui.screens.evaluation",
         "pa_console.tui.screens.policies",

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Self
 from pydantic import TypeAdapter
 
 from pa_console.fleets.fleet import Fleet, Simulated
-from pa_console.language.order_changes import Change
+from pa_console.language.orders.order_changes import Change
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.llm.remote.servers import NO_SERVERS, Servers, session_models
@@ -32,7 +32,7 @@ from pa_console.signing import key_path, load_signer
 from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.station import assembly
 from pa_console.station import station as stations
-from pa_console.station.answering import NO_QUESTION
+from pa_console.station.answers.answering import NO_QUESTION
 from pa_console.station.assembly import Site
 from pa_console.station.clock import RealTimeClock, SteppedClock
 from pa_console.station.headless import Approver

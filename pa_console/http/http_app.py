@@ -27,7 +27,7 @@ from pa_console.http.guard import (
 )
 from pa_console.http.served_session import NumberedEvent, ServedSession
 from pa_console.http.tokens import Bearer, TokenBook, TokenRole
-from pa_console.language.order_changes import Change
+from pa_console.language.orders.order_changes import Change
 from pa_console.schema.events import event as ev
 from pa_console.views import session_views as views
 

@@ -28,7 +28,7 @@ from pa_console.http.bodies import (
 )
 from pa_console.http.guard import ProblemError
 from pa_console.http.tokens import Bearer
-from pa_console.language.order_changes import Change
+from pa_console.language.orders.order_changes import Change
 from pa_console.mission.approval import inadmissible
 from pa_console.schema.events import event as ev
 from pa_console.schema.events.event import Event
@@ -37,7 +37,7 @@ from pa_console.schema.plan import Plan
 from pa_console.session.log.chain import read_log
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.session.state import SessionState
-from pa_console.station.answering import IS_QUESTION, NO_QUESTION
+from pa_console.station.answers.answering import IS_QUESTION, NO_QUESTION
 from pa_console.station.station import ControlStation
 from pa_console.views.session_views import shown_sha256
 

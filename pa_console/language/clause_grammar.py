@@ -15,7 +15,7 @@ import re
 from collections.abc import Iterable, Iterator
 from re import escape
 
-from pa_console.language.clauses import (
+from pa_console.language.canonical.clauses import (
     ASKED,
     EXCEPT,
     MOST_EXCLUDED,
@@ -27,7 +27,7 @@ from pa_console.language.clauses import (
     NamePatterns,
     clause_pattern,
 )
-from pa_console.language.facts import (
+from pa_console.language.canonical.facts import (
     DigestFacts,
     asset_state,
     conditions,
@@ -39,9 +39,9 @@ from pa_console.language.facts import (
     told_frames,
     tracks_of_digest,
 )
+from pa_console.language.canonical.order import in_words
+from pa_console.language.canonical.reading import parted
 from pa_console.language.name_linking import link_names
-from pa_console.language.order import in_words
-from pa_console.language.reading import parted
 from pa_console.schema.telemetry import Digest
 from pa_console.schema.world import PLAIN_KINDS, World
 

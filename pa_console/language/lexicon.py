@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import yaml
 from pydantic import TypeAdapter
 
-from pa_console.language.order import Task
+from pa_console.language.canonical.order import Task
 
 
 def word_lists(section: str) -> Mapping[str, tuple[str, ...]]:

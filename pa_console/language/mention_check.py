@@ -10,16 +10,16 @@ import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from pa_console.language.clauses import ASKED, NOTHING, NOWHERE, OTHERS_STAY
+from pa_console.language.canonical.clauses import ASKED, NOTHING, NOWHERE, OTHERS_STAY
+from pa_console.language.canonical.facts import is_free, sole_covers
+from pa_console.language.canonical.order import KIND_FOR, TASK_OF, Ask, Reading, Task, Who
+from pa_console.language.canonical.reading import read_asked
 from pa_console.language.clock_mentions import unread_times
 from pa_console.language.exclusions import excluded_names
-from pa_console.language.facts import is_free, sole_covers
 from pa_console.language.lexicon import any_of
 from pa_console.language.mentions import Mention, Sort, find_mentions, without_quotations
 from pa_console.language.name_linking import WORD, link_names
-from pa_console.language.order import KIND_FOR, TASK_OF, Ask, Reading, Task, Who
-from pa_console.language.order_steps import unkept_steps
-from pa_console.language.reading import read_asked
+from pa_console.language.orders.order_steps import unkept_steps
 from pa_console.language.references.scene import ReferenceScene
 from pa_console.schema.command import Verb
 from pa_console.schema.plan import Plan

@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Literal, NamedTuple
 
+from pa_console.language.canonical.order import Task
 from pa_console.language.lexicon import any_of, find_verbs, word_lists
 from pa_console.language.name_linking import (
     GATE,
@@ -19,7 +20,6 @@ from pa_console.language.name_linking import (
     WorldNames,
     link_names,
 )
-from pa_console.language.order import Task
 from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
 
 Sort = Literal["place", "asset", "track", "kind", "number", "numeral", "verb"]

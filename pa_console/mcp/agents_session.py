@@ -19,7 +19,7 @@ from pa_console.schema.rule import Rule
 from pa_console.schema.telemetry import AssetTelemetry
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.session.state import SessionState
-from pa_console.station.answering import NO_QUESTION
+from pa_console.station.answers.answering import NO_QUESTION
 from pa_console.station.station import ControlStation
 from pa_console.views.session_views import (
     MissionDetail,

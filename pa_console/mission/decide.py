@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from itertools import islice
 
 from pa_console.fleets.fleet import PlanCountersignature
+from pa_console.language.canonical.order import Task
+from pa_console.language.canonical.reading import distinct, read_asked
 from pa_console.language.mention_check import check_mentions
-from pa_console.language.order import Task
-from pa_console.language.reading import distinct, read_asked
 from pa_console.mission.approval import (
     CheckedPlan,
     OrderAsRead,

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import NamedTuple
 
+from pa_console.language.canonical.reading import planned, read_asked
 from pa_console.language.clause_grammar import MOST_PLANNED, WORD, exactly
-from pa_console.language.reading import planned, read_asked
 from pa_console.llm.roles.grammar import (
     COMPARED_CHARS,
     PLANNED,

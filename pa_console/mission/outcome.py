@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from pa_console.language.reading import read_reason
+from pa_console.language.canonical.reading import read_reason
 from pa_console.mission.context import MissionResult
 from pa_console.mission.planning.fulfilment import is_to_be_warned
 from pa_console.policy.expressions.deadlines import shared_deadline

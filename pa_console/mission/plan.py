@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from math import prod
 from typing import Literal
 
+from pa_console.language.canonical.order import Reading
+from pa_console.language.canonical.reading import asked_words, read_asked, read_reason
 from pa_console.language.mention_check import NOTHING_SAID, MentionCheck, check_mentions
-from pa_console.language.order import Reading
-from pa_console.language.reading import asked_words, read_asked, read_reason
 from pa_console.mission.context import MissionContext
 from pa_console.mission.examine import Examination, examine
 from pa_console.mission.planning.fulfilment import gaps

@@ -9,8 +9,8 @@ import asyncio
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from pa_console.language.canonical.reading import agree, read_asked
 from pa_console.language.mention_check import MentionCheck, check_mentions
-from pa_console.language.reading import agree, read_asked
 from pa_console.llm.roles.clause_reader import ClauseReader, ask_what_is_asked
 from pa_console.llm.roles.grammar import PLANNED
 from pa_console.llm.roles.judge import Judge, JudgeQuestion, OrderReading

@@ -7,13 +7,13 @@ from time import perf_counter
 
 from pa_console.language.clock_words import duration_words
 from pa_console.language.demands import contradiction
-from pa_console.language.order_steps import ReadSteps, read_steps
-from pa_console.language.patrols import Patrol, least_s, read_patrol
+from pa_console.language.orders.order_steps import ReadSteps, read_steps
+from pa_console.language.orders.patrols import Patrol, least_s, read_patrol
+from pa_console.language.orders.standing_orders import asks_nobody, read_standing
+from pa_console.language.orders.timed_orders import read_timed, schedule_words
 from pa_console.language.references.conversation import LEANING, ResolvedOrder, Unclear
 from pa_console.language.references.resolution import Answers, resolve, with_answers
 from pa_console.language.references.scene import ReferenceScene
-from pa_console.language.standing_orders import asks_nobody, read_standing
-from pa_console.language.timed_orders import read_timed, schedule_words
 from pa_console.mission.context import MissionContext
 from pa_console.mission.orders.agenda import Agenda
 from pa_console.mission.orders.spelling import question_back

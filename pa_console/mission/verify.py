@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from time import perf_counter
 from typing import NamedTuple
 
-from pa_console.language.reading import read_asked
+from pa_console.language.canonical.reading import read_asked
 from pa_console.llm.backend import CANCELLED
 from pa_console.llm.roles.grammar import PLANNED, verdict_schema
 from pa_console.llm.roles.judge import Judgement, JudgeQuestion

@@ -11,15 +11,15 @@ from dataclasses import replace
 from time import monotonic
 from unicodedata import category
 
-from pa_console.language.manual_words import read_manual
-from pa_console.language.order_changes import read_change
+from pa_console.language.orders.manual_words import read_manual
+from pa_console.language.orders.order_changes import read_change
 from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.resolution import resolve
 from pa_console.mission.context import Services
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import MAX_REASON, Plan
-from pa_console.station.answering import IS_QUESTION
+from pa_console.station.answers.answering import IS_QUESTION
 from pa_console.station.intake import IS_STOPPED, ReadText
 from pa_console.station.worker import MissionWorker, StationParts
 

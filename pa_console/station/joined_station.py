@@ -40,8 +40,12 @@ from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
 from pa_console.session.state import SessionState
-from pa_console.station.alternatives import Alternative, rehearse_other_ways, rehearse_reading
-from pa_console.station.answering import answer
+from pa_console.station.answers.alternatives import (
+    Alternative,
+    rehearse_other_ways,
+    rehearse_reading,
+)
+from pa_console.station.answers.answering import answer
 from pa_console.station.assembly import has_rules_of
 from pa_console.station.earlier_session import LeftMissions
 from pa_console.station.intake import read_text

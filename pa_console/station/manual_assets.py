@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterable
 
-from pa_console.language.manual_words import ManualWords
+from pa_console.language.orders.manual_words import ManualWords
 from pa_console.mission.gate import CommandGate
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Mission

@@ -8,8 +8,8 @@ from functools import partial
 
 from pa_console import __version__
 from pa_console.fleets.fleet import PlanCountersignature, Simulated
-from pa_console.language.manual_words import ManualWords, read_manual
-from pa_console.language.order_changes import Change, OrderChange, OrderUnderWay, read_change
+from pa_console.language.orders.manual_words import ManualWords, read_manual
+from pa_console.language.orders.order_changes import Change, OrderChange, OrderUnderWay, read_change
 from pa_console.language.questions import Question
 from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.scene import ReferenceScene
@@ -30,8 +30,12 @@ from pa_console.schema.world import World
 from pa_console.session.log.writer import LogWriter
 from pa_console.session.state import SessionState
 from pa_console.station.agents import AgentProposals
-from pa_console.station.alternatives import Alternative, rehearse_other_ways, rehearse_reading
-from pa_console.station.answering import IS_QUESTION, RecentRecord, answer
+from pa_console.station.answers.alternatives import (
+    Alternative,
+    rehearse_other_ways,
+    rehearse_reading,
+)
+from pa_console.station.answers.answering import IS_QUESTION, RecentRecord, answer
 from pa_console.station.clock import Clock, Ticking
 from pa_console.station.earlier_session import LeftMissions, ResumedSession, UnclosedSession
 from pa_console.station.intake import IS_STOPPED, Intake, ReadText, read_text

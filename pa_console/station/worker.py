@@ -6,7 +6,7 @@ from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 
 from pa_console.fleets.fleet import PlanCountersignature
-from pa_console.language.order_changes import Change
+from pa_console.language.orders.order_changes import Change
 from pa_console.mission.context import MissionResult, Services
 from pa_console.mission.decide import countersignature
 from pa_console.mission.execution.dispatch import StepFeed

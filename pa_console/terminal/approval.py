@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from rich.prompt import Confirm, Prompt, PromptBase
 
-from pa_console.language.plain_words import plain_reading
+from pa_console.language.canonical.plain_words import plain_reading
 from pa_console.language.questions import Question
 from pa_console.mission.approval import people_words
 from pa_console.schema.events.event import ApprovalRequested

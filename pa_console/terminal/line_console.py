@@ -8,7 +8,7 @@ from time import monotonic
 
 from pydantic import TypeAdapter
 
-from pa_console.language.order_changes import Change
+from pa_console.language.orders.order_changes import Change
 from pa_console.language.questions import Question
 from pa_console.observability import Observer, unobserved
 from pa_console.schema.events import event as ev

@@ -11,8 +11,8 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from pa_console.language.canonical.reading import read_asked
 from pa_console.language.mention_check import check_mentions
-from pa_console.language.reading import read_asked
 from pa_console.mission.orders.spelling import respell
 from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture

@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 from pa_console.evaluation.jobs import load_with_worlds
 from pa_console.fleets.simulated import SimulatedFleet
+from pa_console.language.canonical.reading import asked_words, read_asked
 from pa_console.language.clause_grammar import asked_pattern
-from pa_console.language.reading import asked_words, read_asked
-from pa_console.language.timed_orders import read_timed
+from pa_console.language.orders.timed_orders import read_timed
 from pa_console.llm.backend import GenerationEnd, Request
 from pa_console.llm.roles.grammar import (
     PLANNED,

@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 
-from pa_console.evaluation.statistics import SuccessRate
+from pa_console.evaluation.reporting.statistics import SuccessRate
 from pa_console.session.confidence import UNSURE
 from tests.golden.stored import HERE, compare, write_text
 

@@ -3,7 +3,7 @@
 import pytest
 
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.language.order_steps import ReadSteps, read_steps, unkept_steps
+from pa_console.language.orders.order_steps import ReadSteps, read_steps, unkept_steps
 from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.scene import ReferenceScene
 from tests.shipped import home, mission_sets

@@ -3,7 +3,7 @@
 import pytest
 
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.language.patrols import Patrol, PatrolLimits, least_s, legs_of, read_patrol
+from pa_console.language.orders.patrols import Patrol, PatrolLimits, least_s, legs_of, read_patrol
 from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.scene import ReferenceScene
 from tests.shipped import home

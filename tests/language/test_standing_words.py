@@ -5,9 +5,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.fleets.simulated import SimulatedFleet
+from pa_console.language.orders.standing_orders import ReadStanding, read_standing
 from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.scene import ReferenceScene
-from pa_console.language.standing_orders import ReadStanding, read_standing
 from pa_console.policy.standing_conditions import StandingCondition
 from pa_console.resources import data_folder
 from pa_console.schema.mission import StandingOrder

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from pa_console.language.word_form import WordForm
+from pa_console.language.canonical.word_form import WordForm
 
 FORM = WordForm("({who} relieves|relieve) {guard}[ at {place}]")
 SLOTS = {"who": r"(?P<who>\w+)", "guard": r"(?P<guard>\w+)", "place": r"(?P<place>\w+)"}

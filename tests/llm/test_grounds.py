@@ -7,14 +7,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from llguidance import LLMatcher, LLTokenizer
 
+from pa_console.language.canonical.facts import (
+    DigestFacts,
+    conditions,
+    evidence,
+    holds,
+    tracks_of_digest,
+)
+from pa_console.language.canonical.order import Condition, in_words
 from pa_console.language.clause_grammar import (
     ASKED_ONCE,
     asked_now,
     grounded_asked,
     grounded_reason,
 )
-from pa_console.language.facts import DigestFacts, conditions, evidence, holds, tracks_of_digest
-from pa_console.language.order import Condition, in_words
 from pa_console.llm.roles.grammar import compact_opening_grammar, plan_grammar
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Digest, Selection

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.language.order import Ask, Reading, Who
-from pa_console.language.reading import asked_words, read_asked, read_reason
+from pa_console.language.canonical.order import Ask, Reading, Who
+from pa_console.language.canonical.reading import asked_words, read_asked, read_reason
 from pa_console.llm.roles.grammar import READ, begun_reason
 from pa_training.order_generator.orders import canonical_order
 from pa_training.order_generator.sampler import sample_order

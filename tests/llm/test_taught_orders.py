@@ -2,8 +2,8 @@
 
 import pytest
 
-from pa_console.language.clauses import ASKED
-from pa_console.language.reading import read_asked
+from pa_console.language.canonical.clauses import ASKED
+from pa_console.language.canonical.reading import read_asked
 from pa_console.llm.roles.clause_reader import nearest_orders, taught_orders, without_names
 from pa_training.samples.near_duplicates import NearDuplicates
 from pa_training.situations.worlds import shipped_missions

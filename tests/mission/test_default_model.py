@@ -7,7 +7,7 @@ import pytest
 import pytest_asyncio
 
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.language.reading import asked_words, read_asked
+from pa_console.language.canonical.reading import asked_words, read_asked
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import Catalog, find_model
 from pa_console.llm.models.fetching import pull

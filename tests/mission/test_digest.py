@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.language.facts import tracks_of_digest
+from pa_console.language.canonical.facts import tracks_of_digest
 from pa_console.llm.roles.prompts import planner_prompt
 from pa_console.mission.planning.picture_text import digest_picture
 from pa_console.resources import find_data

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from pa_console.language.reading import read_asked
+from pa_console.language.canonical.reading import read_asked
 from pa_console.llm.roles.role_model import PROMPT_FORMATS
 from pa_console.mission.judge import compare_with_order, compared_grammar
 from pa_console.mission.planning.fulfilment import gaps

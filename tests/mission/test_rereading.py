@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from pa_console.language.canonical.reading import agree, distinct
 from pa_console.language.clause_grammar import exactly
-from pa_console.language.reading import agree, distinct
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.mission.approval import Approver, standing_approver
 from pa_console.schema.events import event as ev

@@ -6,7 +6,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.language.reading import asked_words, read_reason
+from pa_console.language.canonical.reading import asked_words, read_reason
 from pa_console.llm.roles.clause_reader import reading_prompt
 from pa_console.mission.planning.picture_text import digest_picture
 from pa_console.mission.planning.propose import served_plan, still

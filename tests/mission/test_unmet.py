@@ -2,7 +2,7 @@
 
 import pytest
 
-from pa_console.language.reading import read_asked
+from pa_console.language.canonical.reading import read_asked
 from pa_console.mission.planning.moves import PlanMoves
 from pa_console.mission.planning.obstacles import unmet_asks
 from pa_console.policy.rulebook import load_rules

@@ -4,7 +4,7 @@ from datetime import UTC, datetime
 
 import pytest
 
-from pa_console.language.reading import read_asked
+from pa_console.language.canonical.reading import read_asked
 from pa_console.schema.mission import Mission
 from tests.rig import MISSION, Rig
 from tests.scripted import ScriptedEngine

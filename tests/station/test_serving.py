@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.language.reading import read_asked
+from pa_console.language.canonical.reading import read_asked
 from pa_console.llm.roles.grammar import CommandSlot, slot_grammar
 from pa_console.mission.planning.choices import commands_serving
 from pa_console.policy.rulebook import Rulebook, load_rules

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.language.order import Ask, Reading
-from pa_console.language.reading import read_reason
+from pa_console.language.canonical.order import Ask, Reading
+from pa_console.language.canonical.reading import read_reason
 from pa_training.order_generator.orders import Order
 from pa_training.samples.as_said import with_names_as_said
 from pa_training.samples.sample import Sample

@@ -8,7 +8,7 @@ from itertools import groupby
 
 import pytest
 
-from pa_console.language.order import Ask, Who
+from pa_console.language.canonical.order import Ask, Who
 from pa_console.llm.roles.judge import read_verdict
 from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.language.reading import read_asked
+from pa_console.language.canonical.reading import read_asked
 from pa_console.resources import find_data
 from pa_training.phrasing.no_orders import NOTHING_ASKED, NoOrders
 from pa_training.samples.planner_samples import Recipe

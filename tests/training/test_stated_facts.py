@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from llguidance import LLMatcher, LLTokenizer
 
+from pa_console.language.canonical.facts import DigestFacts, holds
 from pa_console.language.clause_grammar import grounded_reason
-from pa_console.language.facts import DigestFacts, holds
 from pa_console.llm.roles.grammar import plan_grammar
 from pa_training.order_generator.orders import is_so
 from pa_training.order_generator.sampler import sample_order

@@ -7,7 +7,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pa_console.evaluation.score import compile_conditions
-from pa_console.language.order import Ask, Who
+from pa_console.language.canonical.order import Ask, Who
 from pa_console.llm.roles.grammar import REASON_CHARS
 from pa_console.policy.findings import problems
 from pa_console.policy.rulebook import Rulebook, load_rules

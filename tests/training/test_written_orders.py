@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from pa_console.language.clauses import ASKED
-from pa_console.language.reading import read_asked
+from pa_console.language.canonical.clauses import ASKED
+from pa_console.language.canonical.reading import read_asked
 from pa_training import LANGUAGE
 from pa_training.phrasing.no_orders import NOTHING_ASKED
 from pa_training.samples.sample import Sample

@@ -3,9 +3,9 @@
 import hashlib
 from pathlib import Path
 
+from pa_console.evaluation.reporting.statistics import ReportTable
 from pa_console.evaluation.run_facts import RuleBreach
 from pa_console.evaluation.run_record import RunRecord
-from pa_console.evaluation.statistics import ReportTable
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data
 from pa_console.schema.events.event import SessionStarted

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, cast
 from textual import events
 from textual.pilot import Pilot
 
-from pa_console.language.order_changes import Change
+from pa_console.language.orders.order_changes import Change
 from pa_console.language.questions import Question
 from pa_console.policy.retriever import Retriever
 from pa_console.schema.events.event import (
@@ -32,7 +32,7 @@ from pa_console.schema.mission import Decision, Metrics, Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import World
-from pa_console.station.alternatives import Alternative
+from pa_console.station.answers.alternatives import Alternative
 from pa_console.station.station import ControlStation
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.controllers.typing import KeyTime

@@ -9,8 +9,8 @@ from textual.containers import ScrollableContainer
 from textual.pilot import Pilot
 from textual.widgets import Input, Select, Static
 
-from pa_console.evaluation import report
-from pa_console.evaluation.statistics import ReportTable
+from pa_console.evaluation.reporting import report
+from pa_console.evaluation.reporting.statistics import ReportTable
 from pa_console.station.assembly import Site, load_site
 from pa_console.tui.app import ConsoleApp, evaluation_console
 from pa_console.tui.approval.panel import ApprovalPanel

@@ -7,7 +7,7 @@ from pa_console.language.questions import Question
 from pa_console.schema.events.event import AnswerLine
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import RehearsedReading
-from pa_console.station.alternatives import Alternative
+from pa_console.station.answers.alternatives import Alternative
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.approval.comparison import PlanComparison
 from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel

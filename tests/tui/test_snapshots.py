@@ -12,7 +12,7 @@ from pa_console.schema.events.event import AnswerLine, EventPayload
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.session.recording import Player
-from pa_console.station.alternatives import Alternative
+from pa_console.station.answers.alternatives import Alternative
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.approval.panel import ApprovalPanel
 from pa_console.tui.recordings import OpenedLog

@@ -14,7 +14,7 @@ from pa_console.cli.options import SessionOptions
 from pa_console.cli.sessions.fleet import find_fleet, load_authority
 from pa_console.cli.sessions.log import open_log, warn
 from pa_console.end_signals import end_signals
-from pa_console.language.patrols import PatrolLimits
+from pa_console.language.orders.patrols import PatrolLimits
 from pa_console.llm.local.confinement import require_all, try_out
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.remote.servers import NO_SERVERS, Servers

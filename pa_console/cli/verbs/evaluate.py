@@ -47,6 +47,7 @@ from pa_console.evaluation.jobs import (
 )
 from pa_console.evaluation.machine import describe_machine
 from pa_console.evaluation.memo_engine import MemoEngine
+from pa_console.evaluation.reporting.statistics import ReportTable
 from pa_console.evaluation.run_record import (
     EvaluationFolder,
     RunRecord,
@@ -56,7 +57,6 @@ from pa_console.evaluation.run_record import (
     read_runs,
 )
 from pa_console.evaluation.runner import Runner
-from pa_console.evaluation.statistics import ReportTable
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.local.threads import physical_cores
 from pa_console.llm.models.catalogue import LocalModel, find_model
@@ -369,7 +369,7 @@ def _about(
 
 def _report(folder: Path, *, json: bool) -> None:
     """Write both reports and print the tables, or everything as JSON."""
-    from pa_console.evaluation.report import (  # noqa: PLC0415 - plotting is slow
+    from pa_console.evaluation.reporting.report import (  # noqa: PLC0415 - plotting is slow
         build_tables,
         write_report,
     )

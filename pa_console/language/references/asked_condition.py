@@ -6,8 +6,8 @@ Such an order depends on the picture. It is written as one condition and what is
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from pa_console.language.canonical.order import CONDITIONS, Condition, Fact
 from pa_console.language.lexicon import word_lists
-from pa_console.language.order import CONDITIONS, Condition, Fact
 from pa_console.language.references.reader import (
     CONTACTS,
     Reader,

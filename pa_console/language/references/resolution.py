@@ -14,9 +14,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Literal
 
+from pa_console.language.canonical.plain_words import listed
 from pa_console.language.lexicon import find_verbs
 from pa_console.language.name_linking import LinkedText, link_names
-from pa_console.language.plain_words import listed
 from pa_console.language.references.asked_condition import conditional_order
 from pa_console.language.references.conversation import (
     ResolvedOrder,

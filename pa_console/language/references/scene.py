@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
-from pa_console.language.facts import is_free, sole_covers
+from pa_console.language.canonical.facts import is_free, sole_covers
 from pa_console.language.mentions import KINDS
 from pa_console.language.name_linking import WORD, WorldNames
 from pa_console.schema.command import Verb

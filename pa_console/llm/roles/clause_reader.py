@@ -17,9 +17,9 @@ from typing import NamedTuple
 import regex
 from rapidfuzz import fuzz, process
 
+from pa_console.language.canonical.clauses import ASKED
+from pa_console.language.canonical.facts import told_assets, told_frames, tracks_of_digest
 from pa_console.language.clause_grammar import grounded_asked
-from pa_console.language.clauses import ASKED
-from pa_console.language.facts import told_assets, told_frames, tracks_of_digest
 from pa_console.language.name_linking import link_names
 from pa_console.llm.backend import Answerer, OnText, Request, ask_model, confidence
 from pa_console.llm.roles.grammar import TEXT_SCHEMA, Schema, begun_grammar

@@ -7,7 +7,7 @@ assets and places stand under their own names, however the operator said them.
 
 from collections.abc import Iterator, Sequence
 
-from pa_console.language.facts import asset_state, standing
+from pa_console.language.canonical.facts import asset_state, standing
 from pa_console.language.name_linking import link_names
 from pa_console.llm.roles.prompts import (
     FEW_FRAMES,

@@ -6,7 +6,7 @@ from json import JSONDecoder
 
 from pydantic import ValidationError
 
-from pa_console.language.reading import asked_words
+from pa_console.language.canonical.reading import asked_words
 from pa_console.llm.backend import Answerer, OnText, Request, ask_model, confidence
 from pa_console.llm.roles.clause_reader import ClauseReader
 from pa_console.llm.roles.grammar import READ, Schema, begun_reason, reason_grammar

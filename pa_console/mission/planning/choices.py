@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations, islice
 from typing import NamedTuple
 
-from pa_console.language.order import Ask, Reading, Task
+from pa_console.language.canonical.order import Ask, Reading, Task
 from pa_console.llm.roles.grammar import CommandSlot
 from pa_console.mission.planning.fulfilment import is_to_be_warned, of_everyone, reporters
 from pa_console.mission.planning.moves import PlanMoves

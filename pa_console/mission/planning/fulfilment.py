@@ -1,12 +1,12 @@
 """The comparison of a plan with a reading: it does all of it, and nothing else.
 
-Reading the order is the model's part (`orders/reading.py`). Parts that cannot be done do not count,
-nor do additions that the rules ask for: takeovers of gates, and a first look.
+Reading the order is the model's part (`language/canonical/reading.py`). Parts that cannot be done
+do not count, nor do additions that the rules ask for: takeovers of gates, and a first look.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
-from pa_console.language.order import Ask, Reading, Task
+from pa_console.language.canonical.order import Ask, Reading, Task
 from pa_console.mission.planning.moves import PlanMoves
 from pa_console.mission.planning.obstacles import (
     PlanForOrder,

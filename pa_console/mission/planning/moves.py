@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from pa_console.language.facts import is_free, sole_covers
+from pa_console.language.canonical.facts import is_free, sole_covers
 from pa_console.policy.rule_variables import goes_to
 from pa_console.schema.command import ENCOUNTERS, Verb
 from pa_console.schema.plan import Action, Plan

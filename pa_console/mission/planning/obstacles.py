@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from pa_console.language.order import (
+from pa_console.language.canonical.order import (
     VERB_FOR,
     Ask,
     Obstacle,

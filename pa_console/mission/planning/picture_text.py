@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 
-from pa_console.language.facts import is_free, sole_covers
+from pa_console.language.canonical.facts import is_free, sole_covers
 from pa_console.language.name_linking import named, names_meant
 from pa_console.schema.base import Point
 from pa_console.schema.mission import Mission

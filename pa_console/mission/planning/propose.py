@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from time import perf_counter
 
+from pa_console.language.canonical.facts import asset_state
+from pa_console.language.canonical.reading import asked_words, read_asked
 from pa_console.language.clause_grammar import asked_now, grounded_reason
 from pa_console.language.exclusions import excluded_names
-from pa_console.language.facts import asset_state
-from pa_console.language.reading import asked_words, read_asked
 from pa_console.llm.backend import OnText
 from pa_console.llm.roles.clause_reader import ReadingQuestion
 from pa_console.llm.roles.grammar import (

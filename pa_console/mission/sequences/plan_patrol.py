@@ -7,10 +7,10 @@ leg to each place; the rules are decided for every leg, in the picture that the 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from pa_console.language.clauses import written
-from pa_console.language.facts import is_free
-from pa_console.language.order import Task
-from pa_console.language.patrols import Patrol, legs_of
+from pa_console.language.canonical.clauses import written
+from pa_console.language.canonical.facts import is_free
+from pa_console.language.canonical.order import Task
+from pa_console.language.orders.patrols import Patrol, legs_of
 from pa_console.mission.context import ForeseenContext, MissionContext
 from pa_console.mission.judge import judge, verdict_on
 from pa_console.mission.plan import PlanForDecision, take

@@ -11,14 +11,14 @@ from textual.content import Content
 from textual.screen import Screen
 from textual.widgets import Static
 
-from pa_console.language.plain_words import plain_reading
-from pa_console.language.reading import asked_words
+from pa_console.language.canonical.plain_words import plain_reading
+from pa_console.language.canonical.reading import asked_words
 from pa_console.schema.mission import Decision
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.text import count
 from pa_console.schema.world import World
 from pa_console.session.mission_trace import Attempt, MissionTrace
-from pa_console.station.alternatives import order_for
+from pa_console.station.answers.alternatives import order_for
 from pa_console.tui.actions import ALT_DIGITS, READING_KEYS
 from pa_console.tui.approval.plan_rows import action_rows, cover_row
 from pa_console.tui.plan_preview import PlanPreview

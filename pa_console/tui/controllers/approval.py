@@ -2,16 +2,16 @@
 
 from textual.screen import Screen
 
-from pa_console.language.plain_words import plain_reading
+from pa_console.language.canonical.plain_words import plain_reading
 from pa_console.language.questions import Question
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan
 from pa_console.schema.world import World
 from pa_console.session.mission_trace import MissionTrace
-from pa_console.station.alternatives import Alternative
-from pa_console.station.answering import NO_OTHER
-from pa_console.station.why import attempt_of
+from pa_console.station.answers.alternatives import Alternative
+from pa_console.station.answers.answering import NO_OTHER
+from pa_console.station.answers.why import attempt_of
 from pa_console.tui.approval.comparison import (
     MOST_BESIDE,
     ComparedPlan,

@@ -13,8 +13,8 @@ from textual.content import Content
 from textual.screen import Screen
 from textual.widgets import Input, Select, Static
 
+from pa_console.evaluation.reporting.statistics import ReportTable
 from pa_console.evaluation.run_record import RUNS, RunRecord, read_runs
-from pa_console.evaluation.statistics import ReportTable
 from pa_console.session.recording import Player
 from pa_console.tui.recordings import PlayableLog, log_of_run, open_log
 from pa_console.tui.refresh import is_open
@@ -152,7 +152,7 @@ class EvaluationScreen(Screen[None]):
 
     async def _show_tables(self) -> None:
         """Build the report's tables of all runs, and show them."""
-        from pa_console.evaluation.report import build_tables  # noqa: PLC0415 - loads numpy
+        from pa_console.evaluation.reporting.report import build_tables  # noqa: PLC0415 - loads numpy
 
         if self._built is None:
             self._built = await asyncio.to_thread(build_tables, self._records)

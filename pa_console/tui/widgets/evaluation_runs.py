@@ -11,8 +11,8 @@ from textual.containers import ScrollableContainer
 from textual.content import Content
 from textual.widgets import Static
 
+from pa_console.evaluation.reporting.statistics import ReportTable, SuccessRate
 from pa_console.evaluation.run_record import Opinion, RunRecord
-from pa_console.evaluation.statistics import ReportTable, SuccessRate
 from pa_console.schema.evaluation import Expectation
 from pa_console.schema.mission import Metrics
 from pa_console.schema.text import count, duration_text

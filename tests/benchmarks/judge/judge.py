@@ -13,8 +13,8 @@ from rich.progress import MofNCompleteColumn, Progress, TextColumn, TimeRemainin
 from pa_console.cli.options import ModelOption
 from pa_console.cli.verbs.evaluate import to_rich
 from pa_console.evaluation.memo_engine import MemoEngine
+from pa_console.evaluation.reporting.statistics import ReportTable, fraction_cell, seconds
 from pa_console.evaluation.run_record import RunRecord, read_runs
-from pa_console.evaluation.statistics import ReportTable, fraction_cell, seconds
 from pa_console.llm.backend import ModelUnavailableError
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import LocalModel, find_model

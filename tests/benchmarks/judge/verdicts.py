@@ -4,8 +4,8 @@ from collections import Counter
 from collections.abc import AsyncGenerator, Callable, Iterable, Sequence
 from dataclasses import replace
 
+from pa_console.evaluation.reporting.statistics import Confusion, SuccessRate, spread
 from pa_console.evaluation.run_record import Opinion
-from pa_console.evaluation.statistics import Confusion, SuccessRate, spread
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.llm.roles.judge import Judge, JudgeQuestion
 from pa_console.llm.roles.role_model import PROMPT_FORMATS

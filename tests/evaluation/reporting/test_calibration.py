@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.evaluation.report import write_report
-from pa_console.evaluation.tables_judgement import (
+from pa_console.evaluation.reporting.report import write_report
+from pa_console.evaluation.reporting.tables_judgement import (
     calibration_error,
     calibration_tables,
     reliability,

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pa_console.evaluation.statistics import (
+from pa_console.evaluation.reporting.statistics import (
     HYBRID_BY_CATEGORY,
     MISSIONS_BY_CATEGORY,
     MODELS,

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from pa_console.evaluation.report import (
+from pa_console.evaluation.reporting.report import (
     build_tables,
     duration,
     facts,

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pa_console.evaluation.reporting.statistics import Confusion, SuccessRate, spread, wilson
 from pa_console.evaluation.run_record import Opinion
-from pa_console.evaluation.statistics import Confusion, SuccessRate, spread, wilson
 
 COUNTS = st.integers(0, 400).flatmap(lambda runs: st.tuples(st.integers(0, runs), st.just(runs)))
 

@@ -7,10 +7,8 @@ from hypothesis import HealthCheck, given, settings
 from rich.console import Console
 
 from pa_console.cli.verbs.evaluate import to_rich
-from pa_console.evaluation.report import build_tables
-from pa_console.evaluation.run_facts import RuleBreach
-from pa_console.evaluation.run_record import RunRecord
-from pa_console.evaluation.statistics import (
+from pa_console.evaluation.reporting.report import build_tables
+from pa_console.evaluation.reporting.statistics import (
     NOTHING,
     ReportTable,
     SuccessRate,
@@ -18,11 +16,13 @@ from pa_console.evaluation.statistics import (
     main_variant,
     rate_cell,
 )
-from pa_console.evaluation.tables_outcomes import (
+from pa_console.evaluation.reporting.tables_outcomes import (
     condition_kind,
     failure_kind,
     reason_pattern,
 )
+from pa_console.evaluation.run_facts import RuleBreach
+from pa_console.evaluation.run_record import RunRecord
 from pa_console.schema.mission import Metrics
 from tests.evaluation.records import made_evaluation, made_record, many_records
 

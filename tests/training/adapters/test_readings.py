@@ -2,7 +2,7 @@
 
 import pytest
 
-from pa_console.language.reading import read_asked, read_reason
+from pa_console.language.canonical.reading import read_asked, read_reason
 from pa_console.llm.models.catalogue import LocalModel
 from pa_training.adapters.material import Tokeniser
 from pa_training.samples.sample import Sample

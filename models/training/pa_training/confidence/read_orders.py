@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.language.clauses import ASKED
-from pa_console.language.reading import agree
+from pa_console.language.canonical.clauses import ASKED
+from pa_console.language.canonical.reading import agree
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.mission.approval import CheckedPlan, OrderAsRead, request_approval

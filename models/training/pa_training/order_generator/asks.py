@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Literal
 
-from pa_console.language.order import KIND_FOR, Ask, Task, Who, Wrong
+from pa_console.language.canonical.order import KIND_FOR, Ask, Task, Who, Wrong
 from pa_console.schema.world import AssetKind
 from pa_training.order_generator.order_view import View
 

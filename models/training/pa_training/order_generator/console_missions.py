@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from functools import cache
 
-from pa_console.language.order import KIND_FOR, Ask, Task, Who
+from pa_console.language.canonical.order import KIND_FOR, Ask, Task, Who
 from pa_console.policy.moments import moment
 from pa_console.policy.orderings import WorkflowRun
 from pa_console.policy.rulebook import Rulebook, load_rules

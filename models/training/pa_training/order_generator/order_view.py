@@ -5,8 +5,8 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar
 
-from pa_console.language.facts import sole_covers
-from pa_console.language.order import Ask, Condition, Fact, Who
+from pa_console.language.canonical.facts import sole_covers
+from pa_console.language.canonical.order import Ask, Condition, Fact, Who
 from pa_console.schema.telemetry import Digest, Picture, Track
 from pa_console.schema.world import KINDS, AssetKind, World
 from pa_training.order_generator.orders import is_so

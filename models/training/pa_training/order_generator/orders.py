@@ -1,14 +1,14 @@
 """Drawn orders: everything that one mission asks for, what is due of it, and its canonical words.
 
 The generator draws an `Order`, the teacher plans from it and never from words, and the canonical
-words express it: the word order is fixed (`pa_console/language/clauses.py`) and the names are the
-world's own. Text that is no order of the operator leaves no trace in them.
+words express it: the word order is fixed (`pa_console/language/canonical/clauses.py`) and the names
+are the world's own. Text that is no order of the operator leaves no trace in them.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from pa_console.language.clauses import (
+from pa_console.language.canonical.clauses import (
     ASIDE,
     CLAUSES,
     EXCEPT,
@@ -20,8 +20,8 @@ from pa_console.language.clauses import (
     counted,
     written,
 )
-from pa_console.language.facts import evidence, holds, is_free, sole_covers
-from pa_console.language.order import (
+from pa_console.language.canonical.facts import evidence, holds, is_free, sole_covers
+from pa_console.language.canonical.order import (
     ANYBODY,
     Ask,
     Condition,

@@ -3,7 +3,7 @@
 import random
 from dataclasses import replace
 
-from pa_console.language.order import Ask, Task, Wrong
+from pa_console.language.canonical.order import Ask, Task, Wrong
 from pa_console.schema.telemetry import Digest, Picture
 from pa_console.schema.world import World
 from pa_training.order_generator.asks import FORBIDDEN, IMPOSSIBLE, draw_ask, draw_wrong

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from pa_console.language.order import Ask, Condition, Who
+from pa_console.language.canonical.order import Ask, Condition, Who
 from pa_console.schema.world import AssetKind
 from pa_training.phrasing.names import Form, number_word
 from pa_training.phrasing.phrase_bank import KEYS

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from pa_console.language.order import Ask, Who
+from pa_console.language.canonical.order import Ask, Who
 from pa_console.schema.base import StrictModel
 from pa_console.schema.mission import MAX_MISSION_TEXT
 from pa_console.schema.telemetry import Picture

@@ -8,10 +8,10 @@ from statistics import median
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from pa_console.evaluation.report import markdown_cell
+from pa_console.evaluation.reporting.report import markdown_cell
+from pa_console.evaluation.reporting.statistics import SuccessRate, grouped, rate_cell, seconds
+from pa_console.evaluation.reporting.tables_outcomes import decision_seconds
 from pa_console.evaluation.run_record import RunRecord, read_runs
-from pa_console.evaluation.statistics import SuccessRate, grouped, rate_cell, seconds
-from pa_console.evaluation.tables_outcomes import decision_seconds
 from pa_console.llm.models.cache import hash_file
 from pa_console.llm.models.catalogue import Catalog, ModelEntry
 from pa_training.results.lineage import (

@@ -8,7 +8,7 @@ who is lost or where: *replace Drone_T04* is read as that, for the gate is looke
 import re
 from collections.abc import Mapping, Sequence
 
-from pa_console.language.reading import asked_words
+from pa_console.language.canonical.reading import asked_words
 from pa_console.llm.roles.grammar import PLANNED
 from pa_training.order_generator.orders import Order
 from pa_training.samples.sample import Sample

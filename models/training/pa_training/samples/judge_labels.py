@@ -9,8 +9,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from pa_console.language.order import Ask
-from pa_console.language.reading import planned
+from pa_console.language.canonical.order import Ask
+from pa_console.language.canonical.reading import planned
 from pa_console.llm.roles.grammar import FEEDBACK_CHARS, TEXT
 from pa_console.schema.command import Verb
 from pa_console.schema.finding import Finding

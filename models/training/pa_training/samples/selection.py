@@ -8,7 +8,7 @@ as well, and for that no plan has to be carried out: the planner's samples tell 
 import random
 from collections.abc import Iterable, Iterator, Mapping
 
-from pa_console.language.reading import asked_words
+from pa_console.language.canonical.reading import asked_words
 from pa_console.llm.roles.compact_prompt import TASKS
 from pa_console.llm.roles.grammar import PLANNED
 from pa_training.samples.sample import Sample

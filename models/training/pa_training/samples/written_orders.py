@@ -1,9 +1,9 @@
 """Orders that writers wrote for situations they were shown, each with what it means.
 
 A writer sees a site, and no order, template or text of anybody else. The meaning is in the
-canonical words of `language/clauses.py`; a second reader who saw only the orders wrote it again,
-and where the two differ the order is left out. `language/written` is learnt, `language/development`
-is kept aside: nothing is fitted on it.
+canonical words of `language/canonical/clauses.py`; a second reader who saw only the orders wrote it
+again, and where the two differ the order is left out. `language/written` is learnt,
+`language/development` is kept aside: nothing is fitted on it.
 """
 
 import random
@@ -13,11 +13,11 @@ from pathlib import Path
 
 from pydantic import Field
 
+from pa_console.language.canonical.clauses import ASKED, NOTHING
+from pa_console.language.canonical.facts import conditions
+from pa_console.language.canonical.order import Ask, Condition, in_words
+from pa_console.language.canonical.reading import asked_words, parted, read_asked
 from pa_console.language.clause_grammar import asked_now
-from pa_console.language.clauses import ASKED, NOTHING
-from pa_console.language.facts import conditions
-from pa_console.language.order import Ask, Condition, in_words
-from pa_console.language.reading import asked_words, parted, read_asked
 from pa_console.llm.roles.compact_prompt import compact_planner_prompt, picture_prefix
 from pa_console.schema.base import StrictModel
 from pa_console.schema.document import Document

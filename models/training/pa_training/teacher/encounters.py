@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
-from pa_console.language.order import Ask, Who
+from pa_console.language.canonical.order import Ask, Who
 from pa_console.schema.telemetry import Track
 from pa_console.schema.world import AssetKind
 from pa_training.teacher.moves import look

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from pa_console.language.order import Ask, Who
+from pa_console.language.canonical.order import Ask, Who
 from pa_training.teacher.roster import (
     MOST_OPTIONS,
     Draft,

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from typing import NamedTuple
 
-from pa_console.language.facts import asset_state, sole_covers
-from pa_console.language.order import (
+from pa_console.language.canonical.facts import asset_state, sole_covers
+from pa_console.language.canonical.order import (
     VERB_FOR,
     Ask,
     Obstacle,

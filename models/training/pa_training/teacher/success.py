@@ -5,7 +5,7 @@ They are written from the meaning of the order alone and share nothing with how 
 
 from collections.abc import Iterator, Sequence
 
-from pa_console.language.order import Ask, Task
+from pa_console.language.canonical.order import Ask, Task
 from pa_console.schema.command import Verb
 from pa_console.schema.world import World
 from pa_training.order_generator.orders import Order

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from pydantic import Field
 
-from pa_console.language.order import Ask, Task
+from pa_console.language.canonical.order import Ask, Task
 from pa_console.llm.roles.grammar import REASON_CHARS
 from pa_console.schema.base import Positive, StrictModel
 from pa_console.schema.command import ENCOUNTERS, Verb

@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 
 from pydantic import Field
 
-from pa_console.language.word_form import WordForm
+from pa_console.language.canonical.word_form import WordForm
 from pa_console.schema.base import StrictModel
 from pa_console.schema.command import COMMANDS, Verb
 from pa_console.schema.telemetry import Picture

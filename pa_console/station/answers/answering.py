@@ -16,8 +16,8 @@ from pa_console.schema.text import clock_text
 from pa_console.session.mission_trace import Attempt, MissionTrace
 from pa_console.session.state import Notice, SessionState
 from pa_console.session.wording import order_in_words
-from pa_console.station.alternatives import Alternative, find_alternatives
-from pa_console.station.why import (
+from pa_console.station.answers.alternatives import Alternative, find_alternatives
+from pa_console.station.answers.why import (
     asset_lines,
     attempt_of,
     checked_lines,

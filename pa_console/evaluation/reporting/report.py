@@ -7,7 +7,8 @@ from typing import Any, NamedTuple, cast
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 
-from pa_console.evaluation.figures import (
+from pa_console.evaluation.jobs import ABOUT
+from pa_console.evaluation.reporting.figures import (
     ABLATION,
     FAILURES,
     JUDGE,
@@ -18,9 +19,7 @@ from pa_console.evaluation.figures import (
     inline,
     render,
 )
-from pa_console.evaluation.jobs import ABOUT
-from pa_console.evaluation.run_record import RunRecord
-from pa_console.evaluation.statistics import (
+from pa_console.evaluation.reporting.statistics import (
     Records,
     ReportTable,
     by_model,
@@ -30,13 +29,13 @@ from pa_console.evaluation.statistics import (
     needless_refusal,
     seconds,
 )
-from pa_console.evaluation.tables_judgement import (
+from pa_console.evaluation.reporting.tables_judgement import (
     calibration_tables,
     confidence_tables,
     judge_tables,
     reading_tables,
 )
-from pa_console.evaluation.tables_outcomes import (
+from pa_console.evaluation.reporting.tables_outcomes import (
     FailureKind,
     ablation_tables,
     decision_seconds,
@@ -45,6 +44,7 @@ from pa_console.evaluation.tables_outcomes import (
     latency_tables,
     success_tables,
 )
+from pa_console.evaluation.run_record import RunRecord
 from pa_console.schema.text import visible
 
 DEFINITIONS = {

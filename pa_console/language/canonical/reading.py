@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Literal
 
-from pa_console.language.clauses import (
+from pa_console.language.canonical.clauses import (
     ASIDE,
     ASKED,
     EXCEPT,
@@ -30,7 +30,7 @@ from pa_console.language.clauses import (
     counted,
     written,
 )
-from pa_console.language.order import ANYBODY, TASK_OF, Ask, Reading, Who, Wrong
+from pa_console.language.canonical.order import ANYBODY, TASK_OF, Ask, Reading, Who, Wrong
 from pa_console.schema.plan import Action
 from pa_console.schema.world import KINDS, World
 

@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from pa_console.language.order import Condition, Fact, TrackKind
+from pa_console.language.canonical.order import Condition, Fact, TrackKind
 from pa_console.schema.command import BUSY_TASKS
 from pa_console.schema.telemetry import AssetTelemetry, Digest, Picture, Track
 from pa_console.schema.world import PLAIN_KINDS, AssetKind, World

@@ -11,8 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import Literal, NamedTuple
 
 from pa_console.evaluation.jobs import VARIANTS
-from pa_console.evaluation.run_record import Opinion, RunRecord
-from pa_console.evaluation.statistics import (
+from pa_console.evaluation.reporting.statistics import (
     MISSION_SET,
     MODELS,
     NOTHING,
@@ -30,6 +29,7 @@ from pa_console.evaluation.statistics import (
     published,
     rate_cell,
 )
+from pa_console.evaluation.run_record import Opinion, RunRecord
 from pa_console.session.confidence import UNSURE
 
 VerdictSource = Literal["judge, plan", "judge, outcome", "telemetry"]

@@ -8,7 +8,7 @@ from functools import partial
 from html import escape
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from pa_console.evaluation.statistics import (
+from pa_console.evaluation.reporting.statistics import (
     HYBRID_BY_CATEGORY,
     MODELS,
     Quantity,
@@ -22,13 +22,13 @@ from pa_console.evaluation.statistics import (
     published,
     spread,
 )
-from pa_console.evaluation.tables_judgement import (
+from pa_console.evaluation.reporting.tables_judgement import (
     VerdictSource,
     confidence_and_success,
     confusion,
     reliability,
 )
-from pa_console.evaluation.tables_outcomes import (
+from pa_console.evaluation.reporting.tables_outcomes import (
     LATENCIES,
     STAGES,
     SuccessKind,

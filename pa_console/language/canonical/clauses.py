@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from pa_console.language.order import Task, Wrong
-from pa_console.language.word_form import WordForm
+from pa_console.language.canonical.order import Task, Wrong
+from pa_console.language.canonical.word_form import WordForm
 from pa_console.schema.world import PLAIN_KINDS, AssetKind
 
 ASKED = "asked: "

@@ -7,10 +7,10 @@ checked and rehearsed again with it in place, in the present picture. No decisio
 import math
 from collections.abc import AsyncGenerator, Iterator, Sequence
 
-from pa_console.language.facts import is_free, sole_covers
+from pa_console.language.canonical.facts import is_free, sole_covers
+from pa_console.language.canonical.plain_words import plain_reading
+from pa_console.language.canonical.reading import asked_words, read_asked
 from pa_console.language.name_linking import named
-from pa_console.language.plain_words import plain_reading
-from pa_console.language.reading import asked_words, read_asked
 from pa_console.mission.examine import CheckBasis, Examination, examine
 from pa_console.policy.rule_variables import goes_to
 from pa_console.schema.command import BUSY_TASKS, COMMANDS

@@ -9,7 +9,7 @@ import random
 from collections.abc import Callable
 from datetime import UTC, datetime
 
-from pa_console.evaluation.changed_decisions import (
+from pa_console.evaluation.rule_changes.changed_decisions import (
     Findings,
     SessionEffect,
     blocking,

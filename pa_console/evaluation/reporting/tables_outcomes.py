@@ -6,8 +6,7 @@ from statistics import fmean, median
 from typing import Literal, NamedTuple
 
 from pa_console.evaluation.jobs import REFERENCE
-from pa_console.evaluation.run_record import RunRecord
-from pa_console.evaluation.statistics import (
+from pa_console.evaluation.reporting.statistics import (
     HYBRID_BY_CATEGORY,
     MISSION_SET,
     MODELS,
@@ -29,7 +28,8 @@ from pa_console.evaluation.statistics import (
     seconds,
     spread,
 )
-from pa_console.evaluation.tables_judgement import refusal_recall
+from pa_console.evaluation.reporting.tables_judgement import refusal_recall
+from pa_console.evaluation.run_record import RunRecord
 
 _RULE = re.compile(r"^[A-Z]{2,5}-\d+")
 _ROOT = re.compile(r"\brun\.((?:start|final)\.[a-z]+|[a-z_]+)")

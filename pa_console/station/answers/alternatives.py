@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from itertools import islice, product
 from typing import Literal
 
-from pa_console.language.plain_words import plain_reading
-from pa_console.language.reading import read_asked
+from pa_console.language.canonical.plain_words import plain_reading
+from pa_console.language.canonical.reading import read_asked
 from pa_console.llm.roles.grammar import CommandSlot
 from pa_console.mission.examine import CheckBasis, examine
 from pa_console.mission.planning.choices import commands_serving
@@ -17,7 +17,7 @@ from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.session.wording import order_in_words
-from pa_console.station.why import asked_of, attempt_of, rehearsed_in_words
+from pa_console.station.answers.why import asked_of, attempt_of, rehearsed_in_words
 
 MOST_TRIED = 3
 """Plans that are examined at most, where the ones before are blocked."""

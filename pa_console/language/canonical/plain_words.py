@@ -7,7 +7,7 @@ them, or plain already, stay as they are written.
 import re
 from collections.abc import Mapping, Sequence
 
-from pa_console.language.clauses import (
+from pa_console.language.canonical.clauses import (
     ASIDE,
     ASKED,
     EXCEPT,
@@ -18,8 +18,8 @@ from pa_console.language.clauses import (
     TEAM,
     UNLAWFUL,
 )
-from pa_console.language.order import CONDITIONS
-from pa_console.language.reading import NAME, clause_of
+from pa_console.language.canonical.order import CONDITIONS
+from pa_console.language.canonical.reading import NAME, clause_of
 from pa_console.schema.world import PLAIN_KINDS, AssetKind
 
 _KINDS: Mapping[AssetKind, str] = {

@@ -1,0 +1,1 @@
+"""Answers to questions about the record: reasons, and plans that would do otherwise."""
