@@ -15,9 +15,10 @@ from rich.table import Table
 from pa_console.cli.options import ModelOption, RulesOption
 from pa_console.llm.backend import GenerationEnd, Request
 from pa_console.llm.local.engine import LOAD_LIMIT_S, WARM_GRAMMAR, Engine
-from pa_console.llm.models.catalogue import find_model
+from pa_console.llm.models.catalogue import PromptFormatName, find_model
 from pa_console.llm.roles.grammar import plan_grammar
-from pa_console.llm.roles.prompts import Prompt, planner_prompt
+from pa_console.llm.roles.prompts import Prompt
+from pa_console.llm.roles.role_model import PROMPT_FORMATS
 from pa_console.mission.examine import examine
 from pa_console.mission.planning.picture_text import digest_picture, select
 from pa_console.policy.retriever import Retriever
@@ -71,7 +72,9 @@ class Measured(NamedTuple):
     picture: Picture
 
 
-def measure(gates: int, assets: int, rulebook: Rulebook, seed: int = 0) -> Measured:
+def measure(
+    gates: int, assets: int, rulebook: Rulebook, prompts: PromptFormatName, seed: int = 0
+) -> Measured:
     """Measure one size in this process, whose peak memory counts as the size's own."""
     world = generate_world(gates, assets, seed)
     started = perf_counter()
@@ -84,7 +87,7 @@ def measure(gates: int, assets: int, rulebook: Rulebook, seed: int = 0) -> Measu
     mission = _mission(gate)
     plan = _plan(sim, world, mission)
     found = [asyncio.run(examine(plan, mission, sim, rulebook)) for _ in range(REPEATS)]
-    select_ms, prompt, grammar = _prompt(sim, world, rulebook, mission)
+    select_ms, prompt, grammar = _prompt(sim, world, rulebook, mission, prompts)
     speed_moving = _speed_moving(sim, world)
     rehearsal = found[0].rehearsal
     row = ScaleRow(
@@ -125,7 +128,11 @@ def _plan(sim: Checkpoint, world: World, mission: Mission) -> Plan:
 
 
 def _prompt(
-    sim: Checkpoint, world: World, rulebook: Rulebook, mission: Mission
+    sim: Checkpoint,
+    world: World,
+    rulebook: Rulebook,
+    mission: Mission,
+    prompts: PromptFormatName,
 ) -> tuple[float, Prompt, str]:
     """Return the milliseconds of steps 2 to 4 without the model, the prompt and the grammar."""
     retriever = Retriever(rulebook.rules)
@@ -134,7 +141,7 @@ def _prompt(
     rules = [rulebook.get(hit.rule_id) for hit in retriever.retrieve(mission.text)]
     selection = select(picture, world, mission, rules)
     digest = digest_picture(picture, world, selection)
-    prompt = planner_prompt(world, digest, rules, mission)
+    prompt = PROMPT_FORMATS[prompts].planner(world, digest, rules, mission)
     chosen = (None, None) if selection is None else (selection.assets, selection.frames)
     grammar = plan_grammar(world, picture, *chosen)
     return 1000 * (perf_counter() - started), prompt, grammar
@@ -184,13 +191,16 @@ def scale(
     json: JsonFileOption = None,
 ) -> None:
     """Measure teams of 10, 100 and 1,000 assets in generated worlds."""
-    engine = Engine(find_model(model))
+    entry = find_model(model)
+    engine = Engine(entry)
     measured: list[tuple[ScaleRow, float, Prompt]] = []
     with errors.status("measuring") as status:
         for gates, assets in SIZES:
             status.update(f"measuring {assets} assets, {gates} gates")
             with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-                measured.append(pool.submit(_measured, gates, assets, rules, seed).result())
+                measured.append(
+                    pool.submit(_measured, gates, assets, rules, entry.prompts, seed).result()
+                )
         status.update("counting tokens")
         tokens = asyncio.run(_count(engine, [prompt for _, _, prompt in measured]))
     rows = [
@@ -205,11 +215,13 @@ def scale(
     keep("scale", rows, json)
 
 
-def _measured(gates: int, assets: int, rules: str, seed: int) -> tuple[ScaleRow, float, Prompt]:
+def _measured(
+    gates: int, assets: int, rules: str, prompts: PromptFormatName, seed: int
+) -> tuple[ScaleRow, float, Prompt]:
     """Measure one size in a process of its own, so that its memory is its own."""
     from pa_console.tui.map.scene import MapScene  # noqa: PLC0415 - no other verb waits for Textual
 
-    found = measure(gates, assets, load_site("checkpoint", rules).rulebook, seed)
+    found = measure(gates, assets, load_site("checkpoint", rules).rulebook, prompts, seed)
     scene = MapScene(found.world)
     frames: list[float] = []
     for _ in range(FRAMES):

@@ -15,7 +15,7 @@ from tests.llm.scripted import ScriptedEngine
 
 def test_a_size_is_measured_whole(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tests.benchmarks.scale.SIMULATED_S", 2.0)
-    found = measure(3, 6, site.rulebook, seed=1)
+    found = measure(3, 6, site.rulebook, "compact", seed=1)
     assert (found.row.gates, found.row.assets) == (3, 6)
     assert len(found.world.assets) == len(found.picture.assets) == 6
     for name, value in found.row.model_dump().items():
