@@ -1,4 +1,7 @@
-"""The fleet of a simulated checkpoint in this process, and the outlook from a picture alone."""
+"""The fleet of a simulated checkpoint in this process, and the outlook from a picture alone.
+
+A forecast leaves a fleet too: a later step of an order is planned against it.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -132,3 +135,35 @@ class ShownPicture:
     def forecast(self) -> Checkpoint:
         """Return a simulation of what the picture shows, built from it and the world alone."""
         return Checkpoint.ahead_of(self._terrain, self.picture())
+
+
+class ForeseenFleet(ShownPicture):
+    """The fleet of `world` in the picture that a rehearsal ended with; it commands no device."""
+
+    def __init__(self, world: World, picture: Picture) -> None:
+        super().__init__(world)
+        self.show(picture)
+
+    @property
+    def tick(self) -> int:
+        """The step of the fleet's clock at which the picture is foreseen."""
+        return self.picture().tick
+
+    @property
+    def time_s(self) -> float:
+        """The time of the picture on the fleet's clock, seconds."""
+        return self.picture().time_s
+
+    def send(self, command: DeviceCommand) -> None:
+        """Refuse: raises RuntimeError, for there is no device."""
+        raise RuntimeError(f"{command.command_id} is for a fleet that is only foreseen")
+
+    def mark_manual(self, assets: frozenset[str]) -> None:
+        """Do nothing: the picture shows who was under manual control when it was foreseen."""
+
+    def step(self) -> Received:
+        """Return nothing: the picture stands still."""
+        return Received()
+
+    def close(self) -> None:
+        """Do nothing: there is no device to let go of."""

@@ -7,7 +7,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Self
 
 from pa_console.fleets.fleet import Fleet
-from pa_console.fleets.foreseen import ForeseenFleet
+from pa_console.fleets.simulated import ForeseenFleet
 from pa_console.language.references.scene import Move, PastMission, ReferenceScene, after
 from pa_console.llm.backend import Answerer
 from pa_console.llm.early_answers import EarlyAnswers

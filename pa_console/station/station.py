@@ -9,7 +9,7 @@ from functools import partial
 from pa_console import __version__
 from pa_console.fleets.fleet import PlanCountersignature, Simulated
 from pa_console.language.orders.manual_words import ManualWords, read_manual
-from pa_console.language.orders.order_changes import Change, OrderChange, OrderUnderWay, read_change
+from pa_console.language.orders.order_changes import Change, OrderChange
 from pa_console.language.questions import Question
 from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.scene import ReferenceScene
@@ -44,6 +44,7 @@ from pa_console.station.manual_assets import ManualAssets
 from pa_console.station.notices import Outside, pass_on
 from pa_console.station.read_ahead import ReadAhead
 from pa_console.station.rules_in_force import RulesReload, RulesWatch
+from pa_console.station.standing_control import StandingControl
 from pa_console.station.worker import Background, MissionWorker, StationParts
 
 READ_ONLY = "this console is read-only: commands are refused"
@@ -113,6 +114,7 @@ class ControlStation:
             parts, self._writable, self._look_now, self._worker.queue_changed
         )
         """The assets under manual control."""
+        self._standing = StandingControl(parts, self._worker, self._writable)
         self._ticking = Ticking(parts, clock, self._worker, self._stop_for, self.manual)
         self._closed, self._resumed = False, resumed
         self._record = RecentRecord(deepcopy(resumed.before.state) if resumed else SessionState())
@@ -376,30 +378,10 @@ class ControlStation:
 
     def _change_in(self, order: ReadText) -> OrderChange | ManualWords | Unclear | None:
         """Return what a text changes at once: standing orders, or who drives an asset."""
-        orders = self._services.standing.orders
-        change = read_change(order.text, (*orders, *self._under_way()))
+        change = self._standing.read(order.text)
         if change is not None or order.question is not None:
             return change
         return read_manual(self._services.scene, order.text, self._gate.manual.taken)
-
-    def _under_way(self) -> tuple[OrderUnderWay, ...]:
-        """Return the order in steps that is worked on, unless a standing order has started it."""
-        run, standing = self._worker.active, self._services.standing
-        if run is None or not run.in_steps or standing.find(run.mission.standing or "") is not None:
-            return ()
-        mission = run.mission
-        return (OrderUnderWay(mission.id, mission.said, "steps patrol", mission.text),)
-
-    def _change_orders(self, change: OrderChange) -> None:
-        """Change orders; the one in steps that is worked on changes with its standing order."""
-        run = self._worker.active
-        for name in change.orders:
-            if run is None or name != run.mission.id:
-                self.change_standing(name, change.change)
-        if run is None or not run.in_steps:
-            return
-        if {run.mission.id, run.mission.standing} & {*change.orders} and change.change != "skip":
-            self._worker.change_steps(change.change)
 
     def _change(self, order: ReadText, change: OrderChange | ManualWords) -> Mission:
         """Carry out an operator's words at once, and record them as a mission.
@@ -407,8 +389,7 @@ class ControlStation:
         Raises ValueError for what cannot be changed so.
         """
         if isinstance(change, OrderChange):
-            self._change_orders(change)
-            reason = f"{change.done}: {', '.join(change.orders)}"
+            reason = self._standing.carry_out(change)
         else:
             reason = self.manual.change(change)
         mission, received = self._intake.submit(order, active=False, waits=False)
@@ -529,47 +510,12 @@ class ControlStation:
         self.manual.queue_returned()
         self._worker.queue_changed()
 
-    def revoke(self, order_id: str, by: str = "operator") -> None:
-        """Take a standing order out of force, and its waiting missions out of the queue.
-
-        A mission of it that has begun goes on. Raises ValueError when it is not in force.
-        """
-        self._writable()
-        self._services.standing.revoke(order_id)
-        self._emit(ev.StandingOrderRevoked(order_id=order_id, by=by))
-        for mission in self._intake.queue.take(lambda one: one.standing == order_id):
-            self._worker.drop(mission, f"standing order {order_id} was revoked")
-        self._worker.queue_changed()
-
     def change_standing(self, order_id: str, change: Change, by: str = "operator") -> None:
         """Revoke a standing order, let it pause or go on, or skip its next moment.
 
         Raises ValueError when it is not in force, or where that changes nothing.
         """
-        match change:
-            case "revoke":
-                self.revoke(order_id, by)
-            case "skip":
-                self.skip(order_id, by)
-            case "pause" | "resume":
-                self.pause(order_id, by, paused=change == "pause")
-
-    def pause(self, order_id: str, by: str = "operator", *, paused: bool = True) -> None:
-        """Let a standing order start nothing until it is resumed, which is `paused` False.
-
-        Raises ValueError when it is not in force, or is so already.
-        """
-        self._writable()
-        standing, change = self._services.standing, "paused" if paused else "resumed"
-        standing.pause(order_id, paused=paused)
-        self._emit(standing.scheduled(order_id, change, by, self._fleet.time_s))
-
-    def skip(self, order_id: str, by: str = "operator") -> None:
-        """Leave out the next moment of a timed order; raises ValueError when it has none."""
-        self._writable()
-        standing = self._services.standing
-        standing.skip(order_id)
-        self._emit(standing.scheduled(order_id, "skipped", by, self._fleet.time_s))
+        self._standing.change(order_id, change, by)
 
     def inject(self, incident: Incident) -> None:
         """Let something happen in a simulated fleet; raises ValueError for an unknown name.
@@ -653,22 +599,7 @@ class ControlStation:
         self._live.see(payload)
         self._events.put_nowait(event)
         if isinstance(payload, ev.MissionFinished) and mission:
-            self._ended(mission, payload)
-
-    def _ended(self, mission: str, payload: ev.MissionFinished) -> None:
-        """Let the standing order know that started a mission which is over now.
-
-        Nobody waits for a moment of the clock: if its mission is held, an alarm says so.
-        """
-        ended = self._services.standing.ended(mission, self._fleet.time_s, self.world.base)
-        if ended is None:
-            return
-        order, remark = ended
-        if remark:
-            self._emit(ev.StandingOrderWithheld(order_id=order.id, reason=remark))
-        if order.schedule is not None and payload.status in ("held", "refused", "failed"):
-            text = f"{order.id}, {order.words}: {mission} was {payload.status}: {payload.reason}"
-            self._emit(ev.Noticed(level="alarm", subject=order.id, text=text[:500]))
+            self._standing.mission_ended(mission, payload)
 
     def _broken(self, error: BaseException) -> None:
         """End the session in order when one of its own tasks broke."""

@@ -6,8 +6,7 @@ from random import Random
 import pytest
 
 from pa_console.fleets.fleet import Outlook
-from pa_console.fleets.foreseen import ForeseenFleet
-from pa_console.fleets.simulated import SimulatedFleet
+from pa_console.fleets.simulated import ForeseenFleet, SimulatedFleet
 from pa_console.mission.examine import Examination, examine
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.plan import Action, Plan

@@ -220,7 +220,7 @@ async def test_a_revoked_order_starts_nothing_and_takes_back_what_waits(rig: Rig
             station.submit("Watch the checkpoint and say what you see.")
             station.inject(LOW)
         if isinstance(event.data, ev.StandingOrderStarted):
-            station.revoke("S1")
+            station.change_standing("S1", "revoke")
             station.inject(SetBattery(asset="Drone_T02", percent=10.0))
 
     state = await play(rig, person, on_event=revokes, engine=ScriptedEngine([plan()]))

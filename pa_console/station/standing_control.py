@@ -1,0 +1,89 @@
+"""The station's side of standing orders: what changes them, and what their missions come to."""
+
+from collections.abc import Callable
+
+from pa_console.language.orders.order_changes import Change, OrderChange, OrderUnderWay, read_change
+from pa_console.language.references.conversation import Unclear
+from pa_console.schema.events import event as ev
+from pa_console.station.worker import MissionWorker, StationParts
+
+
+class StandingControl:
+    """Revokes standing orders, lets them pause and go on, and skips their moments.
+
+    An order in steps that is worked on changes with the standing order that started it.
+    """
+
+    def __init__(
+        self, parts: StationParts, worker: MissionWorker, require_writable: Callable[[], None]
+    ) -> None:
+        self._standing, self._fleet = parts.services.standing, parts.services.fleet
+        self._queue, self._emit = parts.intake.queue, parts.emit
+        self._worker, self._require_writable = worker, require_writable
+
+    def read(self, text: str) -> OrderChange | Unclear | None:
+        """Return what a text changes in the orders in force; None if it changes nothing."""
+        return read_change(text, (*self._standing.orders, *self._under_way()))
+
+    def _under_way(self) -> tuple[OrderUnderWay, ...]:
+        """Return the order in steps that is worked on, unless a standing order has started it."""
+        run = self._worker.active
+        if run is None or not run.in_steps or self._standing.find(run.mission.standing or ""):
+            return ()
+        mission = run.mission
+        return (OrderUnderWay(mission.id, mission.said, "steps patrol", mission.text),)
+
+    def carry_out(self, change: OrderChange) -> str:
+        """Carry out what an operator's words change, and return the change.
+
+        Raises ValueError as `change` does.
+        """
+        run = self._worker.active
+        for name in change.orders:
+            if run is None or name != run.mission.id:
+                self.change(name, change.change)
+        affected = run is not None and {run.mission.id, run.mission.standing} & {*change.orders}
+        if run is not None and run.in_steps and affected and change.change != "skip":
+            self._worker.change_steps(change.change)
+        return f"{change.done}: {', '.join(change.orders)}"
+
+    def change(self, order_id: str, change: Change, by: str = "operator") -> None:
+        """Revoke a standing order, let it pause or go on, or skip its next moment.
+
+        Revoking takes the order's waiting missions out of the queue; one that has begun goes on.
+        Raises ValueError when the order is not in force, or where that changes nothing.
+        """
+        self._require_writable()
+        match change:
+            case "revoke":
+                self._revoke(order_id, by)
+                return
+            case "skip":
+                self._standing.skip(order_id)
+                done = "skipped"
+            case "pause" | "resume":
+                self._standing.pause(order_id, paused=change == "pause")
+                done = "paused" if change == "pause" else "resumed"
+        self._emit(self._standing.scheduled(order_id, done, by, self._fleet.time_s), None)
+
+    def _revoke(self, order_id: str, by: str) -> None:
+        self._standing.revoke(order_id)
+        self._emit(ev.StandingOrderRevoked(order_id=order_id, by=by), None)
+        for mission in self._queue.take(lambda one: one.standing == order_id):
+            self._worker.drop(mission, f"standing order {order_id} was revoked")
+        self._worker.queue_changed()
+
+    def mission_ended(self, mission: str, payload: ev.MissionFinished) -> None:
+        """Let the standing order know that started a mission which is over now.
+
+        Nobody waits for a moment of the clock: if its mission is held, an alarm says so.
+        """
+        ended = self._standing.ended(mission, self._fleet.time_s, self._fleet.world.base)
+        if ended is None:
+            return
+        order, remark = ended
+        if remark:
+            self._emit(ev.StandingOrderWithheld(order_id=order.id, reason=remark), None)
+        if order.schedule is not None and payload.status in ("held", "refused", "failed"):
+            text = f"{order.id}, {order.words}: {mission} was {payload.status}: {payload.reason}"
+            self._emit(ev.Noticed(level="alarm", subject=order.id, text=text[:500]), None)
