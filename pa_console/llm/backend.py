@@ -13,7 +13,7 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Literal, Protocol
 
-from pa_console.schema.events.event import Role, ServerUse
+from pa_console.schema.base import Role, ServerUse
 from pa_console.schema.finding import Usage
 
 
@@ -78,6 +78,9 @@ class Request:
     """True if no caller waits: any other prompt interrupts it, and it is `cancelled`. The evaluated
     part of the prompt is kept, so that it may soon be asked again."""
 
+
+ChatFormat = Literal["template", "chatml", "plain"]
+"""The frame of a prompt: the template in the model's file, or one of ours."""
 
 Finish = Literal["stop", "length", "cancelled", "deadline"]
 Chance = tuple[int, float]

@@ -54,6 +54,9 @@ def _field_names(model: type[BaseModel]) -> set[str]:
 Role = Literal["planner", "judge", "outcome"]
 """The roles of the model: planner, judge of a plan, judge of an outcome."""
 
+ServerUse = Literal["planner", "judge", "second reader"]
+"""The tasks that a model server can be given."""
+
 
 class Payload(StrictModel):
     """Base of all event payloads; a transient one is no part of what a log tells.

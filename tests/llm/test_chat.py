@@ -2,10 +2,11 @@
 
 import pytest
 
+from pa_console.llm.backend import ChatFormat
 from pa_console.llm.local.decoding import ChatPrompt
 from pa_console.llm.local.runtime import Runtime
 from pa_console.llm.local.threads import FreeCores
-from pa_console.llm.models.catalogue import ChatFormat, LocalModel
+from pa_console.llm.models.catalogue import LocalModel
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,7 @@ from llguidance import LLMatcher
 from llguidance.llamacpp import lltokenizer_from_vocab
 from numpy.typing import NDArray
 
-from pa_console.llm.backend import Chance, Finish, Request
+from pa_console.llm.backend import Chance, ChatFormat, Finish, Request
 from pa_console.llm.local.answer import (
     AnswerRun,
     FinishedAnswer,
@@ -30,7 +30,6 @@ from pa_console.llm.local.answer import (
     readable,
 )
 from pa_console.llm.local.runtime import InterruptedEvaluationError, Runtime, SharedContext
-from pa_console.llm.models.catalogue import ChatFormat
 from pa_console.schema.finding import Usage
 
 FORMATS: dict[ChatFormat, str] = {

@@ -4,11 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter
 
-from pa_console.llm.backend import Chance, Finish, Request
-from pa_console.llm.models.catalogue import ChatFormat
-from pa_console.llm.models.preparing import Sha256
-from pa_console.schema.base import StrictModel
-from pa_console.schema.events.event import Role
+from pa_console.llm.backend import Chance, ChatFormat, Finish, Request
+from pa_console.schema.base import Hex32, Role, StrictModel
 from pa_console.schema.finding import Usage
 
 
@@ -16,7 +13,7 @@ class PinnedFile(StrictModel):
     """A file to load, and the SHA-256 without which it is not loaded."""
 
     path: str
-    sha256: Sha256
+    sha256: Hex32
 
 
 class Load(StrictModel):

@@ -36,8 +36,7 @@ from pa_console.llm.local.messages import (
 )
 from pa_console.llm.models.cache import CheckedFile
 from pa_console.llm.models.gguf_bounds import check_gguf
-from pa_console.schema.base import StrictModel
-from pa_console.schema.events.event import Role
+from pa_console.schema.base import Role, StrictModel
 
 if TYPE_CHECKING:
     from pa_console.llm.local.decoding import ChatPrompt, Decoder

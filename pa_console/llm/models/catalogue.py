@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, field_validator, model_validator
 from rapidfuzz import process
 
-from pa_console.llm.backend import ModelError, names_backend
+from pa_console.llm.backend import ChatFormat, ModelError, names_backend
 from pa_console.llm.models.cache import Progress, hash_file, models_folder, silent
 from pa_console.llm.models.preparing import (
     Preparation,
@@ -147,7 +147,6 @@ class PackageSource(StrictModel):
 WeightsSource = Annotated[PathSource | HubSource | PackageSource, Field(discriminator="kind")]
 
 
-ChatFormat = Literal["template", "chatml", "plain"]
 N_CTX = 4096
 """Tokens that prompt and answer of a role may have together."""
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from pa_console.schema.base import Payload, Role, StrictModel
+from pa_console.schema.base import Payload, Role, ServerUse, StrictModel
 from pa_console.schema.events.execution import (
     AllStopped,
     CommandRefused,
@@ -84,7 +84,6 @@ from pa_console.schema.events.session import (
     RulesReplaced,
     ServerChanged,
     ServerState,
-    ServerUse,
     SessionEnded,
     SessionResumed,
     SessionStarted,

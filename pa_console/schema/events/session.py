@@ -5,7 +5,15 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from pa_console.schema.base import Hex32, Hex64, NonNegative, Payload, Point, StrictModel
+from pa_console.schema.base import (
+    Hex32,
+    Hex64,
+    NonNegative,
+    Payload,
+    Point,
+    ServerUse,
+    StrictModel,
+)
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.incident import Incident
 from pa_console.schema.rule import RuleSet, RulesSeal
@@ -14,7 +22,6 @@ from pa_console.schema.telemetry import Picture
 Level = Literal["info", "warning", "alarm"]
 IncidentSource = Literal["operator", "scenario"]
 ServerState = Literal["probing", "ready", "unconstrained", "away"]
-ServerUse = Literal["planner", "judge", "second reader"]
 WorkerState = Literal["loading", "ready", "unconfined", "slow", "dead", "unavailable"]
 """An `unconfined` worker is ready, in a process that this system does not confine."""
 

@@ -5,8 +5,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from pa_console.llm.backend import ModelError
-from pa_console.llm.models.catalogue import Catalog, ChatFormat
+from pa_console.llm.backend import ChatFormat, ModelError
+from pa_console.llm.models.catalogue import Catalog
 from pa_console.schema.base import StrictModel
 from pa_console.schema.document import Document
 from pa_training import CONFIGS

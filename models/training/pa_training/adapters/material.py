@@ -9,10 +9,10 @@ from itertools import accumulate, islice
 from pathlib import Path
 from typing import TypedDict
 
+from pa_console.llm.backend import ChatFormat
 from pa_console.llm.local.decoding import ChatPrompt
 from pa_console.llm.local.runtime import Runtime
 from pa_console.llm.local.threads import FreeCores
-from pa_console.llm.models.catalogue import ChatFormat
 from pa_training.adapters.config import TrainConfig
 from pa_training.samples.sample import Sample, read_samples
 from pa_training.samples.selection import drawn, judge_readings, readings
