@@ -5,13 +5,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from pa_console.fleets.fleet import Fleet
-from pa_console.mission.execution.dispatch import (
-    MOST_GROWTH,
-    RESEND_GROWTH,
-    RESEND_S,
-    Dispatch,
-    Step,
-)
+from pa_console.mission.execution.dispatch import RESEND_GROWTH, Dispatch, Step
 from pa_console.mission.gate import CommandGate
 from pa_console.schema.base import Point
 from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand
@@ -21,6 +15,11 @@ from pa_console.schema.world import World
 
 CONFIRM_S = 1.0
 """An asset that has not answered a stop within this time is reported."""
+
+HOLD_AGAIN_S = 0.4
+"""A hold is repeated after this time: a link that loses half of all messages delivers it soon."""
+STEADY_HOLDS, MOST_GROWTH = 10, 15
+"""So often at an even pace, then ever later, up to 6 s, as many assets may be silent for long."""
 
 STANDS_MPS = 0.05
 """An asset that reports no more than this stands: measured speeds are never quite zero."""
@@ -88,15 +87,15 @@ class StopConfirmation:
     def resends(self, tick: int, overdue: Mapping[str, str]) -> list[tuple[DeviceCommand, int]]:
         """Return the holds that are due again at `tick`, each with how often that makes it.
 
-        A hold without an answer is sent again as any command is; an answered one while its asset
-        is among the `overdue`.
+        An answered hold is due only while its asset is among the `overdue`.
         """
         due: list[tuple[DeviceCommand, int]] = []
         for name, held in self._held.items():
             answered = held.reply is not None and held.reply.status in FINAL_REPLIES
             if not held.doubt or (answered and name not in overdue):
                 continue
-            wait_s = RESEND_S * RESEND_GROWTH ** min(held.times, MOST_GROWTH)
+            growth = min(max(0, held.times - STEADY_HOLDS), MOST_GROWTH)
+            wait_s = HOLD_AGAIN_S * RESEND_GROWTH**growth
             if (tick - held.sent) * self._dt_s >= wait_s - self._dt_s / 2:
                 held.sent, held.times = tick, held.times + 1
                 due.append((held.command, held.times))

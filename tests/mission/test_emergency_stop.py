@@ -121,7 +121,20 @@ def test_an_asset_that_does_not_answer_a_stop_is_named_within_a_second_and_a_hal
     assert doubts(follow(sim, stops, 0.8)) == []
     assert doubts(follow(sim, stops, 0.5)) == [{"Drone_T01": "no answer"}]
     sim.inject(SetRadio(asset="Drone_T01"))
-    assert doubts(follow(sim, stops, 10.0)) == [{}]
+    assert doubts(follow(sim, stops, 10.0))[-1] == {}
+
+
+def test_a_hold_that_is_lost_is_repeated_at_an_even_pace_then_ever_later(site: Site) -> None:
+    sim = Checkpoint(site.world)
+    sim.inject(SetRadio(asset="Drone_T01", up=False))
+    stops = stops_of(sim)
+    list(stops.hold_all())
+
+    def holds(seconds: float) -> int:
+        return sum(isinstance(told, ev.CommandResent) for told in follow(sim, stops, seconds))
+
+    assert holds(3.0) == 7, "of eight holds one comes through where half of all are lost"
+    assert holds(117.0) < 40
 
 
 class Fleet(SimulatedFleet):
