@@ -129,7 +129,7 @@ def _explain(error: Exception) -> int:
 
     match error:
         case typer.TyperException():
-            return _fail(_usage(error), BAD_INPUT)
+            return _misused(error)
         case DocumentError() | ModelError() | ValueError():
             return _fail(str(error), BAD_INPUT)
         case EngineError():
@@ -142,12 +142,21 @@ def _explain(error: Exception) -> int:
             return _fail(f"internal error: {error}; {_keep_traceback(error)}", FAILED)
 
 
-def _usage(error: typer.TyperException) -> str:
-    """Report the mistake in the words of the command line, and the command with the help."""
+def _misused(error: typer.TyperException) -> int:
+    """Report the mistake in the words of the command line, and the command with the help.
+
+    A group of commands that is named without any shows its help.
+    """
     context: typer.Context | None = getattr(error, "ctx", None)
+    said = error.format_message()
+    if context is not None and said == context.get_help():
+        errors.print_line(said)
+        return BAD_INPUT
     asked = context.command_path if context is not None else "pa-console"
-    problem = error.format_message().replace(": Value error, ", ": ").removesuffix(".")
-    return f"{problem}. See '{asked} --help'."
+    problem = said.replace(": Value error, ", ": ").removesuffix(".")
+    return _fail(
+        f"{problem}{'' if problem.endswith('?') else '.'} See '{asked} --help'.", BAD_INPUT
+    )
 
 
 def _fail(text: str, code: int) -> int:

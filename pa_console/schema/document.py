@@ -8,6 +8,7 @@ Every file that is not written by the program itself comes through here: rules a
 worlds, scenarios, mission sets, settings, `--event`. What it may cost is limited (`yaml_tree`).
 """
 
+import errno
 import hashlib
 import json
 import os
@@ -68,6 +69,8 @@ def compose(text: str) -> yaml.Node | None:
         said = ", ".join(part for part in (error.context, error.problem) if part)
         last = text.count("\n") + 1  # the end of the text is told as a line after it
         place = (min(mark.line + 1, last), mark.column + 1) if mark is not None else ()
+        if mark is not None and text[mark.index : mark.index + 1] == "\t":
+            said = "a tab stands where the line is indented; put spaces"
         raise TreeError(f"not valid YAML: {said}", *place) from error
     except (yaml.YAMLError, ValueError) as error:
         raise TreeError(f"not valid YAML: {error}") from error
@@ -275,6 +278,8 @@ class Document:
         try:
             return model.model_validate_json(json.dumps(self.value, ensure_ascii=False))
         except ValidationError as error:
+            if self.value is None:
+                raise self.error((), "it is empty") from error
             first = error.errors(include_url=False, include_context=False, include_input=False)[0]
             field, problem = self._written(first["loc"]), first["msg"]
             named = _NAMED_FIELD.match(problem)
@@ -370,9 +375,10 @@ def read_bytes(path: Path) -> bytes:
             content = file.read(MOST_BYTES + 1)
         content.decode()
     except OSError as error:
-        raise DocumentError(str(path), 0, "", error.strerror or str(error)) from error
+        remedy = "; give the path of a file" if error.errno == errno.EISDIR else ""
+        raise DocumentError(str(path), 0, "", f"{error.strerror or error}{remedy}") from error
     except UnicodeDecodeError as error:
-        raise DocumentError(str(path), 0, "", "the file is not UTF-8 text") from error
+        raise DocumentError(str(path), 0, "", "not UTF-8 text; save it as UTF-8") from error
     if len(content) > MOST_BYTES:
         raise DocumentError(str(path), 0, "", TOO_LONG)
     return content

@@ -69,6 +69,13 @@ def test_a_wrong_word_leads_to_the_help_of_its_own_verb(
     assert done.err.rstrip().endswith(f"See '{asked} --help'.")
 
 
+def test_a_group_of_verbs_alone_shows_its_help_and_a_misspelt_one_what_is_meant(call: Call) -> None:
+    alone = call("rules")
+    assert (alone.code, alone.err.split()[0]) == (2, "Usage:")
+    assert "See '" not in alone.err
+    assert "Did you mean 'lint'? See '" in call("rules", "lnt").err
+
+
 def verbs(command: object, *words: str) -> Iterator[tuple[str, ...]]:
     """Yield the words of every verb below `command`, groups included."""
     yield words

@@ -97,6 +97,13 @@ def test_broken_yaml_is_reported_with_its_line(text: str, line: int) -> None:
 
 
 @pytest.mark.parametrize(
+    ("text", "problem"), [("name: a\n\tparts: 1\n", "put spaces"), ("", "it is empty")]
+)
+def test_a_tab_and_an_empty_document_are_called_what_they_are(text: str, problem: str) -> None:
+    assert problem in error_of(text).problem
+
+
+@pytest.mark.parametrize(
     "text",
     [
         "",
@@ -135,5 +142,5 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
 def test_a_file_that_is_not_utf8_is_named(tmp_path: Path) -> None:
     path = tmp_path / "latin.yaml"
     path.write_bytes("name: Zürich\n".encode("latin-1"))
-    with pytest.raises(DocumentError, match=r"latin\.yaml: the file is not UTF-8"):
+    with pytest.raises(DocumentError, match=r"latin\.yaml: not UTF-8 text; save it"):
         Document.read(path)

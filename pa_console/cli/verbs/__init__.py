@@ -50,7 +50,9 @@ VERBS = {
     "export": Verb(
         "export:app", "Write a recorded session as Markdown, MCAP, SVG or asciinema cast."
     ),
-    "rules": Verb("rules:app", "List, search, check, lint, sign, compare, try and trace rules."),
+    "rules": Verb(
+        "rules:app", "List, search, check, lint, sign and compare rules, and trace what they did."
+    ),
     "keys": Verb(
         "keys:app",
         "Make, list, enrol, revoke and rotate the keys of a site; sign; put a station in command.",

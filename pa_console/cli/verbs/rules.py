@@ -36,7 +36,8 @@ from pa_console.terminal.output import BAD_INPUT, FAILED, errors, out, print_jso
 BROKEN = 2
 
 app = typer.Typer(
-    help="List, search, check, lint, sign, compare, try and trace rules.", no_args_is_help=True
+    help="List, search, check, lint, sign and compare rules, and trace what they did.",
+    no_args_is_help=True,
 )
 
 
@@ -308,14 +309,14 @@ def lint(
 
 
 for _name, _verb in {
-    "sign": sign,
-    "pin": pin,
-    "diff": diff,
-    "lint": lint,
-    "effect": effect,
-    "trace": trace,
     "list": list_rules,
     "search": search,
     "check": check,
+    "lint": lint,
+    "diff": diff,
+    "effect": effect,
+    "trace": trace,
+    "sign": sign,
+    "pin": pin,
 }.items():
     app.command(_name)(_verb)
