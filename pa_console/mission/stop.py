@@ -5,7 +5,13 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from pa_console.fleets.fleet import Fleet
-from pa_console.mission.execution.dispatch import RESEND_GROWTH, Dispatch, Step
+from pa_console.mission.execution.dispatch import (
+    MOST_GROWTH,
+    RESEND_GROWTH,
+    RESEND_S,
+    Dispatch,
+    Step,
+)
 from pa_console.mission.gate import CommandGate
 from pa_console.schema.base import Point
 from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand
@@ -16,28 +22,64 @@ from pa_console.schema.world import World
 CONFIRM_S = 1.0
 """An asset that has not answered a stop within this time is reported."""
 
-HOLD_AGAIN_S = 0.4
-"""A hold is repeated after this time: a link that loses half of all messages delivers it soon."""
-STEADY_HOLDS, MOST_GROWTH = 10, 15
-"""So often at an even pace, then ever later, up to 6 s, as many assets may be silent for long."""
-
 STANDS_MPS = 0.05
 """An asset that reports no more than this stands: measured speeds are never quite zero."""
 
 MOVED_M = 2.0
 """A standing asset's reported positions scatter less than this."""
 
+AGAIN_S = 0.2
+"""A hold that has no answer is sent again this often: longer than most links take to answer."""
+
+QUICK_TRIES = 30
+"""The number of times that a hold is sent again so often; over a link that loses four of five
+messages one in a thousand has not arrived by then."""
+
+MOST_AT_ONCE = 100
+"""The most holds sent again in one step: those that wait longest go first."""
+
 
 @dataclass
 class _Held:
-    """One asset's hold: `sent` is the tick it last went out, `at` where the asset came to stand."""
+    """One asset's hold: `sent` is the tick it last went out, `at` where the asset came to stand.
+
+    `times` counts how often it was sent again: `quick` more times at short intervals, `slow` times
+    at long ones. `silent` is True while the picture has no fresh telemetry of the asset.
+    """
 
     command: DeviceCommand
     sent: int
     times: int = 0
+    quick: int = QUICK_TRIES
+    slow: int = 0
+    silent: bool = False
     reply: CommandReply | None = None
     at: Point | None = None
     doubt: str = "no answer"
+
+    @property
+    def ended(self) -> bool:
+        """True if the asset has answered for good."""
+        return self.reply is not None and self.reply.status in FINAL_REPLIES
+
+    @property
+    def hurries(self) -> bool:
+        """True while the asset may not know of the stop, and a short interval may change that."""
+        return self.reply is None and self.quick > 0
+
+    @property
+    def wait_s(self) -> float:
+        """The seconds from its last sending until the next."""
+        return AGAIN_S if self.hurries else RESEND_S * RESEND_GROWTH ** min(self.slow, MOST_GROWTH)
+
+    def sent_again(self, tick: int) -> tuple[DeviceCommand, int]:
+        """Note that it goes out again at `tick`; return it and the number of times so far."""
+        if self.hurries:
+            self.quick -= 1
+        else:
+            self.slow += 1
+        self.sent, self.times = tick, self.times + 1
+        return self.command, self.times
 
 
 class StopConfirmation:
@@ -75,31 +117,35 @@ class StopConfirmation:
         since_s = time_s - self._pressed_s + 1e-6
         overdue: dict[str, str] = {}
         for name, held in self._held.items():
-            before, held.doubt = held.doubt, self._doubt(held, picture.assets.get(name))
+            asset = picture.assets.get(name)
+            silent = asset is None or asset.stale
+            if held.silent and not silent:
+                held.quick, held.slow = QUICK_TRIES, 0
+            before, held.doubt, held.silent = held.doubt, self._doubt(held, asset), silent
             if not held.doubt:
                 continue
-            answered = held.reply is not None and held.reply.status in FINAL_REPLIES
             moved_again = not before or held.at is not None
-            if moved_again or since_s >= (self._look_s if answered else CONFIRM_S):
+            if moved_again or since_s >= (self._look_s if held.ended else CONFIRM_S):
                 overdue[name] = held.doubt
         return overdue
 
     def resends(self, tick: int, overdue: Mapping[str, str]) -> list[tuple[DeviceCommand, int]]:
         """Return the holds that are due again at `tick`, each with how often that makes it.
 
-        An answered hold is due only while its asset is among the `overdue`.
+        A hold without an answer is due every AGAIN_S, QUICK_TRIES times, and anew once a silent
+        asset is heard again; then ever later, as any command is. One that has ended is due while
+        its asset is among the `overdue`. All have the id of the first: a device that knows it
+        takes it for the same.
         """
-        due: list[tuple[DeviceCommand, int]] = []
-        for name, held in self._held.items():
-            answered = held.reply is not None and held.reply.status in FINAL_REPLIES
-            if not held.doubt or (answered and name not in overdue):
-                continue
-            growth = min(max(0, held.times - STEADY_HOLDS), MOST_GROWTH)
-            wait_s = HOLD_AGAIN_S * RESEND_GROWTH**growth
-            if (tick - held.sent) * self._dt_s >= wait_s - self._dt_s / 2:
-                held.sent, held.times = tick, held.times + 1
-                due.append((held.command, held.times))
-        return due
+        due = [
+            held
+            for name, held in self._held.items()
+            if held.doubt
+            and (not held.ended or name in overdue)
+            and (tick - held.sent) * self._dt_s >= held.wait_s - self._dt_s / 2
+        ]
+        due.sort(key=lambda held: held.sent)
+        return [held.sent_again(tick) for held in due[:MOST_AT_ONCE]]
 
     def _doubt(self, held: _Held, asset: AssetTelemetry | None) -> str:
         """Return why it is not certain that an asset stands, '' where telemetry shows it."""

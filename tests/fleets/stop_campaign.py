@@ -12,7 +12,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
@@ -491,9 +491,12 @@ class Pressed:
             self._holds.setdefault(message.topic.split("/")[3], time.perf_counter())
 
 
-def press(presses: int, seed: int) -> None:
+FLOODS = ("none", "garbage", "phantoms", "retained", "half lost")
+
+
+def press(presses: int, seed: int, floods: Sequence[str]) -> None:
     """Press STOP many times under each flood; print how long the last hold took to be sent."""
-    for kind in ("none", "garbage", "phantoms", "retained", "half lost"):
+    for kind in floods:
         broker = any_broker()
         broker.start()
         address = address_of(broker, "press")
@@ -531,9 +534,10 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--batch", type=int, default=10)
     parser.add_argument("--presses", type=int, default=0, help="time STOP under floods instead")
+    parser.add_argument("--floods", nargs="+", choices=FLOODS, default=FLOODS)
     given = parser.parse_args()
     if given.presses:
-        press(given.presses, given.seed)
+        press(given.presses, given.seed, given.floods)
         return
     starts = range(given.seed, given.seed + given.histories, given.batch)
     out = Outcome()

@@ -6,7 +6,13 @@ import pytest
 
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.mission.gate import CommandGate
-from pa_console.mission.stop import SAFETY_LIMIT_S, EmergencyStop
+from pa_console.mission.stop import (
+    AGAIN_S,
+    MOST_AT_ONCE,
+    SAFETY_LIMIT_S,
+    EmergencyStop,
+    StopConfirmation,
+)
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import SetRadio
@@ -124,17 +130,48 @@ def test_an_asset_that_does_not_answer_a_stop_is_named_within_a_second_and_a_hal
     assert doubts(follow(sim, stops, 10.0))[-1] == {}
 
 
-def test_a_hold_that_is_lost_is_repeated_at_an_even_pace_then_ever_later(site: Site) -> None:
+def resends(told: list[ev.EventPayload]) -> int:
+    """Return how often a hold was sent again."""
+    return sum(isinstance(payload, ev.CommandResent) for payload in told)
+
+
+def test_a_hold_without_an_answer_is_sent_several_times_a_second_and_later_seldom(
+    site: Site,
+) -> None:
     sim = Checkpoint(site.world)
     sim.inject(SetRadio(asset="Drone_T01", up=False))
     stops = stops_of(sim)
     list(stops.hold_all())
+    assert resends(follow(sim, stops, 4.0)) == 4.0 / AGAIN_S
+    follow(sim, stops, 60.0)
+    assert resends(follow(sim, stops, 20.0)) <= 4
 
-    def holds(seconds: float) -> int:
-        return sum(isinstance(told, ev.CommandResent) for told in follow(sim, stops, seconds))
 
-    assert holds(3.0) == 7, "of eight holds one comes through where half of all are lost"
-    assert holds(117.0) < 40
+def test_an_asset_that_is_heard_again_without_an_answer_is_told_to_hold_at_once(
+    site: Site,
+) -> None:
+    fleet = Fleet(Checkpoint(site.world))
+    drone = fleet.picture().assets["Drone_T04"]
+    fleet.lie = drone.model_copy(update={"stale": True})
+    fleet.checkpoint.inject(SetRadio(asset="Drone_T04", up=False))
+    stops = EmergencyStop(fleet, CommandGate(fleet, Journal()))
+    list(stops.hold_all())
+    follow(fleet.checkpoint, stops, 60.0)
+    fleet.lie = drone
+    assert resends(follow(fleet.checkpoint, stops, 2.0)) >= 8, "it may hear now"
+
+
+def test_of_a_large_silent_team_no_more_holds_go_out_in_a_step_than_a_link_takes(
+    site: Site,
+) -> None:
+    holds = [
+        DeviceCommand(command_id=f"stop1.{number}", agent=f"Drone_{number}", verb="hold")
+        for number in range(3 * MOST_AT_ONCE)
+    ]
+    stop = StopConfirmation(holds, site.world, 0, 0.0)
+    sent = [[command for command, _ in stop.resends(tick, {})] for tick in range(10)]
+    assert max(map(len, sent)) == MOST_AT_ONCE
+    assert {command.agent for due in sent for command in due} == {hold.agent for hold in holds}
 
 
 class Fleet(SimulatedFleet):
