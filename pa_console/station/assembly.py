@@ -173,7 +173,7 @@ def open_station(
         servers=servers,
     )
     if resumed is not None:
-        services = replace(services, sightings=resumed.sightings)
+        services = replace(services, sightings=resumed.sightings, pursuits=resumed.pursuits)
     grammar = plan_grammar(site.world, fleet.picture(), tuple(site.world.assets)[:MAX_ACTIONS])
     reader = engine.model.second_reader
     started = (

@@ -16,11 +16,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pa_console.fleets.simulated import SimulatedFleet
+from pa_console.policy.moments import Pursuits, moment
 from pa_console.policy.rule_variables import Sightings
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Scenario
 from pa_console.schema.mission import Mission, QueueEntry
+from pa_console.schema.rehearsal import OrderMoment
 from pa_console.schema.world import World
 from pa_console.session.log.chain import TORN, LogError, read_log
 from pa_console.session.mission_trace import MissionTrace
@@ -156,7 +158,7 @@ class UnclosedSession:
 
 @dataclass(frozen=True)
 class ResumedSession:
-    """A session as it was at its last record: its world, alarms and sightings, brought back.
+    """A session as it was at its last record: its world and what was known of it, brought back.
 
     `stops` counts the stops so far, with one that a killed console may have sent before its log had
     it: a stop waits for no disk, and a vehicle takes no command whose id it knows. No standing
@@ -167,7 +169,48 @@ class ResumedSession:
     fleet: SimulatedFleet
     alarms: AlarmBook
     sightings: Sightings
+    pursuits: Pursuits
     stops: int
+
+
+class PursuitHistory:
+    """The pursuits of a session by its log: assets that were sent after tracks (ROE-14).
+
+    An order lasts until its mission ends, as it does for the monitor of a mission that runs. One
+    that is answered as done pursues nobody.
+    """
+
+    def __init__(self, world: World) -> None:
+        self.pursuits, self._world = Pursuits(), world
+        self._orders: dict[str, dict[str, tuple[str, OrderMoment]]] = {}
+        """The latest command of each agent and its id, by mission."""
+
+    def take(self, event: ev.Event) -> None:
+        """Take in the next event of the log."""
+        match event.data:
+            case ev.CommandSent(command=command) if event.mission is not None:
+                order = OrderMoment(
+                    agent=command.agent,
+                    kind=self._world.assets[command.agent].kind,
+                    verb=command.verb,
+                    target=command.target,
+                )
+                self._orders.setdefault(event.mission, {})[command.agent] = (
+                    command.command_id,
+                    order,
+                )
+            case ev.CommandReplied(reply=reply) if reply.status == "done":
+                for orders in self._orders.values():
+                    name, order = orders.get(reply.agent, ("", None))
+                    if order is not None and name == reply.command_id:
+                        orders[reply.agent] = name, order.model_copy(update={"done": True})
+            case ev.MissionFinished() if event.mission is not None:
+                self._orders.pop(event.mission, None)
+            case ev.TelemetryReceived(picture=picture) if self._orders:
+                orders = [one for of in self._orders.values() for _, one in of.values()]
+                self.pursuits.look(moment(picture, self._world, orders))
+            case _:
+                pass
 
 
 def find_unclosed(folder: Path, world_sha256: str) -> UnclosedSession | None:
@@ -207,13 +250,14 @@ def resume(found: UnclosedSession, world: World, scenario: Scenario | None) -> R
     the log cannot be read.
     """
     fleet = SimulatedFleet.start(world, found.started.seed, scenario)
-    alarms, sightings = AlarmBook(world), Sightings(world)
+    alarms, sightings, history = AlarmBook(world), Sightings(world), PursuitHistory(world)
     sent: dict[str, DeviceCommand] = {}
     stops, first = 0, False
     taken = frozenset[str]()
     for event in _events(found.log):
         while fleet.tick < event.tick:
             fleet.step()
+        history.take(event)
         match event.data:
             case ev.SessionStarted():
                 first = True
@@ -243,4 +287,4 @@ def resume(found: UnclosedSession, world: World, scenario: Scenario | None) -> R
                 alarms.acknowledge(name, "operator")
             case _:
                 pass
-    return ResumedSession(found, fleet, alarms, sightings, stops + 1)
+    return ResumedSession(found, fleet, alarms, sightings, history.pursuits, stops + 1)

@@ -10,7 +10,11 @@ import pytest
 
 from pa_console.evaluation.twin import resimulate
 from pa_console.mission.approval import standing_approver
+from pa_console.policy.moments import Pursuits
+from pa_console.policy.monitor import Monitor
 from pa_console.schema.events import event as ev
+from pa_console.schema.incident import SpawnTrack
+from pa_console.schema.rehearsal import Moment, OrderMoment, TrackMoment
 from pa_console.session.log.chain import read_log
 from pa_console.session.log.verification import verify
 from pa_console.session.log.writer import LogWriter
@@ -213,3 +217,49 @@ async def test_who_drives_an_asset_by_hand_and_what_awaits_it_go_on(
     assert "Send Drone_T04 to the south gate." in received
     assert verify(found.log).intact
     assert resimulate(list(read_log(found.log)), site.world).equal
+
+
+def a_person(time_s: float, gate: str, track: str) -> Moment:
+    """Return a moment in which a drone is on its way to the gate at which a person is."""
+    person = TrackMoment(
+        gate=gate,
+        kind="person",
+        identity="unknown",
+        intent="unknown",
+        status="approaching",
+        observed=True,
+        warned=False,
+    )
+    order = OrderMoment(agent="Drone_T04", kind="uav", verb="observe", target=gate)
+    return Moment(time_s=time_s, tracks={track: person}, covered={gate: True}, orders=(order,))
+
+
+async def test_a_person_that_was_followed_before_a_crash_is_not_followed_on_after_it(
+    site: Site, tmp_path: Path
+) -> None:
+    seen = set[str]()
+
+    def sent_after_it(event: ev.Event, station: ControlStation) -> bool:
+        if event.data.kind == "session_started":
+            person = SpawnTrack(gate="EastGate", track="person", distance_m=30.0, speed_mps=0.5)
+            station.inject(person)
+            station.submit(SEND)
+        approving(event, station)
+        seen.add(event.data.kind)
+        return "command_sent" in seen and event.data.kind == "telemetry"
+
+    found = await killed(site, tmp_path, sent_after_it)
+    picture = found.state.picture
+    assert picture is not None
+    (track,) = picture.tracks.values()
+    assert (track.kind, track.gate) == ("person", "EastGate")
+    resumed = resume(found, site.world, None)
+    broken = list[set[str]]()
+    for pursuits in (Pursuits(), resumed.pursuits):
+        monitor = Monitor(site.rulebook, site.world, pursuits=pursuits)
+        later = (
+            a_person(picture.time_s + 9.0, gate, track.id) for gate in ("SouthGate", "WestGate")
+        )
+        broken.append({new.rule_id for now in later for new in monitor.observe(now)})
+    assert "ROE-14" not in broken[0]
+    assert "ROE-14" in broken[1], "the east gate, where it was before the crash, counts"
