@@ -19,7 +19,7 @@ _SILENT_CALLS = frozenset(("compile", "sub", "search", "fullmatch", "match", "qu
 _SILENT_ARGUMENTS = frozenset(("id", "classes", "pattern", "discriminator", "default_css"))
 _SILENT_NAMES = frozenset(("DEFAULT_CSS", "CSS", "CORE", "_HEAD"))
 _SILENT_FILES = (
-    "fleets/authorization/memory.py",
+    "fleets/authorization/verifier.py",
     "fleets/ros2/messages.py",
     "fleets/vda5050/site_files.py",
 )

@@ -14,7 +14,7 @@ from pa_console.language.canonical.clauses import ASKED, NOTHING, NOWHERE, OTHER
 from pa_console.language.canonical.facts import is_free, sole_covers
 from pa_console.language.canonical.order import KIND_FOR, TASK_OF, Ask, Reading, Task, Who
 from pa_console.language.canonical.reading import read_asked
-from pa_console.language.clock_mentions import unread_times
+from pa_console.language.clock_words import unread_times
 from pa_console.language.exclusions import excluded_names
 from pa_console.language.lexicon import any_of
 from pa_console.language.mentions import Mention, Sort, find_mentions, without_quotations

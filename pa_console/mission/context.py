@@ -20,12 +20,11 @@ from pa_console.llm.roles.role_model import PROMPT_FORMATS, PromptFormat, RoleMo
 from pa_console.mission.examine import Examination
 from pa_console.mission.gate import CommandGate
 from pa_console.mission.orders.standing import StandingOrders
-from pa_console.policy.core_rules import with_core
 from pa_console.policy.moments import Pursuits
 from pa_console.policy.monitor import Monitor
 from pa_console.policy.retriever import DEFAULT_METHOD, Retriever
 from pa_console.policy.rule_variables import Sightings
-from pa_console.policy.rulebook import Rulebook
+from pa_console.policy.rulebook import Rulebook, with_core
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events.event import EventPayload, Noticed, ServerUse
 from pa_console.schema.mission import Metrics, Mission, MissionStatus

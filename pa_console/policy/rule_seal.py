@@ -22,7 +22,7 @@ class ShippedRules(StrictModel):
     content_sha256: str
     """The content that a set called `name` has when it is as shipped."""
     core: tuple[Rule, ...]
-    """Rules that no file can weaken, only add to (`core_rules.py`)."""
+    """Rules that no file can weaken, only add to (`rulebook.py`)."""
 
     @property
     def text(self) -> str:

@@ -11,8 +11,7 @@ from dataclasses import replace
 from time import monotonic
 from unicodedata import category
 
-from pa_console.language.orders.manual_words import read_manual
-from pa_console.language.orders.order_changes import read_change
+from pa_console.language.orders.order_changes import read_change, read_manual
 from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.resolution import resolve
 from pa_console.mission.context import Services

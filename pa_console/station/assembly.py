@@ -22,12 +22,11 @@ from pa_console.llm.local.engine import Engine
 from pa_console.llm.remote.servers import NO_SERVERS, Servers
 from pa_console.llm.roles.grammar import plan_grammar
 from pa_console.mission.context import Services
-from pa_console.policy.core_rules import with_core
 from pa_console.policy.expressions.deadlines import DEADLINE_S
 from pa_console.policy.pinned_rules import RulesPins
 from pa_console.policy.retriever import DEFAULT_METHOD, Retriever
 from pa_console.policy.rule_seal import refuse_altered
-from pa_console.policy.rulebook import Rulebook, load_rules
+from pa_console.policy.rulebook import Rulebook, load_rules, with_core
 from pa_console.resources import existing_data, find_data
 from pa_console.schema.document import DocumentError, read_bytes
 from pa_console.schema.evaluation import Variant

@@ -10,7 +10,7 @@ from pa_console.mission.orders.standing import Due, Ended, Withheld
 from pa_console.schema.events import event as ev
 from pa_console.schema.telemetry import Picture
 from pa_console.session.state import BY_CLOCK
-from pa_console.station.manual_assets import ManualAssets
+from pa_console.station.control import ManualAssets
 from pa_console.station.notices import Noticer
 from pa_console.station.worker import MissionWorker, StationParts
 

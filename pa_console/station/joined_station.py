@@ -28,9 +28,8 @@ from pa_console.language.questions import Question
 from pa_console.language.references.scene import ReferenceScene
 from pa_console.mission.approval import inadmissible
 from pa_console.mission.stop import CONFIRM_S
-from pa_console.policy.core_rules import with_core
 from pa_console.policy.retriever import Retriever
-from pa_console.policy.rulebook import Rulebook
+from pa_console.policy.rulebook import Rulebook, with_core
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events import event as ev
 from pa_console.schema.events.event import CommandTaken, Event, SessionStarted

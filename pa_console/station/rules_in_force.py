@@ -10,16 +10,15 @@ from pathlib import Path
 
 from pa_console.mission.context import Services
 from pa_console.policy.authoring.differences import compare_rules
-from pa_console.policy.core_rules import with_core
 from pa_console.policy.expressions.deadlines import DEADLINE_S
 from pa_console.policy.pinned_rules import RulesPins, downgrade, pin_of
 from pa_console.policy.rule_seal import refuse_altered, signature_path
-from pa_console.policy.rulebook import Rulebook, load_rules
+from pa_console.policy.rulebook import Rulebook, load_rules, with_core
 from pa_console.schema.document import DocumentError
 from pa_console.schema.events import event as ev
 from pa_console.schema.rule import SHORT, RuleSet
 from pa_console.signing import SigningError
-from pa_console.station.read_ahead import ReadAhead
+from pa_console.station.live_reading import ReadAhead
 from pa_console.station.worker import EmitFor, MissionWorker
 
 Stamp = tuple[tuple[int, int, int] | None, ...]

@@ -8,8 +8,7 @@ from functools import partial
 
 from pa_console import __version__
 from pa_console.fleets.fleet import PlanCountersignature, Simulated
-from pa_console.language.orders.manual_words import ManualWords, read_manual
-from pa_console.language.orders.order_changes import Change, OrderChange
+from pa_console.language.orders.order_changes import Change, ManualWords, OrderChange, read_manual
 from pa_console.language.questions import Question
 from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.scene import ReferenceScene
@@ -37,14 +36,12 @@ from pa_console.station.answers.alternatives import (
 )
 from pa_console.station.answers.answering import IS_QUESTION, RecentRecord, answer
 from pa_console.station.clock import Clock, Ticking
+from pa_console.station.control import ManualAssets, StandingControl
 from pa_console.station.earlier_session import LeftMissions, ResumedSession, UnclosedSession
 from pa_console.station.intake import IS_STOPPED, Intake, ReadText, read_text
-from pa_console.station.live_reading import LiveReading, ShowReading
-from pa_console.station.manual_assets import ManualAssets
+from pa_console.station.live_reading import LiveReading, ReadAhead, ShowReading
 from pa_console.station.notices import Outside, pass_on
-from pa_console.station.read_ahead import ReadAhead
 from pa_console.station.rules_in_force import RulesReload, RulesWatch
-from pa_console.station.standing_control import StandingControl
 from pa_console.station.worker import Background, MissionWorker, StationParts
 
 READ_ONLY = "this console is read-only: commands are refused"

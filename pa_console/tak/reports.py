@@ -27,7 +27,7 @@ from pa_console.schema.events.session import (
 )
 from pa_console.schema.world import World
 from pa_console.tak.cot_event import DELETE, CotEvent, EventStream, ReceivedEvent, read_event
-from pa_console.tak.site_on_map import SiteOnMap
+from pa_console.tak.session_on_map import SiteOnMap
 
 REPORTED_EVERY = timedelta(seconds=5)
 """The least time between two reports of the same contact."""

@@ -1,18 +1,33 @@
-"""A mission on the terminal: each step as a line, and its whole trace."""
+"""A mission on the terminal: each step as a line, its whole trace, and the question about its plan.
 
-from collections.abc import Iterable
+Somebody at a terminal may ask back there, *Why?* or *Why not the robot?*, before deciding.
+"""
+
+import signal
+import sys
+import termios
+from collections.abc import Callable, Generator, Iterable, Sequence
+from contextlib import contextmanager, suppress
+from typing import Any, TypeVar
 
 from rich.console import Console
 from rich.padding import Padding
+from rich.prompt import Confirm, Prompt, PromptBase
 from rich.table import Table
 from rich.text import Text
 
+from pa_console.language.canonical.reading import plain_reading
+from pa_console.language.questions import Question
+from pa_console.mission.approval import people_words
 from pa_console.schema.events import event as ev
+from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.events.intake import QuestionAnswered
+from pa_console.schema.mission import Decision
 from pa_console.schema.text import visible
 from pa_console.session.mission_trace import MissionTrace
+from pa_console.terminal.output import errors
 from pa_console.views.event_words import event_in_words
-from pa_console.views.status_words import Tone
+from pa_console.views.status_words import Tone, status_of
 from pa_console.views.trace_layout import answered, headline, lay_out, lay_out_proposal, progress
 from pa_console.views.trace_parts import (
     Detail,
@@ -130,3 +145,160 @@ def _text(spans: Iterable[Span]) -> Text:
     return Text.assemble(
         *((visible(span.text), f"{span.stress} {COLOURS[span.tone]}".strip()) for span in spans)
     )
+
+
+Answer = TypeVar("Answer")
+QuestionIn = Callable[[str], Question | None]
+"""Returns the question about the record in a text; None for any other text."""
+
+HOW_TO_ASK = "Why?  Why not ASSET?  What would you do instead? are answered here, too"
+
+
+class _AskedError(Exception):
+    """A question was typed instead of an answer."""
+
+    def __init__(self, question: Question) -> None:
+        super().__init__(question.text)
+        self.question = question
+
+
+class _AskingBack(PromptBase[Answer]):
+    """A prompt at which `question_in` says what asks back instead of answering."""
+
+    def __init__(self, prompt: str, question_in: QuestionIn, **options: Any) -> None:
+        """`options` are Rich's own, such as `choices`."""
+        super().__init__(prompt, console=errors, **options)
+        self._question_in = question_in
+
+    def process_response(self, value: str) -> Answer:
+        """Return the answer; raises _AskedError for a question."""
+        if (question := self._question_in(value)) is not None:
+            raise _AskedError(question)
+        return super().process_response(value)
+
+
+class _YesOrNo(_AskingBack[bool], Confirm):
+    """Asks for yes or no."""
+
+
+class _WordsPrompt(_AskingBack[str], Prompt):
+    """Asks for words, or for one of several."""
+
+
+def show_request(request: ApprovalRequested, trace: MissionTrace | None) -> None:
+    """Show all that decides about a plan that waits, or what has to be asked about the order."""
+    if request.state == "not_understood":
+        errors.print("; ".join(request.blocked_by), style="bold yellow")
+        for number, choice in enumerate(_choices(trace), start=1):
+            errors.print(f"  {number}  {choice}")
+        return
+    if trace is not None:
+        print_proposal(errors, trace, request.attempt)
+    if request.state in ("narrowed", "may_be_misunderstood"):
+        told = status_of("approval", request.state)
+        errors.print(told.text, style="bold yellow")
+    for reason in request.blocked_by:
+        errors.print(f"blocked: {reason}", style="bold red")
+
+
+def ask_decision(
+    request: ApprovalRequested,
+    trace: MissionTrace | None,
+    question_in: QuestionIn = lambda _: None,
+) -> Decision | Question:
+    """Ask about what `show_request` has shown; no answer, or no terminal, rejects.
+
+    Somebody at a terminal may ask a question instead of answering: that is returned then, and
+    nothing is decided.
+    """
+    if not sys.stdin.isatty():
+        return _asked(request, trace, lambda _: None)
+    try:
+        return _asked(request, trace, question_in)
+    except _AskedError as asked:
+        return asked.question
+
+
+def _asked(
+    request: ApprovalRequested, trace: MissionTrace | None, question_in: QuestionIn
+) -> Decision:
+    if request.state == "not_understood":
+        return _answered(request, trace, question_in)
+    if request.blocked_by and not request.readings:
+        return Decision(kind="reject", reason="; ".join(request.blocked_by))
+    if request.approvals:
+        told = f"{people_words(request.approvals)} to approve, and here is one"
+        errors.print(told, style="bold red")
+        return Decision(kind="reject", reason=told)
+    if request.acknowledge:
+        errors.print(f"broken, to be acknowledged: {', '.join(request.acknowledge)}")
+    reason = ""
+    _begin_asking()
+    try:
+        with _interruptible():
+            if request.readings and (asked := _what_was_meant(request, question_in)):
+                return Decision(kind="choose", asked=asked)
+            if request.blocked_by:
+                return Decision(kind="reject", reason="; ".join(request.blocked_by))
+            if not _YesOrNo("Approve?", question_in)(default=False):
+                return Decision(kind="reject", reason="rejected at the terminal")
+            while request.needs_override and not reason:
+                why = "The judge said Failure. Reason for overriding it"
+                reason = _WordsPrompt(why, question_in)().strip()
+    except EOFError:
+        return Decision(kind="reject", reason="nobody answered at the terminal")
+    return request.approved(reason)
+
+
+def _answered(
+    request: ApprovalRequested, trace: MissionTrace | None, question_in: QuestionIn
+) -> Decision:
+    """Ask what the order means; without an answer, or a terminal, it is rejected."""
+    choices, answer = _choices(trace), ""
+    if sys.stdin.isatty():
+        _begin_asking()
+        hint = "A number, or in words; Enter for none" if choices else "In words; Enter for none"
+        with _interruptible(), suppress(EOFError):
+            answer = _WordsPrompt(hint, question_in, show_default=False)(default="").strip()
+    if answer.isdigit() and 0 < int(answer) <= len(choices):
+        answer = choices[int(answer) - 1]
+    if not answer:
+        return Decision(kind="reject", reason="; ".join(request.blocked_by))
+    return Decision(kind="answer", asked=answer)
+
+
+def _choices(trace: MissionTrace | None) -> Sequence[str]:
+    """Return the possible answers to a question about the order."""
+    return trace.choices if trace is not None else ()
+
+
+def _what_was_meant(request: ApprovalRequested, question_in: QuestionIn) -> str:
+    """Ask which reading of the order was meant; '' for the one that was planned for."""
+    own = f"read as: {plain_reading(request.asked)}; " if request.asked else ""
+    errors.print(f"{own}the order may also mean:")
+    numbers = [f"{number}" for number, _ in enumerate(request.readings, start=1)]
+    for number, asked in zip(numbers, request.readings, strict=True):
+        errors.print(f"  {number}  {plain_reading(asked)}")
+    question = "Was one of these meant? 0: no"
+    chosen = _WordsPrompt(question, question_in, choices=["0", *numbers])(default="0")
+    return request.readings[int(chosen) - 1] if chosen != "0" else ""
+
+
+def _begin_asking() -> None:
+    """Show at a terminal which questions may be asked there.
+
+    Lines typed before the plan was on screen are dropped: they cannot have been meant for it.
+    """
+    if sys.stdin.isatty():
+        errors.print(HOW_TO_ASK, style="dim")
+        termios.tcflush(sys.stdin, termios.TCIFLUSH)
+
+
+@contextmanager
+def _interruptible() -> Generator[None]:
+    """Let Ctrl-C end a question at once; asyncio's own handler would wait for the answer."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

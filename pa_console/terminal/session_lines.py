@@ -7,7 +7,7 @@ from contextlib import aclosing
 from dataclasses import dataclass
 from time import monotonic
 
-from pa_console.language.canonical.plain_words import plain_reading
+from pa_console.language.canonical.reading import plain_reading
 from pa_console.language.questions import Question
 from pa_console.schema.events import event as ev
 from pa_console.schema.telemetry import AssetTelemetry

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import cast
 
-from pa_console.language.canonical.plain_words import plain_reading
+from pa_console.language.canonical.reading import plain_reading
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident, Reaction, RevealTrack, SpawnTrack
 from pa_console.schema.mission import StandingOrder

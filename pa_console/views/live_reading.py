@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from pa_console.language.canonical.plain_words import listed, place_words, plain_reading
+from pa_console.language.canonical.reading import listed, place_words, plain_reading
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.plan import Plan

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from pa_console.language.canonical.plain_words import listed, place_words
+from pa_console.language.canonical.reading import listed, place_words
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.text import count

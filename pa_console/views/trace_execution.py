@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 
-from pa_console.language.canonical.plain_words import plain_reading
+from pa_console.language.canonical.reading import plain_reading
 from pa_console.schema.events.event import DecisionMade, PlanHalted, StepsHeld
 from pa_console.schema.finding import Verdict
 from pa_console.schema.text import clock_text, duration_text

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import cast
 
-from pa_console.language.canonical.plain_words import plain_reading
+from pa_console.language.canonical.reading import plain_reading
 from pa_console.schema.events.event import ApprovalRequested, OrderReadAgain
 from pa_console.schema.finding import Finding, Usage, Verdict
 from pa_console.schema.plan import Action

@@ -17,9 +17,8 @@ from time import perf_counter, sleep
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.mission import rehearse as rehearsal
 from pa_console.mission.examine import examine
-from pa_console.policy.core_rules import with_core
 from pa_console.policy.monitor import Monitor
-from pa_console.policy.rulebook import load_rules
+from pa_console.policy.rulebook import load_rules, with_core
 from pa_console.schema.document import DocumentError
 from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Plan

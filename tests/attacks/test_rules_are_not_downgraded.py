@@ -18,7 +18,6 @@ from pa_console.policy.authoring.examples import (
     example_rehearsal,
     example_sightings,
 )
-from pa_console.policy.core_rules import CORE_IDS, shipped_rules, with_core
 from pa_console.policy.monitor import Monitor
 from pa_console.policy.pinned_rules import RefusedRulesError, RulesPins, pin_of
 from pa_console.policy.rule_checks import check_mission, check_plan
@@ -30,7 +29,14 @@ from pa_console.policy.rule_seal import (
     sign_rules,
     signature_path,
 )
-from pa_console.policy.rulebook import Rulebook, load_rules, read_rule_set
+from pa_console.policy.rulebook import (
+    CORE_IDS,
+    Rulebook,
+    load_rules,
+    read_rule_set,
+    shipped_rules,
+    with_core,
+)
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Mission
 from pa_console.schema.rule import PRIORITIES, Rule, RuleExample, RulesSeal

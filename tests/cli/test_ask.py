@@ -10,7 +10,7 @@ from pa_console.language.questions import Question
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.session.state import SessionState
-from pa_console.terminal.approval import ask_decision, show_request
+from pa_console.terminal.mission import ask_decision, show_request
 from tests.cli.outside import WITHIN_S, Outside
 from tests.tui import story
 

@@ -15,7 +15,7 @@ from pa_console.schema.world import Origin
 from pa_console.settings.schema import Settings
 from pa_console.sim.worlds.geography import Geography
 from pa_console.sim.worlds.world_file import load_world
-from pa_console.tak.site_on_map import SiteOnMap
+from pa_console.tak.session_on_map import SiteOnMap
 from tests.cli.inside import Call
 from tests.fleets.broker import free_port
 from tests.golden.sessions import played

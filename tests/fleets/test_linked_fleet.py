@@ -17,7 +17,7 @@ from pa_console.session.log.journal import Journal
 from pa_console.session.state import SessionState
 from pa_console.session.wording import links_in_words
 from pa_console.terminal import session_lines
-from pa_console.tui.screens import card
+from pa_console.tui.screens import compose as card
 from tests.fleets.scripted_link import EPOCH, Desk, ScriptedLink
 
 DRONE, UGV, ROBOT = "Drone_T01", "Ugv_T01", "Robot_T01"

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from pa_console.language.canonical.facts import DigestFacts, conditions, holds
 from pa_console.language.canonical.order import Condition, Fact, in_words
-from pa_console.language.canonical.plain_words import plain_reading
+from pa_console.language.canonical.reading import plain_reading
 from pa_training.order_generator.orders import PictureFacts, is_so
 from pa_training.situations.situations import random_situation, settled
 from pa_training.situations.worlds import random_world, shipped_world

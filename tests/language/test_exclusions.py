@@ -8,8 +8,12 @@ import pytest
 
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.language.canonical.order import Ask, Who
-from pa_console.language.canonical.plain_words import plain_reading
-from pa_console.language.canonical.reading import asked_words, read_asked, read_reason
+from pa_console.language.canonical.reading import (
+    asked_words,
+    plain_reading,
+    read_asked,
+    read_reason,
+)
 from pa_console.language.exclusions import excluded_names
 from pa_console.mission.examine import examine, ruled_out
 from pa_console.mission.planning.choices import commands_serving

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from pa_console.language.canonical.clauses import CLAUSES, NOWHERE, written
 from pa_console.language.canonical.order import Ask, Who
-from pa_console.language.canonical.plain_words import plain_reading
-from pa_console.language.canonical.reading import read_asked
+from pa_console.language.canonical.reading import plain_reading, read_asked
 from pa_console.language.clause_grammar import asked_pattern
 from pa_console.schema.world import World
 from pa_training.order_generator.orders import (

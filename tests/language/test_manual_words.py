@@ -2,7 +2,7 @@
 
 import pytest
 
-from pa_console.language.orders.manual_words import ManualWords, read_manual
+from pa_console.language.orders.order_changes import ManualWords, read_manual
 from pa_console.language.references.conversation import Unclear
 from tests.language.references.scenes import scene
 

@@ -9,8 +9,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.language.clock_mentions import unread_times
-from pa_console.language.clock_words import duration_words
+from pa_console.language.clock_words import duration_words, unread_times
 from pa_console.language.orders.order_changes import OrderChange, read_change
 from pa_console.language.orders.timed_orders import ReadTimed, read_timed
 from pa_console.language.references.conversation import Unclear

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pa_console import private_files
 from pa_console.schema.document import DocumentError
 from pa_console.schema.text import obeyed
-from pa_console.settings.file import changed_text, reset_settings, save_setting
+from pa_console.settings.sources import changed_text, reset_settings, save_setting
 
 MINE = """# my console
 theme: nord   # dark rooms

@@ -15,7 +15,7 @@ from pa_console.sim.worlds.world_generator import generate_world
 from pa_console.station.assembly import Site, open_station
 from pa_console.station.clock import SteppedClock
 from pa_console.station.headless import run_missions
-from pa_console.station.read_ahead import ReadAhead
+from pa_console.station.live_reading import ReadAhead
 from tests.rig import Rig
 from tests.scripted import ScriptedEngine, plan
 

@@ -8,7 +8,7 @@ from pa_console.resources import find_data
 from pa_console.schema.world import Origin, World
 from pa_console.sim.worlds.geography import Geography
 from pa_console.sim.worlds.world_file import load_world
-from pa_console.tak.site_on_map import SiteOnMap
+from pa_console.tak.session_on_map import SiteOnMap
 from tests.fleets.broker import Broker, any_broker
 from tests.tak.taky_server import Taky
 

@@ -11,7 +11,7 @@ from pa_console.session.state import SessionState
 from pa_console.tak.connection import TakConnection, TakServer
 from pa_console.tak.cot_event import CotEvent, element
 from pa_console.tak.reports import TakReports
-from pa_console.tak.site_on_map import SiteOnMap
+from pa_console.tak.session_on_map import SiteOnMap
 from tests.tak.taky_server import LIMIT_S
 
 RETRY_S = 0.05

@@ -30,8 +30,7 @@ from pa_console.tak.connection import (
     TakServer,
 )
 from pa_console.tak.cot_event import DELETE, CotEvent, element
-from pa_console.tak.session_on_map import SessionOnMap
-from pa_console.tak.site_on_map import SiteOnMap
+from pa_console.tak.session_on_map import SessionOnMap, SiteOnMap
 from tests.fleets.broker import free_port
 from tests.sim.running import run
 from tests.tak.taky_server import LIMIT_S, LOOPBACK, Client, Taky

@@ -36,7 +36,7 @@ from pa_console.station.assembly import Site, load_site, open_station
 from pa_console.station.clock import SteppedClock
 from pa_console.station.headless import run_missions
 from pa_console.tak.reports import TakReports
-from pa_console.tak.site_on_map import SiteOnMap
+from pa_console.tak.session_on_map import SiteOnMap
 from tests.scripted import ScriptedEngine, plan
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)

@@ -15,12 +15,13 @@ from pa_console.sim.checkpoint import Checkpoint
 from pa_console.tak.cot_event import DELETE, CotEvent, element
 from pa_console.tak.session_on_map import (
     DRAWN_S,
+    SHAPE,
     PictureOnMap,
     SessionOnMap,
+    SiteOnMap,
     affiliation,
     track_type,
 )
-from pa_console.tak.site_on_map import SHAPE, SiteOnMap
 from tests.sim.running import order, run
 
 START = datetime(2026, 1, 1, tzinfo=UTC)

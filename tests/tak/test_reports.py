@@ -34,8 +34,7 @@ from pa_console.tak.reports import (
     REPORTED_EVERY,
     TakReports,
 )
-from pa_console.tak.session_on_map import SessionOnMap
-from pa_console.tak.site_on_map import SiteOnMap
+from pa_console.tak.session_on_map import SessionOnMap, SiteOnMap
 from tests.tak.heard import hearing, nothing, said
 from tests.tak.taky_server import Taky
 

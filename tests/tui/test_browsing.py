@@ -9,7 +9,7 @@ from pa_console.schema.incident import SpawnTrack
 from pa_console.schema.rule import RuleExample
 from pa_console.tui.actions import ACTIONS, ActionContext
 from pa_console.tui.screens.dialogs import Confirm
-from pa_console.tui.screens.help import help_rows
+from pa_console.tui.screens.manual import help_rows
 from pa_console.tui.screens.policies import PolicyScreen
 from pa_console.tui.screens.rule_rows import rule_rows
 from pa_console.tui.widgets.row_views import TextRows

@@ -15,8 +15,7 @@ from pa_console.settings.sources import load_settings
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.controllers.composing import Favourites
 from pa_console.tui.order_templates import OrderNames, next_slot, slots, templates
-from pa_console.tui.screens.card import Card
-from pa_console.tui.screens.choose_line import ChooseLine, LineRows
+from pa_console.tui.screens.compose import Card, ChooseLine, LineRows
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.widgets.assets import AssetTable
 from pa_console.tui.widgets.example_orders import ExampleLine, ExampleOrders, example_orders

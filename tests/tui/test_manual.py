@@ -9,8 +9,7 @@ from textual.pilot import Pilot
 from textual.widgets import Input, Markdown, OptionList
 
 from pa_console.manual_pages import Manual, load_manual, read_page
-from pa_console.tui.screens.help import HelpScreen
-from pa_console.tui.screens.manual import ManualScreen
+from pa_console.tui.screens.manual import HelpScreen, ManualScreen
 from tests.tui import story
 from tests.tui.scripted import ScriptedStation, Show, console, notices, settle, until
 

@@ -6,9 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.schema.telemetry import AssetTelemetry
-from pa_console.tui.map.canvas import Blocks, Canvas, Strokes, touched
+from pa_console.tui.map.canvas import Blocks, Canvas, Projection, Strokes, touched
 from pa_console.tui.map.markers import arrow
-from pa_console.tui.map.projection import Projection
 from pa_console.tui.map.scene import MapScene
 from pa_console.tui.status_words import short_names
 from tests.tui.site import WORLD, picture, track

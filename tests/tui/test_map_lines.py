@@ -1,8 +1,7 @@
 """Lines and details on the map: ways, fields of view, batteries, links, and a scale that stays."""
 
 from pa_console.schema.events import event as ev
-from pa_console.tui.map.scene import MapScene
-from pa_console.tui.map.sensor_fields import outline
+from pa_console.tui.map.scene import MapScene, outline
 from pa_console.tui.widgets.map_view import TRAIL_S, MapView, Trails, scale_bar
 from tests.tui import crowd, living
 from tests.tui.scripted import Show, settle

@@ -11,8 +11,7 @@ from shapely import LineString, MultiLineString, Point
 
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
-from pa_console.tui.map.canvas import Canvas, Cell
-from pa_console.tui.map.projection import Projection
+from pa_console.tui.map.canvas import Canvas, Cell, Projection
 from pa_console.tui.map.scene import MapScene
 from tests.tui import crowd
 from tests.tui.site import WORLD, picture, track

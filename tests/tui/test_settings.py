@@ -11,7 +11,7 @@ from textual.widgets import Input, OptionList, Select, Static
 from pa_console.settings.sources import load_settings
 from pa_console.tui.actions import ACTIONS, KeymapError, check_keys, key_names
 from pa_console.tui.approval.panel import ApprovalPanel
-from pa_console.tui.screens.help import HelpScreen
+from pa_console.tui.screens.manual import HelpScreen
 from pa_console.tui.screens.policies import PolicyScreen
 from pa_console.tui.screens.settings import SettingsScreen
 from pa_console.tui.theme import DEFAULT_THEME

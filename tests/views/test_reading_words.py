@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.language.canonical.plain_words import plain_reading
+from pa_console.language.canonical.reading import plain_reading
 from pa_training.order_generator.orders import canonical_meaning as canonical
 from pa_training.order_generator.orders import canonical_order
 from pa_training.order_generator.sampler import sample_order

@@ -23,8 +23,7 @@ from pa_console.settings.sources import LoadedSettings
 from pa_console.sim.worlds.world_file import open_world
 from pa_console.station.shared_log import LOOK_S, SharedLog
 from pa_console.tak.connection import Certificate, TakConnection, TakServer
-from pa_console.tak.session_on_map import SessionOnMap
-from pa_console.tak.site_on_map import site_name
+from pa_console.tak.session_on_map import SessionOnMap, site_name
 from pa_console.terminal.output import errors
 
 

@@ -36,8 +36,13 @@ from pa_console.session.state import SessionState
 from pa_console.settings.schema import Settings
 from pa_console.station.headless import exit_code, run_missions
 from pa_console.station.station import ControlStation
-from pa_console.terminal.approval import ask_decision, show_request
-from pa_console.terminal.mission import print_answer, print_trace, step_line
+from pa_console.terminal.mission import (
+    ask_decision,
+    print_answer,
+    print_trace,
+    show_request,
+    step_line,
+)
 from pa_console.terminal.output import BAD_INPUT, errors, out, print_json
 from pa_console.views.waiting import Waiting, load_usual, save_usual
 

@@ -11,8 +11,7 @@ from pa_console.sim.worlds.geography import geography_of
 from pa_console.station.assembly import open_world
 from pa_console.tak.connection import Certificate, TakConnection, TakServer
 from pa_console.tak.reports import TakReports
-from pa_console.tak.session_on_map import InBackground, SessionOnMap
-from pa_console.tak.site_on_map import SiteOnMap
+from pa_console.tak.session_on_map import InBackground, SessionOnMap, SiteOnMap
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ VERBS = {
         "Serve a session on loopback: an HTTP interface (see /docs), or the console in a browser.",
     ),
     "mcp": Verb(
-        "mcp:mcp",
+        "serve:mcp",
         "Connect an agent over MCP, on stdin and stdout, to a running console; people decide.",
     ),
     "replay": Verb(
@@ -67,7 +67,7 @@ VERBS = {
         "site:app", "Run the simulated checkpoint as a service on a message bus; more below."
     ),
     "tak": Verb(
-        "tak:tak",
+        "serve:tak",
         "Show a session on TAK maps (ATAK, WinTAK) as Cursor on Target; nothing is taken from "
         "there.",
     ),

@@ -14,7 +14,6 @@ from pa_console.cli.verbs.rules_in_sessions import effect, trace
 from pa_console.policy.authoring.differences import Change, FieldChange, compare_rules, word_changes
 from pa_console.policy.authoring.examples import run_example
 from pa_console.policy.authoring.lint import SearchDoubts, lint_rules, search_rules, search_steps
-from pa_console.policy.core_rules import differing_core, shipped_rules
 from pa_console.policy.retriever import DEFAULT_METHOD, METHODS, Retriever
 from pa_console.policy.rule_seal import (
     SHIPPED,
@@ -25,7 +24,13 @@ from pa_console.policy.rule_seal import (
     sign_rules,
     signature_path,
 )
-from pa_console.policy.rulebook import Rulebook, load_rules, read_rule_set
+from pa_console.policy.rulebook import (
+    Rulebook,
+    differing_core,
+    load_rules,
+    read_rule_set,
+    shipped_rules,
+)
 from pa_console.resources import existing_data, find_data
 from pa_console.schema.rule import SHORT, Rule, RulesSeal, approvals_in_words
 from pa_console.schema.text import count

@@ -171,7 +171,7 @@ def _missions(
     name: str, new: Rulebook, was: str, world: str, tried: tuple[int, int], effects: Effects
 ) -> None:
     from pa_console.evaluation.jobs import load_with_worlds, mission_file  # noqa: PLC0415
-    from pa_console.evaluation.rule_changes.mission_probe import effect_on_mission  # noqa: PLC0415
+    from pa_console.evaluation.rule_changes.changed_decisions import effect_on_mission  # noqa: PLC0415
     from pa_console.sim.worlds.world_file import open_world  # noqa: PLC0415
 
     own, own_path = open_world(world)

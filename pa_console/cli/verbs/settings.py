@@ -9,9 +9,14 @@ from rich.text import Text
 from pa_console.cli import completion
 from pa_console.cli.options import JsonOption
 from pa_console.cli.settings_defaults import given_settings
-from pa_console.settings.file import reset_settings, save_setting
 from pa_console.settings.schema import describe_settings, value_text
-from pa_console.settings.sources import LoadedSettings, load_settings, settings_file
+from pa_console.settings.sources import (
+    LoadedSettings,
+    load_settings,
+    reset_settings,
+    save_setting,
+    settings_file,
+)
 from pa_console.terminal.output import out, print_json
 
 app = typer.Typer(

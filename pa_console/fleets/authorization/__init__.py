@@ -5,7 +5,6 @@ People sign approvals, a station signs a token for each command with the approva
 folder needs pyjwt, cryptography and the standard library and no other part of this package.
 """
 
-from pa_console.fleets.authorization.memory import Memory
 from pa_console.fleets.authorization.messages import (
     APPROVAL_S,
     KINDS,
@@ -38,7 +37,7 @@ from pa_console.fleets.authorization.messages import (
     words,
 )
 from pa_console.fleets.authorization.trust import KINDS_OF_TRUST, SignedMessages, Takeover, Trust
-from pa_console.fleets.authorization.verifier import Verifier
+from pa_console.fleets.authorization.verifier import Memory, Verifier
 
 __all__ = (
     "APPROVAL_S",

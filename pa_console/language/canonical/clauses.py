@@ -2,7 +2,7 @@
 
 Everything else follows from it: canonical words are written in these forms and read with them
 (`reading.py`), a model is held to them (`clause_grammar.py`), and people are told in other words
-what they mean (`plain_words.py`).
+what they mean (`reading.py`).
 """
 
 from collections.abc import Callable, Iterator, Mapping

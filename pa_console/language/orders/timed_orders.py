@@ -11,13 +11,15 @@ from dataclasses import dataclass, field
 from datetime import UTC, date, datetime, time, timedelta
 from types import MappingProxyType
 
-from pa_console.language.clock_mentions import FOUR_DIGITS, NAMED, is_of_order, unread_times
 from pa_console.language.clock_words import (
+    FOUR_DIGITS,
+    NAMED,
     STOPS,
     TIME_WORDS,
     WEEKDAYS,
     ClockTime,
     duration_words,
+    is_of_order,
     next_weekday,
     read_clock,
     read_day,
@@ -25,6 +27,7 @@ from pa_console.language.clock_words import (
     read_minute_of_hour,
     read_number,
     read_unit,
+    unread_times,
 )
 from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.reader import (

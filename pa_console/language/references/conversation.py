@@ -8,7 +8,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pa_console.language.canonical.plain_words import listed
+from pa_console.language.canonical.reading import listed
 from pa_console.language.lexicon import find_verbs, word_lists
 from pa_console.language.references.reader import (
     CONTACTS,

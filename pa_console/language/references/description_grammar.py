@@ -12,9 +12,13 @@ from pa_console.language.lexicon import find_verbs
 from pa_console.language.mentions import ASSETS
 from pa_console.language.references import reader as words
 from pa_console.language.references.description import (
+    DETERMINERS,
+    OF,
     Description,
     Group,
     PartialDescription,
+    ReadSet,
+    SentenceGroups,
     Superlative,
     Trait,
     fitting,
@@ -26,7 +30,6 @@ from pa_console.language.references.description import (
     is_silent,
     works,
 )
-from pa_console.language.references.groups import DETERMINERS, OF, ReadSet, SentenceGroups
 from pa_console.language.references.reader import (
     Reader,
     WordToken,

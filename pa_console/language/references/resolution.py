@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Literal
 
-from pa_console.language.canonical.plain_words import listed
+from pa_console.language.canonical.reading import listed
 from pa_console.language.lexicon import find_verbs
 from pa_console.language.name_linking import LinkedText, link_names
 from pa_console.language.references.asked_condition import conditional_order
@@ -25,9 +25,8 @@ from pa_console.language.references.conversation import (
     retell,
     substituted,
 )
-from pa_console.language.references.description import Description, Trait, fitting
+from pa_console.language.references.description import Description, SentenceGroups, Trait, fitting
 from pa_console.language.references.description_grammar import find_descriptions
-from pa_console.language.references.groups import SentenceGroups
 from pa_console.language.references.reader import Reader, WordToken, asset_at, place_at, read_tokens
 from pa_console.language.references.scene import ReferenceScene
 

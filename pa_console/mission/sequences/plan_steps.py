@@ -8,7 +8,7 @@ approved as a whole.
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from pa_console.language.canonical.plain_words import plain_reading
+from pa_console.language.canonical.reading import plain_reading
 from pa_console.language.mention_check import MentionCheck
 from pa_console.language.references.resolution import Answers
 from pa_console.mission.context import ForeseenContext, MissionContext

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from itertools import islice, product
 from typing import Literal
 
-from pa_console.language.canonical.plain_words import plain_reading
-from pa_console.language.canonical.reading import read_asked
+from pa_console.language.canonical.reading import plain_reading, read_asked
 from pa_console.llm.roles.grammar import CommandSlot
 from pa_console.mission.examine import CheckBasis, examine
 from pa_console.mission.planning.choices import commands_serving

@@ -8,8 +8,7 @@ import math
 from collections.abc import AsyncGenerator, Iterator, Sequence
 
 from pa_console.language.canonical.facts import is_free, sole_covers
-from pa_console.language.canonical.plain_words import plain_reading
-from pa_console.language.canonical.reading import asked_words, read_asked
+from pa_console.language.canonical.reading import asked_words, plain_reading, read_asked
 from pa_console.language.name_linking import named
 from pa_console.mission.examine import CheckBasis, Examination, examine
 from pa_console.policy.rule_variables import goes_to

@@ -11,8 +11,7 @@ from textual.content import Content
 from textual.screen import Screen
 from textual.widgets import Static
 
-from pa_console.language.canonical.plain_words import plain_reading
-from pa_console.language.canonical.reading import asked_words
+from pa_console.language.canonical.reading import asked_words, plain_reading
 from pa_console.schema.mission import Decision
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.text import count

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from textual.content import Content
 
 from pa_console.language.canonical.clauses import ASKED
-from pa_console.language.canonical.plain_words import place_words, plain_reading
-from pa_console.language.canonical.reading import asked_words
+from pa_console.language.canonical.reading import asked_words, place_words, plain_reading
 from pa_console.llm.roles.grammar import PLANNED
 from pa_console.mission.approval import people_words
 from pa_console.schema.command import COMMANDS

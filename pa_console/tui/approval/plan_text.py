@@ -12,7 +12,7 @@ from textual.content import Content
 from textual.geometry import Size
 from textual.widget import Widget
 
-from pa_console.language.canonical.plain_words import place_words
+from pa_console.language.canonical.reading import place_words
 from pa_console.tui.plan_preview import PlanPreview
 from pa_console.tui.status_words import BAD, CALM, GOOD, NOTE, QUIET
 from pa_console.tui.widgets.row_views import TextRows, WrappedRow

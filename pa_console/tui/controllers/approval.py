@@ -2,7 +2,7 @@
 
 from textual.screen import Screen
 
-from pa_console.language.canonical.plain_words import plain_reading
+from pa_console.language.canonical.reading import plain_reading
 from pa_console.language.questions import Question
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision

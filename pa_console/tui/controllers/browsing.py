@@ -87,7 +87,7 @@ class BrowsingController:
 
     def show_help(self) -> None:
         """Show the help page."""
-        from pa_console.tui.screens.help import HelpScreen, help_rows  # noqa: PLC0415
+        from pa_console.tui.screens.manual import HelpScreen, help_rows  # noqa: PLC0415
 
         screen = self._app.screen
         given = () if isinstance(screen, MainScreen) else type(screen).BINDINGS

@@ -19,25 +19,25 @@ from pa_console.schema.mission import MAX_MISSION_TEXT
 from pa_console.schema.telemetry import Picture
 from pa_console.session.log.chain import LogError
 from pa_console.session.past_sessions import newest_logs, summarise
-from pa_console.settings.file import changed_text, write_atomically
-from pa_console.settings.sources import settings_file
+from pa_console.settings.sources import changed_text, settings_file, write_atomically
 from pa_console.tui.controllers.browsing import BrowsingController
 from pa_console.tui.controllers.commands import CommandController
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.settings import SettingsController
 from pa_console.tui.order_templates import templates
-from pa_console.tui.screens.card import (
+from pa_console.tui.screens.compose import (
     GIVE,
     MAP_CHOICES,
     Card,
     CardChoice,
+    ChoiceLine,
+    ChooseLine,
     asset_choices,
     asset_lines,
     frame_choices,
     track_choices,
     track_lines,
 )
-from pa_console.tui.screens.choose_line import ChoiceLine, ChooseLine
 from pa_console.tui.status_words import KIND_WORDS
 from pa_console.tui.widgets.alarms import AlarmPane
 from pa_console.tui.widgets.assets import AssetTable

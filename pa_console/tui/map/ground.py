@@ -12,8 +12,7 @@ from shapely import Polygon, contains_xy
 
 from pa_console.schema.base import Point
 from pa_console.schema.world import OCCUPIED_CELL, Background, World
-from pa_console.tui.map.canvas import Blocks, Canvas, Cell, Spot, Strokes, touched
-from pa_console.tui.map.projection import Projection
+from pa_console.tui.map.canvas import Blocks, Canvas, Cell, Projection, Spot, Strokes, touched
 
 Line = tuple[Spot, Spot]
 

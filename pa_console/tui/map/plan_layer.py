@@ -5,11 +5,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from pa_console.schema.world import World
-from pa_console.tui.map.canvas import Canvas, Run, Strokes
+from pa_console.tui.map.canvas import Canvas, Projection, Run, Strokes
 from pa_console.tui.map.ground import MapGround
 from pa_console.tui.map.labels import Labels
 from pa_console.tui.map.markers import Symbol
-from pa_console.tui.map.projection import Projection
 from pa_console.tui.plan_preview import CoverChange, PlanPreview
 
 ARRIVAL = "◎"

@@ -1,5 +1,7 @@
-"""The manual: its pages on the left, the one at the pointer on the right, found by words."""
+"""The manual, found by words, with its pages on the left; and the list of all keys and signs."""
 
+from collections.abc import Mapping, Sequence
+from itertools import groupby
 from typing import NamedTuple
 
 from textual import on
@@ -7,14 +9,17 @@ from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Horizontal, VerticalScroll
 from textual.content import Content
-from textual.screen import Screen
+from textual.screen import ModalScreen, Screen
 from textual.widgets import Input, Markdown, OptionList, Static
 from textual.widgets.option_list import Option
 
 from pa_console.manual_pages import Manual, Page
-from pa_console.tui.status_words import NOTE, QUIET
+from pa_console.tui.actions import ACTIONS, GROUPS, ActionContext, key_text, shown_keys
+from pa_console.tui.rows import WrappedRow, column, row
+from pa_console.tui.status_words import NOTE, QUIET, TERMS
 from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.fields import LineField
+from pa_console.tui.widgets.row_views import TextRows
 
 FOUND = "-found"
 """The class of the heading that was jumped to."""
@@ -157,3 +162,88 @@ class ManualScreen(Screen[None]):
             found.scroll_visible(top=True, animate=False)
         else:
             self.query_one("#manual-page", VerticalScroll).scroll_home(animate=False)
+
+
+_APPROVAL = (
+    ("r m a", "Go to Reject, Modify or Approve, or to what Approve still needs; Enter presses it"),
+    ("Alt+1 … 3", "Plan anew for what an unclear order was meant to ask, where that is offered"),
+    ("Alt+C", "Other sound plans side by side; nothing is approved there"),
+    ("letters", "Any other letter, and what is pasted, begins the reason; Enter leaves it"),
+    ("Tab", "Round the buttons, the warnings and the reason; Esc leaves"),
+    ("", "Keys are dropped for the first 0.6 s, so that no stray key decides"),
+)  # fmt: skip
+_PROMPT = (
+    ("Enter", "Send the mission; ^j or alt+Enter begins a new line"),
+    ("Why? …", "A question is answered: why, why not another, what instead; a plan still waits"),
+    ("↑ ↓", "Missions typed before"),
+    ("Tab →", "Take the name that is shown in grey; Tab again tries the next, or goes to a slot"),
+    ("Alt+1 … 4", "Before the first mission: type an example"),
+    ("Esc", "Leave the field; the text stays"),
+)
+
+
+LETTER_WAITS = " (a letter waits for Enter)"
+
+
+def help_rows(
+    now: ActionContext, keymap: Mapping[str, str] | None = None, here: Sequence[Binding] = ()
+) -> list[WrappedRow]:
+    """Return the help page with the user's keys; an action that is not legal now says why.
+
+    The keys of the screen that is open, `here`, come first.
+    """
+    rows: list[WrappedRow] = []
+    if here:
+        rows.append(row("", ("On this screen", f"bold {NOTE}")))
+        rows += [
+            row(["  ", column(key_text(each.key), 10, "bold")], each.description) for each in here
+        ]
+    for group in GROUPS:
+        rows.append(row("", (group, f"bold {NOTE}")))
+        for action in ACTIONS:
+            if action.group == group:
+                why = action.refusal(now)
+                rows.append(
+                    row(
+                        ["  ", column(shown_keys(action, keymap or {}), 10, "bold")],
+                        action.help + LETTER_WAITS * action.confirmed,
+                        (f"  (now: {why})" if why else "", QUIET),
+                    )
+                )
+    for name, keys in (("In the approval panel", _APPROVAL), ("In the mission field", _PROMPT)):
+        rows.append(row("", (name, f"bold {NOTE}")))
+        rows += [row(["  ", column(key, 10, "bold")], text) for key, text in keys]
+    rows.append(row("", ("Signs", f"bold {NOTE}")))
+    for family, items in groupby(TERMS.items(), key=lambda item: item[0].split(".")[0]):
+        parts: list[tuple[str, str] | str] = []
+        for _, mark in items:
+            parts += [mark.part, "   "]
+        rows.append(row(["  ", column(family, 10, QUIET)], *parts))
+    signs = "■ vehicle   ▪ person   D1→ asset and heading   • route   · lane   ╱ restricted zone"
+    rows.append(row(["  ", column("map", 10, QUIET)], signs))
+    return rows
+
+
+class HelpScreen(ModalScreen[None]):
+    """The help page; any of Escape, F1, q or ? closes it, M goes on to the manual."""
+
+    BINDINGS = [
+        Binding("escape,f1,q,question_mark", "dismiss", "Close"),
+        Binding("m,M", "app.carry_out('manual')", "Manual"),
+    ]
+
+    def __init__(self, rows: Sequence[WrappedRow]) -> None:
+        super().__init__()
+        self._rows = tuple(rows)
+
+    def compose(self) -> ComposeResult:
+        """Yield the page."""
+        with VerticalScroll(id="help"):
+            yield TextRows(self._rows)
+
+    def on_mount(self) -> None:
+        """Name the page and let the arrow keys scroll it."""
+        page = self.query_one("#help", VerticalScroll)
+        page.border_title = "Help"
+        page.border_subtitle = "M opens the manual, Esc closes"
+        page.focus()

@@ -15,8 +15,7 @@ from textual.widgets import Input, OptionList, Select, Static
 from textual.widgets.option_list import Option
 
 from pa_console.schema.document import DocumentError
-from pa_console.settings.file import save_setting
-from pa_console.settings.sources import LoadedSettings
+from pa_console.settings.sources import LoadedSettings, save_setting
 from pa_console.tui.rows import WrappedRow, column, row
 from pa_console.tui.settings_rows import SettingChoice, choices, is_chosen, to_write, value_of
 from pa_console.tui.status_words import NOTE, QUIET

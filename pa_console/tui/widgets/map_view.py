@@ -17,11 +17,9 @@ from pa_console.schema.base import Point
 from pa_console.schema.events.session import ReportedContact
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
-from pa_console.tui.map.canvas import Canvas, Cell, Run
+from pa_console.tui.map.canvas import Canvas, Cell, Projection, Run
 from pa_console.tui.map.plan_layer import PlanLayer
-from pa_console.tui.map.projection import Projection
-from pa_console.tui.map.scene import ROLES, MapScene, Window
-from pa_console.tui.map.sensor_fields import Sensors
+from pa_console.tui.map.scene import ROLES, MapScene, Sensors, Window
 from pa_console.tui.plan_preview import PlanPreview
 from pa_console.tui.refresh import retitle
 

@@ -30,7 +30,7 @@ from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.station.assembly import Site
 from pa_console.station.headless import SETUP_SETTLE_S
-from pa_console.station.read_ahead import ReadAhead
+from pa_console.station.live_reading import ReadAhead
 
 TRACK_AT_M = 40.0
 LOW_PCT = 12.0
