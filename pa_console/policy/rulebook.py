@@ -19,6 +19,7 @@ from pa_console.policy.expressions.expression import (
     Expression,
 )
 from pa_console.policy.expressions.fields import Fields, united
+from pa_console.policy.expressions.forbidden_words import forbidden_patterns
 from pa_console.policy.rule_seal import (
     SHIPPED,
     ShippedRules,
@@ -204,6 +205,14 @@ class Rulebook:
     def reads(self) -> Fields:
         """The fields that guards and checks read; no others have to be converted for CEL."""
         return united(part.reads for part in self.parts)
+
+    def prepare(self) -> None:
+        """Compile what the first mission's checks would compile, 100 ms of patterns."""
+        forbidden_patterns()
+        for part in self.parts:
+            for expression in (part.applies, part.check):
+                if expression is not None:
+                    expression.prepare()
 
     @property
     def approvals(self) -> Mapping[str, int]:

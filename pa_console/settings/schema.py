@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, cast
 from urllib.parse import urlsplit
 
-from pydantic import AfterValidator, Field
-from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, SettingsConfigDict
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 ENV_PREFIX = "PA_CONSOLE_"
 
@@ -69,12 +68,10 @@ def _shown(group: str, title: str, *, restart: bool = True, form: str = "", **li
     return Field(title=title, json_schema_extra=extra, **limits)
 
 
-class Settings(BaseSettings):
+class Settings(BaseModel):
     """The settings in force; `sources` merges their origins, so that each can be named."""
 
-    model_config = SettingsConfigDict(
-        env_prefix=ENV_PREFIX, env_ignore_empty=True, extra="forbid", frozen=True
-    )
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
     model: Annotated[str, _shown("Session", "Model")] = ""
     """The model that plans and judges: a name of the catalogue, or the path of a GGUF file. Empty
@@ -232,18 +229,6 @@ class Settings(BaseSettings):
 
     keys: Annotated[dict[str, str], _shown("Keys", "Keys", restart=False, form=KEYS_FORM)] = {}
     """Other keys for the console's actions: an action's name and its keys, separated by commas."""
-
-    @classmethod
-    def settings_customise_sources(
-        cls,
-        settings_cls: type[BaseSettings],  # noqa: ARG003 - the library's signature
-        init_settings: PydanticBaseSettingsSource,
-        env_settings: PydanticBaseSettingsSource,  # noqa: ARG003
-        dotenv_settings: PydanticBaseSettingsSource,  # noqa: ARG003
-        file_secret_settings: PydanticBaseSettingsSource,  # noqa: ARG003
-    ) -> tuple[PydanticBaseSettingsSource, ...]:
-        """Use the given values only: `sources` merges the others and keeps their origins."""
-        return (init_settings,)
 
 
 @dataclass(frozen=True)

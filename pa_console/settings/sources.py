@@ -3,6 +3,7 @@
 The file is changed one field at a time, atomically, with its comments kept.
 """
 
+import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -13,17 +14,15 @@ from typing import Literal, cast
 import yaml
 from platformdirs import user_config_path
 from pydantic import ValidationError
-from pydantic_settings import EnvSettingsSource, SettingsError
 
 from pa_console.private_files import make_private_folder, mode_of, replace_private
 from pa_console.schema.document import Document, DocumentError, FieldPath, read_text
 from pa_console.settings.schema import ENV_PREFIX, Settings, describe_settings, value_text
-from pa_console.signing import PASSPHRASE_VARIABLE
 
 FILE_VARIABLE = f"{ENV_PREFIX}SETTINGS"
 PATHS = ("logs", "cache", "signing_key")
 SECRET_VARIABLES = (
-    PASSPHRASE_VARIABLE,
+    f"{ENV_PREFIX}PASSPHRASE",
     f"{ENV_PREFIX}SERVER_KEY",
     f"{ENV_PREFIX}JUDGE_SERVER_KEY",
     f"{ENV_PREFIX}READER_SERVER_KEY",
@@ -143,11 +142,19 @@ def _mapping(document: Document | None) -> dict[str, object]:
 
 
 def _environment() -> dict[str, object]:
-    try:
-        found: dict[str, object] = EnvSettingsSource(Settings)()
-    except SettingsError as error:
-        problem = """not JSON; write it like {"stop": "f11"}"""
-        raise DocumentError(f"{ENV_PREFIX}KEYS", 0, "", problem) from error
+    """Return the values of the PA_CONSOLE_... variables, in upper or lower case; empty gives none.
+
+    Raises DocumentError for keys that are not JSON.
+    """
+    given = {name.upper(): text for name, text in os.environ.items() if text}
+    named = {name: given.get(f"{ENV_PREFIX}{name.upper()}") for name in Settings.model_fields}
+    found: dict[str, object] = {name: text for name, text in named.items() if text is not None}
+    if "keys" in found:
+        try:
+            found["keys"] = json.loads(str(found["keys"]))
+        except ValueError as error:
+            problem = """not JSON; write it like {"stop": "f11"}"""
+            raise DocumentError(f"{ENV_PREFIX}KEYS", 0, "", problem) from error
     for name in PATHS:
         if name in found:
             found[name] = str(Path(str(found[name])).expanduser().absolute())

@@ -248,11 +248,12 @@ class ReadAhead:
         self._read.clear()
 
     async def load(self) -> None:
-        """Load the model and the dictionary and, `unasked`, read how every role's prompts begin."""
+        """Load model, dictionary and patterns and, `unasked`, read how every prompt begins."""
         async with self._turn:
             with suppress(EngineError):  # told by the engine's state, and to whoever asks it
                 await self._services.engine.start()
                 await asyncio.to_thread(prepare)
+                await asyncio.to_thread(self._services.rulebook.prepare)
                 for role in ROLES if self._unasked else ():
                     await self._warm(self._services.engine, role)
 

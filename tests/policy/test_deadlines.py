@@ -3,11 +3,12 @@
 import gc
 import threading
 from collections.abc import Generator
+from time import thread_time
 
 import pytest
 
 from pa_console.policy.authoring.examples import WORLD
-from pa_console.policy.expressions.deadlines import deadline
+from pa_console.policy.expressions.deadlines import deadline, left_s, shared_deadline, unmeasured
 from pa_console.policy.rule_checks import check_mission
 from tests.policy.book import checkpoint_rules
 from tests.policy.test_checks import MISSION
@@ -54,6 +55,18 @@ def test_where_nobody_looks_for_garbage_nobody_does_afterwards() -> None:
         assert not gc.isenabled()
     finally:
         gc.enable()
+
+
+def test_what_is_compiled_once_for_all_checks_is_charged_to_none() -> None:
+    with shared_deadline(0.050):
+        with deadline(0.050):
+            with unmeasured():
+                until = thread_time() + 0.060
+                while thread_time() < until:
+                    pass
+            assert left_s(), "the check has its time still"
+        with deadline(0.050):
+            assert left_s(), "and so have those after it"
 
 
 def test_the_words_of_an_order_are_decided_beside_a_thread_that_computes() -> None:

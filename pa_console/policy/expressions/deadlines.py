@@ -102,6 +102,23 @@ def left_s() -> float | None:
     return max(left, 0.0)
 
 
+@contextmanager
+def unmeasured() -> Generator[None]:
+    """Give the running expression, and its group, the time back that the block takes.
+
+    For work that is done once for all expressions, such as the compiling of a pattern.
+    """
+    began = thread_time()
+    try:
+        yield
+    finally:
+        taken = thread_time() - began
+        if _running.end_s is not None:
+            _running.end_s += taken
+        if _running.group_end_s is not None:
+            _running.group_end_s += taken
+
+
 def give_up() -> None:
     """Note that the running expression used up its time, whatever it still comes to."""
     _running.overdue = True

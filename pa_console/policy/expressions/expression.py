@@ -10,7 +10,7 @@ import logging
 import re
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from importlib import import_module
 from typing import Any, TypeVar
 
@@ -24,6 +24,7 @@ from pa_console.policy.expressions.deadlines import (
     give_up,
     going_on,
     left_s,
+    unmeasured,
 )
 from pa_console.policy.expressions.fields import (
     Fields,
@@ -59,7 +60,7 @@ class Pattern:
     """A compiled pattern; raises ValueError for one that is not supported, with the reason."""
 
     def __init__(self, source: str) -> None:
-        """Compile `source` for both engines."""
+        """Compile `source` for RE2; for the other engine it is compiled once it is needed."""
         if len(source) > MAX_PATTERN:
             raise ValueError(f"too long: {len(source):,} characters, at most {MAX_PATTERN:,}")
         try:
@@ -70,15 +71,26 @@ class Pattern:
         looking = _LOOKS.sub(lambda found: found[1] or "(?:", plain)
         linear = _linear(looking)
         self._linear = linear if looking == plain else None
-        self._any: regex.Pattern[str] = regex.compile(source)
+        self._source = source
+
+    @cached_property
+    def _any(self) -> regex.Pattern[str]:
+        """The pattern for the backtracking engine, which most texts never need."""
+        with unmeasured():
+            return regex.compile(self._source)
+
+    def prepare(self) -> None:
+        """Compile the pattern for the other engine now."""
+        _ = self._any
 
     def search(self, text: str) -> bool:
         """Return whether the pattern matches somewhere in `text`."""
         left = _left(text)
         if self._linear is not None and text.isascii():
             return self._linear.search(text) is not None
+        search = self._any.search
         return _in_time(
-            lambda limit: self._any.search(text, concurrent=False, timeout=limit) is not None, left
+            lambda limit: search(text, concurrent=False, timeout=limit) is not None, left
         )
 
     def cut(self, text: str, mark: str) -> str:
@@ -86,9 +98,8 @@ class Pattern:
         left = _left(text)
         if self._linear is not None and text.isascii():
             return str(self._linear.sub(mark, text))
-        return _in_time(
-            lambda limit: self._any.sub(mark, text, concurrent=False, timeout=limit), left
-        )
+        cut = self._any.sub
+        return _in_time(lambda limit: cut(mark, text, concurrent=False, timeout=limit), left)
 
 
 @lru_cache(maxsize=1024)
@@ -228,11 +239,10 @@ class Expression:
         and for what is too large.
         """
         text = Source(source)
-        for pattern in text.patterns():
-            try:
-                compiled_pattern(pattern)
-            except ValueError as error:
-                raise ValueError(f"a pattern that cannot be used: {error}") from error
+        try:
+            self._patterns = [compiled_pattern(pattern) for pattern in text.patterns()]
+        except ValueError as error:
+            raise ValueError(f"a pattern that cannot be used: {error}") from error
         self._program = _compiled(source, text)
         self._deadline_s = deadline_s
         references = self._program.references()
@@ -253,6 +263,11 @@ class Expression:
         """The number of names, values and signs in it."""
         self._tokens = text.tokens
         self._read: tuple[Shapes, Fields] | None = None
+
+    def prepare(self) -> None:
+        """Compile what it needs for the texts that RE2 does not search."""
+        for pattern in self._patterns:
+            pattern.prepare()
 
     def reads(self, shapes: Shapes) -> Fields:
         """Return which fields of its variables, which `shapes` describes, it can notice.
