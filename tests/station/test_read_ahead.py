@@ -136,6 +136,9 @@ async def test_whoever_waits_for_the_picture_waits_for_what_is_being_read(rig: R
     loading = asyncio.create_task(ahead.load())
     await asyncio.sleep(0)
     waiting = asyncio.create_task(ahead.read_now())
+    async with asyncio.timeout(10.0):
+        while not engine.warmed:
+            await asyncio.sleep(0)
     for _ in range(5):
         await asyncio.sleep(0)
     assert (len(engine.warmed), waiting.done()) == (1, False)
