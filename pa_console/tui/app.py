@@ -34,7 +34,7 @@ from pa_console.tui.controllers.browsing import BrowsingController
 from pa_console.tui.controllers.commands import CommandController
 from pa_console.tui.controllers.composing import ComposingController, Favourites, favourites_file
 from pa_console.tui.controllers.console_session import ConsoleSession
-from pa_console.tui.controllers.controllers import HANDLERS, Controllers
+from pa_console.tui.controllers.controllers import HANDLERS, ConsoleCommands, Controllers
 from pa_console.tui.controllers.leaving import LeavingController
 from pa_console.tui.controllers.replay import ReplayController
 from pa_console.tui.controllers.rules import RulesController
@@ -42,7 +42,6 @@ from pa_console.tui.controllers.session_feed import SessionFeed
 from pa_console.tui.controllers.settings import SettingsController
 from pa_console.tui.controllers.typing import KeyTime, TypingController
 from pa_console.tui.kept_input import History, history_file
-from pa_console.tui.palette import ConsoleCommands
 from pa_console.tui.recordings import OpenedLog
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.screens.recording import RecordingScreen

@@ -20,10 +20,9 @@ from pa_console.schema.rule import PRIORITIES, SHORT, Rule
 from pa_console.schema.telemetry import Digest, Selection
 from pa_console.schema.text import count, duration_text
 from pa_console.session.mission_trace import Attempt, MissionTrace
-from pa_console.views.event_words import safety_in_words
+from pa_console.views.event_words import in_steps, safety_in_words, when_in_words
 from pa_console.views.rule_trail import DecisionEvidence
 from pa_console.views.status_words import Status, Tone, status_of
-from pa_console.views.step_words import in_steps, when_in_words
 from pa_console.views.trace_parts import (
     Block,
     Column,

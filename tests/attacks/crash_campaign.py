@@ -21,7 +21,7 @@ MODULES = (
     "pa_console.session.log.session_index",
     "pa_console.session.log.signed_head",
     "pa_console.mission.gate",
-    "pa_console.session.log.journal",
+    "pa_console.session.log.writer",
     "pa_console.mission.execute",
     "pa_console.mission.decide",
     "pa_console.mission.stop",

@@ -8,7 +8,7 @@ import typer
 from pydantic import TypeAdapter
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from pa_console.evaluation.machine import Machine
+from pa_console.evaluation.run_record import Machine
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.terminal.output import errors, out
 

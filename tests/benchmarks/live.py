@@ -17,7 +17,7 @@ from rich.table import Table
 
 from pa_console.cli.options import ModelOption
 from pa_console.evaluation.jobs import load_missions
-from pa_console.evaluation.machine import describe_machine
+from pa_console.evaluation.run_record import describe_machine
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.resources import data_folder

@@ -15,7 +15,7 @@ import typer
 from rich.table import Table
 
 from pa_console.cli.options import ModelOption, RulesOption, WorldOption
-from pa_console.evaluation.machine import describe_machine
+from pa_console.evaluation.run_record import describe_machine
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.local.threads import physical_cores
 from pa_console.llm.models.catalogue import LocalModel, find_model

@@ -19,7 +19,7 @@ import typer
 from rich.table import Table
 
 from pa_console.cli.options import ModelOption
-from pa_console.evaluation.machine import Machine, describe_machine
+from pa_console.evaluation.run_record import Machine, describe_machine
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import LocalModel, find_model
 from pa_console.schema.base import StrictModel

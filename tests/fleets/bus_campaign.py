@@ -18,8 +18,8 @@ from pa_console.fleets.vda5050.broker import (
     IncomingMessage,
     OutgoingMessage,
 )
-from pa_console.fleets.vda5050.joining import join
 from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
+from pa_console.fleets.vda5050.station_link import join
 from pa_console.fleets.vda5050.vehicle import Vehicle
 from pa_console.fleets.vda5050.wire import Identity, Numbers, Topic
 from pa_console.mission.approval import standing_approver

@@ -10,11 +10,11 @@ import pytest
 
 from pa_console.fleets.vda5050.additions import SITE
 from pa_console.fleets.vda5050.broker import BrokerAddress, Credentials
-from pa_console.fleets.vda5050.joining import join
 from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
 from pa_console.fleets.vda5050.sharing import CommandAuthority
 from pa_console.fleets.vda5050.simulated_site import SimulatedSite, SiteOptions
 from pa_console.fleets.vda5050.site_fleet import fleet_of
+from pa_console.fleets.vda5050.station_link import join
 from pa_console.resources import find_data
 from pa_console.schema.incident import Scenario
 from pa_console.schema.world import World

@@ -20,8 +20,8 @@ from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 from pa_console.fleets.vda5050 import messages
 from pa_console.fleets.vda5050.asset_state import state_of
 from pa_console.fleets.vda5050.broker import BrokerAddress
-from pa_console.fleets.vda5050.joining import join
 from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
+from pa_console.fleets.vda5050.station_link import join
 from pa_console.fleets.vda5050.vehicle import Vehicle
 from pa_console.fleets.vda5050.wire import Identity, Topic
 from pa_console.schema.command import DeviceCommand

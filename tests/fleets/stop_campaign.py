@@ -27,10 +27,10 @@ from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 
 from pa_console.fleets.vda5050.broker import BrokerAddress
 from pa_console.fleets.vda5050.gateway import Gateway
-from pa_console.fleets.vda5050.joining import join
 from pa_console.fleets.vda5050.messages import InstantActions
 from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
 from pa_console.fleets.vda5050.site_fleet import fleet_of
+from pa_console.fleets.vda5050.station_link import join
 from pa_console.fleets.vda5050.wire import Header
 from pa_console.mission.gate import CommandGate
 from pa_console.mission.rehearse import device_commands
@@ -42,8 +42,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.world import World
-from pa_console.session.log.journal import Journal
-from pa_console.session.log.writer import LogWriter
+from pa_console.session.log.writer import Journal, LogWriter
 from pa_console.sim.worlds.world_file import load_world
 from pa_console.station.assembly import load_site, open_station
 from pa_console.station.clock import DevicesClock

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from pa_console.fleets.vda5050.broker import BrokerAddress
-from pa_console.fleets.vda5050.joining import JoinedBus, join, with_newcomers
 from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
+from pa_console.fleets.vda5050.station_link import JoinedBus, join, with_newcomers
 from pa_console.schema.command import CommandReply, DeviceCommand, Verb
 from pa_console.schema.world import World
 from pa_console.sim.worlds.world_file import load_world

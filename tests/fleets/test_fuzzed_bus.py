@@ -9,9 +9,8 @@ from random import Random
 import pytest
 
 from pa_console.fleets.vda5050.broker import BrokerAddress, IncomingMessage, OutgoingMessage
-from pa_console.fleets.vda5050.joining import FROM_PEOPLE, TELEMETRY, JoinedBus
 from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
-from pa_console.fleets.vda5050.station_link import StationLink
+from pa_console.fleets.vda5050.station_link import FROM_PEOPLE, TELEMETRY, JoinedBus, StationLink
 from pa_console.schema.events import event as ev
 from pa_console.schema.world import World
 from pa_console.station.assembly import Site, load_site, open_station

@@ -13,8 +13,8 @@ from pa_console.fleets import authorization as auth
 from pa_console.fleets.station_authority import Keys, StationAuthority, Vehicles
 from pa_console.fleets.vda5050.additions import SIGNED
 from pa_console.fleets.vda5050.broker import BrokerAddress
-from pa_console.fleets.vda5050.joining import join
 from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
+from pa_console.fleets.vda5050.station_link import join
 from pa_console.schema.events.event import Noticed
 from pa_console.schema.world import World
 from tests.fleets.conftest import joined, running

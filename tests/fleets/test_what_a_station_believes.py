@@ -150,7 +150,7 @@ def test_a_robot_that_is_gone_is_lost_at_once_and_commands_to_it_are_no_secret(
 def joined_without_site(world: World, address: BrokerAddress) -> Any:
     from contextlib import closing  # noqa: PLC0415
 
-    from pa_console.fleets.vda5050.joining import join  # noqa: PLC0415
+    from pa_console.fleets.vda5050.station_link import join  # noqa: PLC0415
 
     return closing(MqttFleet(world, join(address)))
 

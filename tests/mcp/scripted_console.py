@@ -10,8 +10,7 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-from pa_console.mcp.server import make_server
-from pa_console.mcp.serving import serve_stdio
+from pa_console.mcp.server import make_server, serve_stdio
 from pa_console.schema.events import event as ev
 from pa_console.station.assembly import load_site
 from tests.mcp.conftest import Beside, beside

@@ -13,7 +13,7 @@ from mcp.shared.subscriptions import ResourceUpdated
 from pa_console.http.connections import listen
 from pa_console.http.tokens import TokenBook, TokenRole
 from pa_console.mcp.agents_session import AgentsSession
-from pa_console.mcp.serving import PATH, AgentsPort
+from pa_console.mcp.server import PATH, AgentsPort
 from pa_console.schema.events import event as ev
 from pa_console.station.assembly import Site
 from tests.mcp.conftest import Beside, beside

@@ -22,7 +22,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Finding
 from pa_console.schema.mission import ActionOutcome, Decision, Verification
 from pa_console.schema.plan import Action, Plan
-from pa_console.session.log.journal import Journal
+from pa_console.session.log.writer import Journal
 from tests.shipped import home
 
 RULES = Rulebook("none", "", ())

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from pa_console.evaluation.rule_changes.changed_decisions import (
+from pa_console.evaluation.changed_decisions import (
     ChangedDecision,
     SessionEffect,
     decided_again,

@@ -14,8 +14,7 @@ from pa_console.http.connections import listen
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.mcp.agents_session import AgentsSession
-from pa_console.mcp.server import make_server
-from pa_console.mcp.serving import AgentsPort, bridge, serve_stdio
+from pa_console.mcp.server import AgentsPort, bridge, make_server, serve_stdio
 from pa_console.observability import Observer
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import STANDING, Decision

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from pa_console.fleets.simulated import Verify
     from pa_console.fleets.station_authority import StationAuthority
     from pa_console.fleets.vda5050.broker import BrokerAddress, Credentials
-    from pa_console.fleets.vda5050.joining import JoinedBus
     from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
+    from pa_console.fleets.vda5050.station_link import JoinedBus
     from pa_console.station.assembly import Site
 
 
@@ -165,7 +165,7 @@ def find_fleet(
 def _join_bus(url: str, certificates: Path | None, world: str, settings: Settings) -> FoundFleet:
     """Join the bus at `url`; raises ValueError, or DocumentError for the world."""
     from pa_console.fleets.vda5050.broker import BrokerAddress  # noqa: PLC0415
-    from pa_console.fleets.vda5050.joining import join, with_newcomers  # noqa: PLC0415
+    from pa_console.fleets.vda5050.station_link import join, with_newcomers  # noqa: PLC0415
     from pa_console.sim.worlds.world_generator import world_yaml  # noqa: PLC0415
 
     address = BrokerAddress.parse(url)

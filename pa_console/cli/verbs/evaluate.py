@@ -45,12 +45,12 @@ from pa_console.evaluation.jobs import (
     mission_file,
     plan_jobs,
 )
-from pa_console.evaluation.machine import describe_machine
 from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.evaluation.reporting.statistics import ReportTable
 from pa_console.evaluation.run_record import (
     EvaluationFolder,
     RunRecord,
+    describe_machine,
     evaluations_folder,
     newest_evaluation,
     read_about,

@@ -9,7 +9,7 @@ import typer
 
 from pa_console.cli.options import JsonOption
 from pa_console.cli.progress_bars import ExportBar
-from pa_console.evaluation.rule_changes.changed_decisions import (
+from pa_console.evaluation.changed_decisions import (
     FLIP_KINDS,
     ChangedDecision,
     Gap,
@@ -170,8 +170,8 @@ def _sessions(logs: list[Path], new: Rulebook, sites: SessionSites, effects: Eff
 def _missions(
     name: str, new: Rulebook, was: str, world: str, tried: tuple[int, int], effects: Effects
 ) -> None:
+    from pa_console.evaluation.changed_decisions import effect_on_mission  # noqa: PLC0415
     from pa_console.evaluation.jobs import load_with_worlds, mission_file  # noqa: PLC0415
-    from pa_console.evaluation.rule_changes.changed_decisions import effect_on_mission  # noqa: PLC0415
     from pa_console.sim.worlds.world_file import open_world  # noqa: PLC0415
 
     own, own_path = open_world(world)

@@ -19,10 +19,9 @@ from pa_console.fleets.vda5050.additions import Countersignature, RecordsAsked, 
 from pa_console.fleets.vda5050.asset_state import telemetry_of
 from pa_console.fleets.vda5050.broker import OutgoingMessage
 from pa_console.fleets.vda5050.commands import Robot
-from pa_console.fleets.vda5050.joining import JoinedBus
 from pa_console.fleets.vda5050.messages import Factsheet
 from pa_console.fleets.vda5050.sharing import CommandAuthority, SharedSession, signed_messages
-from pa_console.fleets.vda5050.station_link import Delivery
+from pa_console.fleets.vda5050.station_link import Delivery, JoinedBus
 from pa_console.fleets.vda5050.vehicle import EXPIRY_S, STATE_REQUEST
 from pa_console.fleets.vda5050.wire import Header, Identity, Numbers, Topic, UnreadableError
 from pa_console.schema.command import CommandReply, DeviceCommand

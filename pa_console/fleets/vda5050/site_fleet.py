@@ -7,9 +7,9 @@ from time import monotonic
 from pa_console.fleets.vda5050 import additions
 from pa_console.fleets.vda5050.additions import SITE
 from pa_console.fleets.vda5050.broker import OutgoingMessage
-from pa_console.fleets.vda5050.joining import JoinedBus
 from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
 from pa_console.fleets.vda5050.sharing import CommandAuthority
+from pa_console.fleets.vda5050.station_link import JoinedBus
 from pa_console.fleets.vda5050.wire import Header, Identity, Topic
 from pa_console.schema.incident import Incident, PlaceAsset, unknown_name
 from pa_console.schema.world import World

@@ -2,19 +2,26 @@
 
 Commands and what people send go over one connection, telemetry comes over another: however much
 robots report, a stop is not queued behind it. Each sender may send more than any robot reports, and
-less than a flood; notices of what happens on the bus are limited as well.
+less than a flood; notices of what happens on the bus are limited as well. Joining a bus takes what
+is retained there and names the new robots.
 """
 
 import asyncio
+import secrets
 import threading
 from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache, partial
 from time import monotonic
 from typing import NamedTuple
 
+from pa_console.fleets.link import FoundRobot
+from pa_console.fleets.newcomers import with_robots
+from pa_console.fleets.vda5050 import additions, messages
+from pa_console.fleets.vda5050.additions import Countersignature, RecordsAsked, StopAsked
 from pa_console.fleets.vda5050.broker import (
     BrokerAddress,
     BusClient,
@@ -23,7 +30,10 @@ from pa_console.fleets.vda5050.broker import (
     OutgoingMessage,
     say_nothing,
 )
+from pa_console.fleets.vda5050.messages import Factsheet
 from pa_console.fleets.vda5050.wire import Header, Identity, Topic, UnreadableError
+from pa_console.schema.command import COMMANDS
+from pa_console.schema.world import AssetKind, World
 
 MESSAGES_PER_S, MESSAGES_AT_ONCE = 100.0, 200.0
 """A robot reports some times a second; a simulated site that runs twenty times faster, 40 times."""
@@ -246,3 +256,116 @@ class _Channel:
         else:
             self.up.clear()
         self._news()
+
+
+TELEMETRY = (
+    messages.RobotConnection,
+    messages.RobotState,
+    Factsheet,
+    additions.Detections,
+    additions.SiteDescription,
+    additions.ClockDone,
+    additions.IncidentDone,
+    additions.ScenarioNews,
+)
+"""The messages of robots, cameras and a simulated site."""
+
+FROM_PEOPLE = (*additions.SIGNED, RecordsAsked, Countersignature, StopAsked)
+"""The messages of people: members and command of the site, requests of joined consoles."""
+
+CONNECT_S = 5.0
+RETAINED_S = 0.3
+"""Retained messages are complete after this silence, seconds; live messages never end."""
+MOST_RETAINED_S = 10.0
+"""The longest wait for retained messages, seconds."""
+
+
+@dataclass(frozen=True)
+class JoinedBus:
+    """A bus that was joined, with the retained messages found there."""
+
+    link: StationLink
+    site: additions.SiteDescription | None
+    factsheets: dict[Identity, Factsheet]
+    online: frozenset[Identity]
+    """The identities that are connected."""
+    deliveries: tuple[Delivery, ...]
+
+
+def join(
+    address: BrokerAddress,
+    credentials: Credentials | None = None,
+    telemetry: Credentials | None = None,
+) -> JoinedBus:
+    """Connect to the broker and receive the retained messages; raises ValueError without a broker.
+
+    `telemetry` are the credentials of the connection that only receives.
+    """
+    link = StationLink(
+        address, f"station-{secrets.token_hex(4)}", FROM_PEOPLE, credentials,
+        telemetry=TELEMETRY, telemetry_as=telemetry,
+    )  # fmt: skip
+    if not link.wait_connected(CONNECT_S):
+        problem = link.problem
+        link.close()
+        raise ValueError(f"no broker lets us in at {address}: {problem}")
+    deliveries = take_retained(link)
+    site: additions.SiteDescription | None = None
+    factsheets: dict[Identity, Factsheet] = {}
+    states: dict[Identity, messages.ConnectionState] = {}
+    for delivery in deliveries:
+        match delivery.message:
+            case additions.SiteDescription() if delivery.topic.identity == additions.SITE:
+                site = delivery.message
+            case Factsheet():
+                factsheets.setdefault(delivery.topic.identity, delivery.message)
+            case messages.RobotConnection():
+                states[delivery.topic.identity] = delivery.message.connection_state
+            case _:
+                pass
+    online = frozenset(identity for identity, state in states.items() if state == "ONLINE")
+    return JoinedBus(link, site, factsheets, online, tuple(deliveries))
+
+
+def take_retained(link: StationLink) -> list[Delivery]:
+    """Return what comes until all that is retained has come, live messages among it."""
+    deliveries: list[Delivery] = []
+    now = monotonic()
+    end, quiet = now + MOST_RETAINED_S, now + RETAINED_S
+    while (left := min(end, quiet) - monotonic()) > 0:
+        link.wait_news(left)
+        taken = link.take()
+        deliveries += taken
+        if any(delivery.retained for delivery in taken):
+            quiet = monotonic() + RETAINED_S
+    return deliveries
+
+
+def with_newcomers(world: World, joined: JoinedBus) -> tuple[World, tuple[str, ...]]:
+    """Return `world` with the robots that are on the bus and not in it, and a line about each.
+
+    Each becomes an asset of the kind that its factsheet shows, with that kind's platform.
+    """
+    found = [
+        FoundRobot(identity.serial_number, kind_of(sheet), detail=f"of {identity.manufacturer}")
+        for identity, sheet in sorted(joined.factsheets.items())
+        if identity in joined.online
+    ]
+    added, told = with_robots(world, found)
+    if not added:
+        return world, told
+    return world.model_copy(update={"assets": {**world.assets, **added}}), told
+
+
+def kind_of(sheet: Factsheet) -> AssetKind:
+    """Return which kind of asset a robot is: as its class says, else by what it can do."""
+    said = sheet.type_specification.mobile_robot_class.lower()
+    named: Mapping[str, AssetKind] = {"uav": "uav", "ugv": "ugv", "robot": "robot"}
+    if said in named:
+        return named[said]
+    special: tuple[AssetKind, ...] = ("uav", "ugv")
+    for kind in special:
+        alone = frozenset((kind,))
+        if any(sheet.offers(verb) for verb, spec in COMMANDS.items() if spec.kinds == alone):
+            return kind
+    return "robot"

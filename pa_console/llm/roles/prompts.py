@@ -2,12 +2,19 @@
 
 The order keeps the model's KV cache useful. Mission text comes from outside: it is written as a
 JSON string, whose closing quote it cannot forge, and never reaches the fixed part.
+
+Adapters are trained on compact prompts: the same facts, no instructions, no examples, in the order
+world, picture, rules, mission. World and picture can be read ahead while the operator types
+(`ahead`); after Enter only the retrieved rules and the mission's words remain. In these, assets and
+places stand under their own names, however the operator said them.
 """
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
+from pa_console.language.canonical.facts import asset_state, standing
+from pa_console.language.name_linking import link_names
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.events.event import Role
 from pa_console.schema.mission import Mission, Verification
@@ -388,3 +395,149 @@ def paper_prompt(world: World, digest: Digest, rules: Sequence[Rule], mission: M
         '"reason": "<short explanation>"}',
     ]
     return Prompt(SYSTEM, "\n".join(user))
+
+
+TASKS: dict[Role, str] = {
+    "planner": "Plan the mission.",
+    "judge": "Judge the plan.",
+    "outcome": "Judge the outcome.",
+}
+MOST_RULES = 2
+"""Rules that are quoted: those that fit the mission's words best."""
+
+
+def compact_fixed(role: Role, world: World) -> str:
+    """Return what every compact prompt of `role` in `world` begins with."""
+    lines = [TASKS[role]]
+    if len(world.frames) <= FEW_FRAMES:
+        posts = [name for name, frame in world.frames.items() if frame.kind == "post"]
+        lines.append(f"Gates: {', '.join(world.gates)}")
+        lines.append(f"Places: {', '.join(posts) or 'none'}; base: {world.base}")
+    lines.append(f"Closed: {', '.join(world.zones) or 'none'}")
+    return "\n".join(lines)
+
+
+def compact_picture(world: World, digest: Digest) -> str:
+    """Return the digested picture (paper, Step 4); it ends with a newline.
+
+    Every fact stands after the name that it is about, by place, by asset and by kind: a small model
+    finds what follows a name far better than what stands before it. Planner and judge are told the
+    same, so either can be read ahead before the mission is known.
+    """
+    lines = [*_places(digest), *_contacts(digest), *_assets(world, digest), *_free(digest)]
+    lines += line_if_any("Unknown", digest.unknown)
+    lines += digest.tracks
+    return "\n".join(lines) + "\n"
+
+
+def picture_prefix(role: Role, world: World, digest: Digest) -> Prompt:
+    """Return the beginning of every prompt of `role` while the picture stays as it is."""
+    return Prompt(compact_fixed(role, world), compact_picture(world, digest))
+
+
+def typed_prefix(
+    role: Role, world: World, digest: Digest, rules: Sequence[Rule], words: str
+) -> Prompt:
+    """Return the beginning of a prompt of `role` for a mission that begins with `words`.
+
+    `rules` are those retrieved for them: as long as the whole mission's are the same, only the
+    words that are missing remain to be read.
+    """
+    start = picture_prefix(role, world, digest)
+    begun = _mission(world, words).removesuffix('"')
+    return Prompt(start.system, start.user + "\n".join([*_rules_held(rules), begun]))
+
+
+def compact_planner_prompt(  # noqa: PLR0917
+    world: World,
+    digest: Digest,
+    rules: Sequence[Rule],
+    mission: Mission,
+    repair: Sequence[str] = (),
+    previous: str = "",
+) -> Prompt:
+    """Return the planner's prompt; `repair` says what was wrong with the `previous` answer."""
+    lines = [*_rules_held(rules), _mission(world, mission.text)]
+    if repair:
+        lines.append(f"Previous answer: {previous}")
+        lines += [f"Wrong: {' '.join(reason.split())}" for reason in repair]
+    start = picture_prefix("planner", world, digest)
+    return Prompt(start.system, start.user + "\n".join(lines))
+
+
+def compact_judge_prompt(
+    world: World,
+    digest: Digest,
+    rules: Sequence[Rule],
+    mission: Mission,
+    _plan: Plan,
+    _rehearsal: Rehearsal,
+) -> Prompt:
+    """Return the judge's prompt, without the plan: who has seen one finds it in every order.
+
+    What is planned comes into the answer, after what was asked.
+    """
+    start = picture_prefix("judge", world, digest)
+    return Prompt(
+        start.system, start.user + "\n".join([*_rules_held(rules), _mission(world, mission.text)])
+    )
+
+
+def compact_outcome_prompt(
+    world: World, digest: Digest, mission: Mission, plan: Plan, verification: Verification
+) -> Prompt:
+    """Return the judge's prompt about an executed plan; `digest` is the picture afterwards."""
+    lines = [
+        _mission(world, mission.text),
+        f"Plan: {plan_facts(world, plan)}",
+        verification_facts(verification),
+    ]
+    start = picture_prefix("outcome", world, digest)
+    return Prompt(start.system, start.user + "\n".join(lines))
+
+
+def _mission(world: World, words: str) -> str:
+    return mission_line(link_names(world, words))
+
+
+def _places(digest: Digest) -> Iterator[str]:
+    """Yield who stands where: gates first, `alone` for a gate's only cover."""
+    for frame, names in standing(digest).items():
+        words = ", ".join(names) or "nobody"
+        if frame in digest.uncovered:
+            words += ", uncovered"
+        elif frame in digest.sole_cover:
+            words += f", only {digest.sole_cover[frame]} covers" if len(names) > 1 else " alone"
+        yield f"{frame}: {words}"
+
+
+def _contacts(digest: Digest) -> Iterator[str]:
+    """Yield the tracks at each gate, each with its identity in a word."""
+    there: dict[str, list[str]] = {gate: [] for gate in digest.covered}
+    for line in digest.tracks:
+        name, _, facts = line.partition(": ")
+        words = facts.partition(",")[0].split()
+        there.setdefault(words[-1], []).append(f"{name} {words[0]}")
+    for gate, tracks in there.items():
+        yield f"At {gate}: {', '.join(tracks) or 'no track'}"
+
+
+def _assets(world: World, digest: Digest) -> Iterator[str]:
+    """Yield every asset with its state, its kind and where it stands or goes."""
+    for name in (*digest.posts, *digest.down):
+        kind = PLAIN_KINDS[world.assets[name].kind]
+        where = digest.posts.get(name, "").partition(" ")[2]
+        link = ", poor link" if name in digest.degraded_comms else ""
+        yield f"{name}: {asset_state(digest, name)} {kind} {where}".rstrip() + link
+
+
+def _free(digest: Digest) -> Iterator[str]:
+    """Yield the assets that may leave their place, per kind, best first."""
+    for kind, names in digest.free.items():
+        yield f"Free {PLAIN_KINDS[kind]}: {', '.join(names) or 'none'}"
+
+
+def _rules_held(rules: Sequence[Rule]) -> list[str]:
+    """Return the retrieved rules in few words; those in force always are known by heart."""
+    quoted = [rule for rule in rules if rule.priority != "critical"][:MOST_RULES]
+    return [f"{rule.id}: {' '.join(rule.text.split())}" for rule in quoted]

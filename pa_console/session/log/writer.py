@@ -1,5 +1,6 @@
-"""The writer of the session log: hash-chained and signed JSONL in a file that one console locks."""
+"""The session log: a hash-chained and signed JSONL file that one console locks, and its journal."""
 
+import asyncio
 import fcntl
 import os
 import re
@@ -12,6 +13,7 @@ from typing import Literal, Self
 import platformdirs
 
 from pa_console.private_files import make_private_folder, open_private
+from pa_console.schema.events import event as ev
 from pa_console.schema.events.event import Event, LogSigned
 from pa_console.session.log.chain import (
     GENESIS,
@@ -462,3 +464,68 @@ def _same(path: Path, other: Path) -> bool:
     return path.absolute() == other.absolute() or (
         path.exists() and other.exists() and path.samefile(other)
     )
+
+
+class Journal:
+    """Logs the events of the station; `problem` says why nothing may be dispatched at present.
+
+    All decisions and commands of one moment are signed together: when the event loop is free again,
+    and at the latest before the world moves on. So none takes effect before it is signed, and no
+    stop waits for a disk between two of its commands.
+    """
+
+    def __init__(self) -> None:
+        """Begin without a log: then there is nothing to write, and no problem."""
+        self.problem = ""
+        self._log: LogWriter | None = None
+        self._tell: Callable[[ev.LogTroubled | ev.Noticed], None] = _nobody
+        self._due: asyncio.Handle | None = None
+
+    def open(self, log: LogWriter, tell: Callable[[ev.LogTroubled | ev.Noticed], None]) -> None:
+        """Write to `log`, which reports its own errors.
+
+        `tell` is given every new `problem`, and what becomes of the log's witness.
+        """
+        self._log, self._tell = log, tell
+
+    @property
+    def head(self) -> str:
+        """The hash of the log's last record, which vouches for all before it; '' without a log."""
+        return self._log.head if self._log is not None else ""
+
+    def append(self, event: ev.Event) -> None:
+        """Log one event; what may not wait is signed very soon."""
+        if self._log is None:
+            return
+        self._log.append(event, commit=False)
+        if self._log.owes and self._due is None:
+            self._due = asyncio.get_running_loop().call_soon(self.commit)
+        self._look(self._log)
+
+    def commit(self) -> str:
+        """Have decisions and commands signed and on the disk now; return the `problem`, if any."""
+        if self._due is not None:
+            self._due.cancel()
+            self._due = None
+        if self._log is not None:
+            self._log.commit()
+            self._look(self._log)
+        return self.problem
+
+    def _look(self, log: LogWriter) -> None:
+        before, self.problem = self.problem, str(log.error) if log.error is not None else ""
+        if self.problem != before:
+            self._tell(ev.LogTroubled(problem=self.problem))
+        if (news := log.news()) is not None:
+            asyncio.get_running_loop().call_soon(self._tell, _witnessed(news))
+
+
+def _witnessed(news: str) -> ev.Noticed:
+    if news:
+        text = f"does not get the log's signed heads: {news}"
+        return ev.Noticed(level="warning", subject="witness", text=text)
+    return ev.Noticed(level="info", subject="witness", text="gets the log's signed heads again")
+
+
+def _nobody(_: ev.LogTroubled | ev.Noticed) -> None:
+    pass

@@ -25,8 +25,13 @@ from pa_console.session.mission_trace import Attempt, MissionTrace
 from pa_console.tui.plan_preview import PlanPreview
 from pa_console.tui.rows import Part, WrappedRow, phrased, row
 from pa_console.tui.status_words import BAD, CALM, GOOD, KIND_WORDS, NOTE, QUIET, WARN, term
-from pa_console.views.event_words import asked_in_words, moments_in_words, safety_in_words
-from pa_console.views.step_words import in_steps, step_lines
+from pa_console.views.event_words import (
+    asked_in_words,
+    in_steps,
+    moments_in_words,
+    safety_in_words,
+    step_lines,
+)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from textual.screen import Screen
 from textual.timer import Timer
 from textual.widgets import Static, TextArea
 
-from pa_console.evaluation.rule_changes.rule_trials import Trial, try_rule
+from pa_console.evaluation.rule_trials import Trial, try_rule
 from pa_console.policy.authoring.rule_draft import RuleDraft, check_draft
 from pa_console.policy.authoring.rule_save import OpenRule, RulesChangedError, save_rule
 from pa_console.policy.rule_seal import sign_rules

@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 from textual.content import Content
 
-from pa_console.evaluation.rule_changes.rule_trials import SessionCases, Trial
+from pa_console.evaluation.rule_trials import SessionCases, Trial
 from pa_console.policy.authoring.rule_draft import ExampleResult, RuleDraft
 from pa_console.schema.finding import Finding
 from pa_console.schema.rule import Ordering, Rule, RuleHit, RulesSeal

@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from pa_console.evaluation.machine import Machine
+from pa_console.evaluation.run_record import Machine
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.schema.base import StrictModel
 from pa_console.station.assembly import Site

@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from pa_console.cli.options import ModelOption, RulesOption, WorldOption
-from pa_console.evaluation.machine import describe_machine
+from pa_console.evaluation.run_record import describe_machine
 from pa_console.llm.models.catalogue import LocalModel, find_model
 from pa_console.station.assembly import Site, load_site
 from pa_console.terminal.output import out

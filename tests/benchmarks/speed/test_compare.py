@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.evaluation.machine import describe_machine
+from pa_console.evaluation.run_record import describe_machine
 from tests.benchmarks.speed.compare import alternate, compare
 from tests.benchmarks.speed.memory import process_memory
 

@@ -17,7 +17,7 @@ import typer
 from rich.table import Table
 
 from pa_console.cli.options import ModelOption
-from pa_console.evaluation.machine import Machine, describe_machine
+from pa_console.evaluation.run_record import Machine, describe_machine
 from pa_console.llm.models.catalogue import LocalModel, find_model
 from pa_console.schema.base import StrictModel
 from pa_console.terminal.output import out

@@ -28,7 +28,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision, Verification
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.world import AssetSpec, World
-from pa_console.session.log.journal import Journal
+from pa_console.session.log.writer import Journal
 from pa_console.session.state import SessionState
 from pa_console.settings.schema import Settings
 from pa_console.station.assembly import Site, load_site, open_station

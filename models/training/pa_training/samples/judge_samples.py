@@ -6,9 +6,8 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
-from pa_console.llm.roles.compact_prompt import compact_judge_prompt, picture_prefix
 from pa_console.llm.roles.grammar import MOST_VIOLATED, PLANNED
-from pa_console.llm.roles.prompts import Prompt
+from pa_console.llm.roles.prompts import Prompt, compact_judge_prompt, picture_prefix
 from pa_console.mission.examine import Examination
 from pa_console.mission.judge import compare_with_order, judged_rules
 from pa_console.mission.planning.moves import PlanMoves

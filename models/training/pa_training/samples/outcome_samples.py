@@ -7,7 +7,7 @@ import random
 from collections import Counter
 from collections.abc import Iterator
 
-from pa_console.llm.roles.compact_prompt import compact_outcome_prompt, compact_picture
+from pa_console.llm.roles.prompts import compact_outcome_prompt, compact_picture
 from pa_console.mission.planning.picture_text import digest_picture
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.mission import Verification

@@ -6,8 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from pa_console.llm.roles.compact_prompt import compact_planner_prompt, picture_prefix
-from pa_console.llm.roles.prompts import Prompt
+from pa_console.llm.roles.prompts import Prompt, compact_planner_prompt, picture_prefix
 from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.command import Verb

@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from pa_console.llm.roles.compact_prompt import compact_planner_prompt, picture_prefix
+from pa_console.llm.roles.prompts import compact_planner_prompt, picture_prefix
 from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.schema.mission import MAX_MISSION_TEXT, Mission

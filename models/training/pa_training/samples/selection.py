@@ -9,8 +9,8 @@ import random
 from collections.abc import Iterable, Iterator, Mapping
 
 from pa_console.language.canonical.reading import asked_words
-from pa_console.llm.roles.compact_prompt import TASKS
 from pa_console.llm.roles.grammar import PLANNED
+from pa_console.llm.roles.prompts import TASKS
 from pa_training.samples.sample import Sample
 
 OTHERS = "others"

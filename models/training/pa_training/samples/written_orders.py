@@ -18,7 +18,7 @@ from pa_console.language.canonical.facts import conditions
 from pa_console.language.canonical.order import Ask, Condition, in_words
 from pa_console.language.canonical.reading import asked_words, parted, read_asked
 from pa_console.language.clause_grammar import asked_now
-from pa_console.llm.roles.compact_prompt import compact_planner_prompt, picture_prefix
+from pa_console.llm.roles.prompts import compact_planner_prompt, picture_prefix
 from pa_console.schema.base import StrictModel
 from pa_console.schema.document import Document
 from pa_console.schema.mission import Mission

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from pydantic import ValidationError
 
 from pa_console import __version__
-from pa_console.evaluation.machine import describe_machine
+from pa_console.evaluation.run_record import describe_machine
 from pa_console.llm.models.cache import hash_file
 from pa_console.schema.document import Document
 from pa_console.terminal.output import errors, out

@@ -1,1 +1,0 @@
-"""The consequences of changed rules, for recorded sessions, mission sets and single plans."""
