@@ -112,7 +112,7 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """Name what is public, imported or not."""
+    """List the public names, imported or not."""
     return sorted({*globals(), *__all__, "__version__"})
 
 

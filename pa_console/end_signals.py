@@ -1,4 +1,4 @@
-"""What ends a session from outside: SIGTERM, and SIGHUP of a terminal that is gone."""
+"""Signals that end a session from outside: SIGTERM, and SIGHUP of a terminal that is gone."""
 
 import asyncio
 import os
@@ -63,7 +63,7 @@ class EndableRun:
         self.ended_by = 0
         """The signal that `end` was called for, 0 for none."""
         self.cancel: Callable[[], object] = lambda: None
-        """Ends what is running; a session may put its own way of ending there."""
+        """Ends the running session; a session may put its own way of ending there."""
         self._asking = False
 
     def run(

@@ -29,7 +29,7 @@ def host_and_port(host: str, port: int) -> str:
 
 
 def is_this_machine(host: str) -> bool:
-    """True if what is sent to `host` never leaves this machine; other names are not looked up."""
+    """Return whether data sent to `host` stays on this machine; other names are not looked up."""
     if host == "localhost":
         return True
     try:

@@ -68,7 +68,7 @@ def replace_private(path: Path, content: bytes, mode: int = FILE_MODE) -> None:
 
 
 def mode_of(path: Path) -> int:
-    """Return the mode of `path`, that of a private file before there is one; raise OSError."""
+    """Return the mode of `path`, or of a private file while it does not exist; raise OSError."""
     try:
         return stat.S_IMODE(path.stat().st_mode)
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""What the shell offers after TAB: names of worlds, rule files, sessions, models, and of the words.
+"""Completions of the shell: names of worlds, rule files, sessions and models, words of a mission.
 
 Each function takes what stands on the line so far and returns whole words that begin so. A shell
 waits for it, so only what has the names is read. A broken file or folder offers nothing: the verb

@@ -422,7 +422,7 @@ class _Session:
         self.found.flips.append(flip)
 
     def _observe(self, picture: Picture) -> None:
-        """Advance the orderings of each active mission and compare those that are broken."""
+        """Advance the orderings of each active mission and compare the broken ones."""
         for mission_id, work in self._work.items():
             if not work.active:
                 continue

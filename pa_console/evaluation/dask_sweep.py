@@ -164,7 +164,7 @@ class DaskSweep(Generic[TaskT, MadeT]):
         told: Callable[[str], None] = lambda _text: None,
         again_s: float = AGAIN_S,
     ) -> None:
-        """Pass progress lines to `told`; retry a lost scheduler every `again_s` seconds."""
+        """Pass progress lines on to `told`; retry a lost scheduler every `again_s` seconds."""
         self._maker, self._missing, self._told, self._again_s = maker, missing, told, again_s
         self._reached = False
         """True if there was a scheduler: one that goes away is waited for."""

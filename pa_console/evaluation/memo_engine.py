@@ -68,7 +68,7 @@ class MemoEngine:
         return cast(Engine, self)
 
     def __getattr__(self, name: str) -> Any:
-        """Return what is the model's own: its name, whether it is busy, how it is started."""
+        """Return an attribute of the model itself, such as its name or whether it is busy."""
         return getattr(self._engine, name)
 
     @property

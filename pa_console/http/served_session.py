@@ -140,7 +140,7 @@ SEE_PLANS = "read /v1/plans and decide about what waits there now"
 
 
 class ServedSession:
-    """What the clients of one station share: its state, its events, and its commands."""
+    """The parts that the clients of one station share: its state, its events, and its commands."""
 
     def __init__(
         self,
@@ -374,7 +374,7 @@ class ServedSession:
             self.station.release(bearer.person)
 
     def _shown(self, body: DecisionBody) -> ev.ApprovalRequested:
-        """Return the waiting request, if it is the one that was shown."""
+        """Return the waiting request, if that request was shown."""
         _, request = self._waits(body.request_id)
         if shown_sha256(request) != body.shown_sha256:
             raise ProblemError(

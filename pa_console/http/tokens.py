@@ -19,7 +19,7 @@ MOST_TOKENS = 256
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
 TokenRole = Literal["observer", "proposer", "operator", "commander"]
-"""The bearer of a token may do what it names and all before it; a proposer is a program."""
+"""The roles in rising order, each with the rights of those before it; a proposer is a program."""
 TOKEN_ROLES: tuple[TokenRole, ...] = ("observer", "proposer", "operator", "commander")
 
 RoleOf = Callable[[str], Role]

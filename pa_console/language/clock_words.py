@@ -40,7 +40,7 @@ _SHORT_NAME = re.compile(r"[a-z]+(?:_t)?\d+")
 
 @dataclass(frozen=True)
 class ClockTime:
-    """A time of day as it was said; `settled` where no other half of the day can be meant."""
+    """A time of day as written; `settled` where no other half of the day can be meant."""
 
     at: time
     settled: bool
@@ -362,7 +362,7 @@ def is_of_order(
 
 
 def unread_times(world: World, text: str) -> tuple[str, ...]:
-    """Return the times named in an order of which no time was read.
+    """Return the times named in an order without a time that was read.
 
     A time of something else, *the guard changes in an hour*, is none of the order's.
     """

@@ -78,7 +78,7 @@ def _listed(one: str) -> str:
 
 
 def _corrects_the_last(world: World, said: str, mentions: Sequence[re.Match[str]]) -> bool:
-    """Return whether `said` is no order of its own: it has no place and no verb, only names."""
+    """Return whether `said` is not an order by itself: it has no place and no verb, only names."""
     first, last = mentions[0], mentions[-1]
     begins = _NOT_ALONE.fullmatch(said[: first.start()]) is not None
     between = said[first.end() : last.start()].strip(" ,.;:-").lower()

@@ -1,4 +1,4 @@
-"""Comparison of a reading with the words of its order, for what is missing and what is added.
+"""Comparison of a reading with the words of its order: missing and added parts.
 
 A model may misread an order, and the judge may misread it alike. This looks at the words without a
 model: every place, asset, track, kind, number and plain verb that the order asks about has to be in
@@ -361,7 +361,7 @@ class _OrderWords:
         return paired or str(number) in self._numbers
 
     def _has_kind(self, kind: AssetKind) -> bool:
-        """Return True if the order names the kind, by its own word or by that of a team."""
+        """Return True if the order names the kind, by a word for the kind or for a team."""
         words = {_singular(word) for word in _NAME.findall(self._text)}
         if kind in self._kinds or words & self._teams(kind):
             return True

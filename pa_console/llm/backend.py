@@ -169,7 +169,7 @@ def backend_schemes() -> dict[str, EntryPoint]:
 
 
 def names_backend(name: str | None) -> bool:
-    """Return whether a model's `name` is that of one elsewhere."""
+    """Return whether `name` is of a model on a server."""
     scheme, colon, _ = (name or "").partition(":")
     return bool(colon) and scheme in backend_schemes()
 

@@ -21,7 +21,7 @@ _Asked = tuple[Answerer, Request]
 
 
 class EarlyAnswers:
-    """The kept answers of one session, and those that are being written."""
+    """The finished and unfinished answers kept for one session."""
 
     def __init__(self) -> None:
         self._kept: dict[_Asked, _EarlyAnswer] = {}

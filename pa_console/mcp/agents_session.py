@@ -33,7 +33,7 @@ from pa_console.views.session_views import (
 MOST_FOUND = 10
 """Rules that a search returns at most."""
 Changed = Callable[[str], None]
-"""Is told the address of a resource that has changed."""
+"""Receives the address of each resource that has changed."""
 PICTURE, RULES, MISSIONS = "pa://picture", "pa://rules", "pa://missions/"
 
 
@@ -56,13 +56,13 @@ class ExaminedPlan(BaseModel):
 
 
 class FoundRules(BaseModel):
-    """Rules in force, those that a search fits best first."""
+    """The rules in force, ordered by how well they fit the search."""
 
     rules: tuple[Rule, ...]
 
 
 class AgentsSession:
-    """What the agents of one station share: its state, and what they may do."""
+    """The parts that the agents of one station share: its state, and what they may do."""
 
     def __init__(self, station: ControlStation) -> None:
         self._station, self.state = station, SessionState()

@@ -24,7 +24,7 @@ NOT_FOR_AGENTS = "an agent has proposed it, so somebody has to look at it"
 
 @dataclass(frozen=True)
 class CheckedPlan:
-    """A plan, what the checks found of it, and what the judge said or why it did not."""
+    """A plan, the findings on it, and the judge's verdict or the reason why there is none."""
 
     plan: Plan
     findings: Sequence[Finding] = ()

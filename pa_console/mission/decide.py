@@ -33,7 +33,7 @@ Decide = Callable[[], Awaitable[Decision]]
 
 
 MORE_BELOW = 0.5
-"""Below this confidence of planner or judge, the planner's other readings are looked for."""
+"""The confidence of planner or judge below which the planner's other readings are sought."""
 
 _STILL: frozenset[Task] = frozenset(("report", "hold", "refused"))
 """Tasks that move no asset."""

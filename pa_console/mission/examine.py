@@ -144,7 +144,7 @@ def _seconds(before: Picture, world: World, goals: dict[str, str]) -> Iterator[f
 
 @dataclass(frozen=True)
 class Examination:
-    """What the safeguards found; there is no rehearsal when the plan cannot even be started."""
+    """The safeguards' findings; there is no rehearsal when the plan cannot even be started."""
 
     plan: Plan
     findings: tuple[Finding, ...]

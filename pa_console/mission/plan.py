@@ -119,7 +119,7 @@ class PlanForDecision:
     readings: tuple[WeighedReading, ...] = ()
     """The readings of the order, the likeliest first; none before the judge's verdict."""
     served: WeighedReading | None = None
-    """The one that the plan is for."""
+    """The reading that the plan serves."""
     steps: tuple["PlanForDecision", ...] = ()
     """The plan for each step of the order, where it is an order in steps."""
     by_grammar: bool = False

@@ -26,7 +26,7 @@ from pa_console.schema.plan import Plan
 from pa_console.session.confidence import Evidence, Reader, WeighedReading, weighed
 
 DOUBT = 0.8
-"""Below this confidence of planner or judge, an order is read again. Of 398 orders in people's
+"""The confidence of planner or judge below which an order is read again. Of 398 orders in people's
 words that neither model had met, the planner read 62 of the 206 below it as meant and the second
 reader 118; of the 192 above it, 177 and 175."""
 
@@ -36,7 +36,7 @@ without it."""
 
 
 class ReaderAnswer(NamedTuple):
-    """What one reader has read, in canonical words."""
+    """The reading of one reader, in canonical words."""
 
     reader: Reader
     asked: str

@@ -149,7 +149,7 @@ def order_moments(plan: Plan, world: World, done: Collection[str]) -> tuple[Orde
 
 @dataclass(frozen=True)
 class RehearsedSteps:
-    """A plan's rehearsal as a whole, and that of each of its steps that began."""
+    """The rehearsal of a plan as a whole, and of each step that began."""
 
     whole: Rehearsal
     steps: tuple[Rehearsal, ...]

@@ -59,13 +59,13 @@ class PlanFacts:
 
 @dataclass
 class PlaceWatch:
-    """The times without anybody at a place, and the longest, in simulated seconds."""
+    """The times without an asset at a place, and the longest, in simulated seconds."""
 
     longest_s: float = 0.0
     _since_s: float | None = None
 
     def see(self, time_s: float, *, somebody: bool) -> None:
-        """Note whether anybody is known to be there."""
+        """Note whether an asset is known to be there."""
         if somebody:
             self._since_s = None
             return
@@ -207,7 +207,7 @@ def _outcome(facts: PlanFacts) -> Iterator[str]:
 
 
 def _patrol(facts: ReportFacts) -> Iterator[str]:
-    """Yield the visits of a patrol to each place, and the longest time without anybody there."""
+    """Yield the visits of a patrol to each place, and the longest time without an asset there."""
     for place, watch in facts.patrolled.items():
         seen = [
             f"{plan.verification.as_of_s:.0f} s"

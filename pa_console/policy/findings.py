@@ -56,7 +56,7 @@ def problems(plan: Plan, world: World, picture: Picture) -> tuple[Finding, ...]:
 
 
 def _at_once(plan: Plan) -> Iterable[str]:
-    """Yield the agents that have several commands of which none comes after the other."""
+    """Yield the agents with several commands in no order."""
     several = [agent for agent, count in Counter(plan.agents).items() if count > 1]
     for agent in several:
         own = [number for number, each in enumerate(plan.agents, start=1) if each == agent]

@@ -69,7 +69,7 @@ def moment(
 
 
 def distinct(moments: Iterable[Moment]) -> tuple[Moment, ...]:
-    """Return `moments` without those that differ from the one before by the time alone."""
+    """Return `moments` without any that differs from its predecessor only by the time."""
 
     def kept() -> Iterator[Moment]:
         last: Moment | None = None
@@ -141,7 +141,7 @@ class Pursuits:
         return now.model_copy(update={"tracks": {**now.tracks, **followed}})
 
     def _forget(self, time_s: float) -> None:
-        """Leave out what is too old; the latest pursuits come last."""
+        """Drop moments that are too old; the latest pursuits come last."""
         while self._known:
             name = next(iter(self._known))
             if time_s - self._known[name].stamp_s <= PURSUIT_S:
@@ -214,7 +214,7 @@ def _drives_too_near(sent: _OrderedAsset, track: Track) -> bool:
 
 
 def _addresses(sent: _OrderedAsset, track: Track) -> bool:
-    """Return whether the order is to identify or warn whoever is at the track's gate."""
+    """Return whether the order is to identify or warn the contact at the track's gate."""
     return sent.order.verb in ADDRESSING and sent.order.target == track.gate
 
 

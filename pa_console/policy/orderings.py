@@ -155,7 +155,7 @@ CLOCK_S = 1e-6
 
 
 class OrderingProgress(NamedTuple):
-    """Where a subject stands.
+    """The state of a subject in an ordering.
 
     idle     nothing has happened yet
     open     something must happen still; for `within` since `since_s`, simulated seconds

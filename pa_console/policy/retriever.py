@@ -172,7 +172,7 @@ _ROUNDING = 1e-9
 
 
 class RelatedRanking:
-    """The share of what a mission says that a rule speaks of, in the same or in other words.
+    """The share of a mission's words that a rule covers, by the same or related words.
 
     A rule comes as near to a word of the mission as its nearest word: 1 if that is the same, the
     square of their likeness if it is spelt otherwise, RELATED times how well both fit a group of

@@ -14,7 +14,7 @@ Verb = Literal[
 
 
 class CommandSpec(NamedTuple):
-    """What a command is to the rules, the simulator, the bus, the prompt and the screen."""
+    """The properties of a command for rules, simulator, bus, prompt and screen."""
 
     kinds: frozenset[AssetKind]
     """The kinds of assets that may carry it out."""
@@ -24,7 +24,7 @@ class CommandSpec(NamedTuple):
     moves: bool = False
     """True if it may take the asset to another place."""
     contact: Literal["", "watches", "addresses", "obstructs"] = ""
-    """How it deals with a contact at its frame, if it does."""
+    """The way it deals with a contact at its frame, '' if it does not."""
     plainly: str = ""
     """The word in a plan for what the asset does at its place; '' if going or staying says it."""
 

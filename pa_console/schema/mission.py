@@ -68,7 +68,7 @@ class Mission(StrictModel):
 
     @property
     def origin(self) -> str:
-        """Who gave the mission, for people to read; '' for the operator."""
+        """The source of the mission in plain words; '' for the operator."""
         match self.source:
             case "alarm":
                 return "by alarm"
@@ -81,7 +81,7 @@ class Mission(StrictModel):
 
 
 class Decision(StrictModel):
-    """What the operator (or the standing instruction given at start) decided, and why."""
+    """The decision of the operator, or of an instruction given at the start, and its reason."""
 
     kind: DecisionKind
     request_id: str = Field(
@@ -243,7 +243,7 @@ class Schedule(StrictModel):
 
     @property
     def stays(self) -> bool:
-        """True if it brings those back whom it sends."""
+        """True if the assets that it sends come back."""
         return self.stay_s > 0.0 or self.leave is not None
 
     def moment(self, number: int) -> datetime | None:
@@ -258,7 +258,7 @@ class Schedule(StrictModel):
         return None if self.until is not None and at > self.until else at
 
     def moments(self, most: int) -> Iterator[datetime]:
-        """Yield the first moments, at most so many."""
+        """Yield the first `most` moments, or all if there are fewer."""
         for number in range(most):
             at = self.moment(number)
             if at is None:

@@ -46,7 +46,7 @@ class RuleExample(StrictModel):
 
 
 class Ordering(StrictModel):
-    """In which order things may happen during a mission; `event` and `other` are CEL over a moment.
+    """The order of events in a mission; `event` and `other` are CEL over a moment.
 
     With `each`, `it` (and its name `id`) is bound to every track or gate in turn; each of them is
     followed by itself, from the moment at which it first appears.

@@ -66,15 +66,15 @@ class Coefficients(NamedTuple):
 
     constant: float = 0.0
     both: float = 0.0
-    """For a reading that planner and judge share."""
+    """The weight of a reading that planner and judge share."""
     odds: float = 0.0
     """The factor of the log odds of the lower of their chances."""
     second: float = 0.0
-    """For a reading of the second reader."""
+    """The weight of a reading of the second reader."""
     second_odds: float = 0.0
     """The factor of the log odds of its chance."""
     gaps: float = 0.0
-    """For each gap more than in the reading with the fewest."""
+    """The weight of each gap beyond those of the reading with the fewest."""
 
 
 FITTED = Coefficients(1.034, 0.147, 0.425, 0.083, 0.513, -1.409)
@@ -115,7 +115,7 @@ def chances(readings: Sequence[Evidence], by: Coefficients = FITTED) -> list[flo
 
 
 def _doubted(read: Evidence) -> bool:
-    """Return whether nobody confirms a reading of the second reader, or one with a gap."""
+    """Return whether a reading with a gap, or of the second reader, is unconfirmed."""
     return read.gaps > 0 if read.second is None else len(read.told) == 1
 
 
@@ -132,11 +132,11 @@ def weighed(readings: Sequence[WeighedReading]) -> tuple[WeighedReading, ...]:
 
 
 RIVAL = 0.1
-"""From this chance on, another reading leaves the order in doubt."""
+"""The chance of another reading from which an order is in doubt."""
 
 
 def read_apart(served: WeighedReading, readings: Sequence[WeighedReading]) -> bool:
-    """Return whether another of the `readings` may be right in place of the one that is `served`.
+    """Return whether another of `readings` is likely enough to be right instead of `served`.
 
     It may if its chance is not small or nobody measured it, or if one reader alone has read what is
     served.

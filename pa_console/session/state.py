@@ -78,7 +78,7 @@ class Stop:
 
 
 BY_CLOCK = "the clock"
-"""What ends a timed order when its last moment has passed."""
+"""The reason that ends a timed order after its last moment."""
 MOST_STARTS_KEPT = 100
 
 

@@ -134,7 +134,7 @@ def link_in_words(name: str, links: Mapping[str, str]) -> str:
 
 
 def links_in_words(picture: Picture) -> list[str]:
-    """Return a line for each link, with the assets on it, and one for those that are on none."""
+    """Return a line for each link, with its assets, and one for assets without a link."""
     on: dict[str, list[str]] = {}
     for name in picture.assets if picture.links else ():
         on.setdefault(picture.links.get(name, ""), []).append(name)

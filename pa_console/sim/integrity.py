@@ -1,4 +1,4 @@
-"""Which reported positions to believe: physics, odometry and other sensors against forgery.
+"""Trust in reported positions: physics, odometry and other sensors against forgery.
 
 Detected: a jump that no asset of the kind can make since its last report; a position that creeps
 while the asset says it stands (GPS drift); an asset that a gate camera or a UAV at the same gate

@@ -100,7 +100,7 @@ class Sighting(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """What one sensor says of one contact: of each property the latest, and its tick.
+    """The report of one sensor on one contact: of each property the latest, and its tick.
 
     `weight` is how much its word counts. It last suspected noncombatants at `suspected_tick`, and
     last had the contact close by without suspecting any at `clear_tick`; -1 is never.
@@ -118,7 +118,7 @@ class Statement:
 
 @dataclass(slots=True)
 class TrackFile:
-    """What the station has made of the detections of one contact.
+    """The station's estimate from the detections of one contact.
 
     Position and velocity are estimates at `tick`; `variance`, `covariance` and `speed_variance`
     are theirs on each axis. `identified`, `confirmed` and `suspected` are an identity, an intent

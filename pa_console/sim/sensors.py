@@ -1,4 +1,4 @@
-"""Who detects what: range, field of view, line of sight, weather, chance and noise (CAP-03)."""
+"""Detections: range, field of view, line of sight, weather, chance and noise (CAP-03)."""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What agents propose: who may, how often, how many of theirs may wait, and what becomes of it.
+"""The proposals of agents: who may, how often, how many of theirs may wait, and what becomes of it.
 
 An agent is a program that proposes over MCP; a person decides. What an agent may never do is no
 matter of this module: it has no way to approve, release or sign.
@@ -159,7 +159,7 @@ class AgentProposals:
         self._worker.queue_changed()
 
     def unclear(self, text: str) -> Unclear | None:
-        """Return what an agent's words leave open, and what it can answer; None if nothing."""
+        """Return the unclear part of an agent's words and its answers; None if it is clear."""
         scene = replace(self._services().scene, past=(), pointer="")
         found = resolve(scene, self._read(text).text, {})
         return found if isinstance(found, Unclear) else None

@@ -16,7 +16,7 @@ from pa_console.session.wording import TRACK_PLACES
 
 AlarmTopic = Literal["threat", "track", "way", "cover", "asset", "battery", "camera", "sensor"]
 OF_TRACKS: tuple[AlarmTopic, ...] = ("threat", "track", "way")
-"""The topics of alarms about contacts, of which a sensor may report any number."""
+"""The topics of alarms about contacts; a sensor may report any number of contacts."""
 BATTERY_MARGIN_PCT = 3.0
 """A battery alarm stays open until the battery is so much above the limit, or on its way home."""
 

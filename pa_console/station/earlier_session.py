@@ -1,4 +1,4 @@
-"""What an earlier session left open: one whose console was killed, or whose command was taken.
+"""The open parts of an earlier session: one whose console was killed, or whose command was taken.
 
 A session whose console ended without closing it goes on here. Its log tells everything that the
 world depended on: seed, scenario, incidents and commands. So the fleet is simulated once more from

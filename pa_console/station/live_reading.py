@@ -183,7 +183,7 @@ class LiveReading:
         return _Situation(services.rulebook, digest, len(past.missions), past.pointer)
 
     async def _read(self, text: str) -> None:
-        """Plan `text` as a mission would be, and show what it reads as."""
+        """Plan `text` like a mission, and show its reading."""
         try:
             order = self._read_text(text)
             line = await self._line(order) if order is not None else ""
@@ -232,7 +232,7 @@ TYPING_ROLES: tuple[Role, ...] = ("planner", "judge")
 
 
 class ReadAhead:
-    """Reads the beginning of coming prompts while nobody waits; a real prompt interrupts it."""
+    """Reads the beginning of coming prompts ahead; a real prompt interrupts it."""
 
     def __init__(self, services: Services, *, unasked: bool = True) -> None:
         """`unasked`: read too what nobody has asked for yet, when a session or a mission begins."""

@@ -163,7 +163,7 @@ class _AskedError(Exception):
 
 
 class _AskingBack(PromptBase[Answer]):
-    """A prompt at which `question_in` says what asks back instead of answering."""
+    """A prompt where an answer may be a question back, recognised by `question_in`."""
 
     def __init__(self, prompt: str, question_in: QuestionIn, **options: Any) -> None:
         """`options` are Rich's own, such as `choices`."""

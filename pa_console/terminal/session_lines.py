@@ -79,7 +79,7 @@ def asset_lines(state: SessionState) -> list[str]:
 
 
 def _by_hand(asset: AssetTelemetry, state: SessionState) -> str:
-    """Return who says that an asset is under manual control."""
+    """Return the source of an asset's manual control."""
     taken = state.manual.get(asset.id)
     return f"taken by {taken.by}" if taken is not None else "by its own report"
 
@@ -122,7 +122,7 @@ _TABLES = {"status": status_lines, "assets": asset_lines, "alarms": alarm_lines,
 
 @dataclass(frozen=True)
 class LineOutput:
-    """Where a console in lines prints: texts, the rows of a plan, those of a mission's trace."""
+    """The outputs of a console in lines: texts, the rows of a plan, those of a mission's trace."""
 
     say: Callable[[str], None]
     show_plan: Callable[[MissionTrace, int], None]

@@ -96,7 +96,7 @@ def open_log(
 
 
 def open_compared(log: Path, known: KnownWorld, progress: Progress | None = None) -> OpenedLog:
-    """Open a session log to be compared with another one, that of the world `known`.
+    """Open a session log to be compared with a recording of the world `known`.
 
     Its world is the known one if it has its hash, else that of an evaluation around the log, else
     what is installed under its name; without any, the log is compared all the same. Raises

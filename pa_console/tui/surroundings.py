@@ -41,4 +41,4 @@ class InForce(NamedTuple):
 
 
 ShownRules = Rulebook | InForce
-"""The rules that the console began with, or those that came into force since."""
+"""The rules in force, at the start of the console or since a change."""

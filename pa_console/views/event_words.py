@@ -391,7 +391,7 @@ def step_lines(plan: Plan) -> tuple[StepLine, ...]:
 
 
 def orders_in_line(plan: Plan) -> str:
-    """Return a plan's actions in one line, with *then* before those that wait."""
+    """Return a plan's actions in one line, with *then* before each that waits."""
     parts = [
         "; ".join(f"{plan.actions[n - 1].agent} {plan.actions[n - 1].command}" for n in numbers)
         for numbers in plan.steps

@@ -13,11 +13,11 @@ from pa_console.views.event_words import trigger_in_words
 
 NOT_UNDERSTOOD = "not understood: "
 MOST_STEPS = 4
-"""The first steps of a plan that are told; of the others, only the number is."""
+"""The number of first steps that are shown; of the others, only the number is."""
 
 
 def reading_line(trace: MissionTrace, base: str) -> str:
-    """Return what the draft of a mission was read as, or what is missing in it.
+    """Return the reading of a draft, or its missing part.
 
     *Drone_T04 to East Gate; gates stay covered*. Doubts come before consequences. The line is empty
     if the draft came to nothing that can be said. `base` is the base of the world.

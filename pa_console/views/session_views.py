@@ -178,7 +178,7 @@ def state_view(state: SessionState, number: int) -> StateView:
 
 
 def _manual(state: SessionState) -> Iterator[ManualView]:
-    """Yield the assets that people took, then those that report manual control themselves."""
+    """Yield the assets under manual control: first those taken here, then those reporting it."""
     yield from (ManualView(asset=name, by=trace.by) for name, trace in state.manual.items())
     for name, asset in state.picture.assets.items() if state.picture is not None else ():
         if asset.manual and name not in state.manual:

@@ -71,7 +71,7 @@ class RecordedEvents:
 
     @property
     def title(self) -> str:
-        """Which session it is, and its pace."""
+        """The id of the session, and its pace."""
         return f"the recorded session {self.log.stem}, {self.speed:g} times as fast"
 
     def events(self, ended: Callable[[], bool]) -> Iterator[Event | None]:

@@ -36,7 +36,7 @@ class LinkSurvey:
         return sorted(self.agents - self.reports.keys())
 
     def in_words(self) -> str:
-        """Return what is on the link, in one line."""
+        """Return the robots on the link, in one line."""
         parts = [f"no connection: {self.problem}"] if self.problem else ["connected"]
         if self.reports:
             parts.append(f"reports from {', '.join(sorted(self.reports))}")

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ConsoleOptions(SessionOptions):
-    """The options of a session that somebody looks at."""
+    """The options of a session with an operator."""
 
     agents: AgentsOption = 0
     readonly: Annotated[

@@ -182,7 +182,7 @@ def _telling(vehicles: Vehicles) -> Callable[[str], None]:
 
 
 def _check_name(option: str, name: str, most: int = 64) -> None:
-    """Raise ValueError for a name that cannot be that of an asset or a machine."""
+    """Raise ValueError for a name that no asset or machine can have."""
     with suppress(ValidationError):
         if len(TypeAdapter[str](Name).validate_python(name)) <= most:
             return

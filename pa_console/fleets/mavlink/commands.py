@@ -1,4 +1,4 @@
-"""What is asked of an autopilot: commands, mission items, and the protocol that carries them.
+"""The requests to an autopilot: commands, mission items, and the protocol that carries them.
 
 Numbers and their units are those of the MAVLink common message set: degrees times 10^7, metres.
 """

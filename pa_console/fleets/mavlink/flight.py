@@ -67,7 +67,7 @@ _HERE = ("HOLD", "OFFBOARD", "TAKEOFF", "MISSION", "READY", "UNKNOWN")
 
 @dataclass
 class _Said:
-    """The last answers by command id, and texts that were told a while ago."""
+    """The last answers by command id, and the times of recent notices by their texts."""
 
     answers: OrderedDict[str, DeviceAnswer | None] = field(
         default_factory=OrderedDict[str, DeviceAnswer | None]
@@ -420,7 +420,7 @@ class Flight:
             self._progress(order, f"{gap:.0f} m to go", now)
 
     def _progress(self, order: FlightOrder, words: str, now: float) -> None:
-        """Tell how far an order has come, every few seconds: one without news is sent again."""
+        """Report the progress of an order every few seconds: one without news is sent again."""
         if order.acknowledged and now - order.told_s >= PROGRESS_S:
             order.told_s = now
             self._answer(order.command, "progress", words)

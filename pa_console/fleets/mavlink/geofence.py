@@ -16,7 +16,7 @@ from pa_console.schema.world import World
 from pa_console.sim.worlds.geography import Geography
 
 SAME_E7 = 2
-"""Corners are the same within so many 10^-7 degrees, 2 cm: autopilots round."""
+"""The largest distance between equal corners, in 10^-7 degrees, 2 cm: autopilots round."""
 
 ANSWER_S = 30.0
 """The longest time that a transfer takes; then it is tried again."""

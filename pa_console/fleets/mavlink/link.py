@@ -34,7 +34,7 @@ from pa_console.sim.worlds.terrain import Terrain
 
 STEP_S = 0.1
 PATIENCE_S = 10.0
-"""So long a vehicle is waited for when a link is opened; autopilots send a heartbeat a second."""
+"""The longest wait for a vehicle when a link is opened; autopilots send a heartbeat a second."""
 
 SILENT_S = 5.0
 """The silence of all vehicles that counts as a problem of the link, seconds."""
@@ -163,7 +163,7 @@ class MavlinkLink:
 
     @property
     def problem(self) -> str:
-        """The reason why there is no connection, '' while a drone is heard."""
+        """The reason for a missing connection, '' while a drone is heard."""
         if any(self._up.values()):
             return ""
         return f"no drone is heard at {self._url}"

@@ -1,4 +1,4 @@
-"""What an order comes to: the steps that an autopilot is asked for, one after another."""
+"""The steps of an order, which an autopilot is asked for one after another."""
 
 import math
 from collections import deque
@@ -47,7 +47,7 @@ class FlightOrder:
     command: DeviceCommand
     steps: deque[Step]
     target: Point | None
-    """Where it ends; None for home, wherever the drone has that."""
+    """The place where it ends; None for home, wherever the drone has that."""
     altitude_m: float
     since_s: float
     step_s: float | None = None
@@ -64,7 +64,7 @@ class FlightOrder:
 
     @property
     def arming(self) -> bool:
-        """True while the drone is to be armed for it."""
+        """True while the order needs the drone armed."""
         return any(isinstance(s, MavCommand) and s.command == Cmd.ARM for s in self.steps)
 
 

@@ -72,7 +72,7 @@ _PLACES = {"odom": "odom", "tf_static": "tf_static", "tf": "tf", "amcl_pose": "a
 `odom` first, because the speeds of places come from it."""
 
 _KEPT = frozenset(("tf_static", "amcl_pose", "status"))
-"""What is published when it changes: the last one is asked for (durability transient local)."""
+"""Topics published on a change only: the last value is asked for (durability transient local)."""
 
 
 @dataclass

@@ -159,7 +159,7 @@ class Navigator:
         self.manual = False
         """True while a person steers the robot: it takes no order then, only holds."""
         self.problems: list[str] = []
-        """What the operator has to know, without the robot's name; the owner empties it."""
+        """Notices for the operator, without the robot's name; the owner empties it."""
 
     def take(self) -> list[DeviceAnswer]:
         """Return the answers since the last call."""
@@ -231,7 +231,7 @@ class Navigator:
         self._seen = seen
 
     def step(self) -> None:
-        """See to what is due: reasons, results, arrivals, and the end of a hold."""
+        """Do what is due: reasons, results, arrivals, and the end of a hold."""
         now_s = self._clock()
         for goal in list(self._goals.values()):
             if goal.over or not goal.tries:
@@ -272,7 +272,7 @@ class Navigator:
         )
 
     def _order(self, command: DeviceCommand) -> None:
-        """Give the robot a new goal in place of the one that it has.
+        """Replace the robot's goal by a new one.
 
         Nav2 changes over to a goal by itself, unless that has another behaviour tree: then it keeps
         the old one, so that is cancelled first.

@@ -356,7 +356,7 @@ class MqttFleet:
             self._say("info", KEYS_SUBJECT, "this station is in command")
 
     def _share(self) -> None:
-        """Publish the new records of the session, and those that were requested."""
+        """Publish the new and the requested records of the session."""
         if self._shared is not None:
             self._link.publish(*self._shared.step(self._link.address.site, self.now()))
 

@@ -124,7 +124,7 @@ def _written(parts: _Parts, said: Mapping[str, str], defaults: Mapping[str, str]
 
 
 def _says(parts: _Parts, said: Mapping[str, str]) -> int:
-    """Return the number of slots in `parts` with a value in `said`."""
+    """Return the number of slots in `parts` that `said` has a value for."""
     number = 0
     for part in parts:
         match part:

@@ -53,7 +53,7 @@ class Changeable(Protocol):
 
     @property
     def words(self) -> str:
-        """What it is, in words."""
+        """A description in words."""
         ...
 
     @property

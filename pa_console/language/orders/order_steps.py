@@ -47,7 +47,7 @@ class ReadSteps:
 
 @dataclass(frozen=True)
 class _Awaited:
-    """Words that tell what has to be so: *once Robot_T01 is at the north gate*."""
+    """Words that introduce a condition: *once Robot_T01 is at the north gate*."""
 
     said: str
     names: tuple[str, ...]
@@ -260,7 +260,7 @@ class _Cutter:
         return False
 
     def _orders(self, way: str, awaited: _Awaited) -> bool:
-        """Part the steps at what is waited for; False where these words part none."""
+        """Split the steps at their conditions; False where these words part none."""
         reader = self._reader
         over = reader.over or reader.word() in _ENDS
         if way in _WORDS["await_not"]:

@@ -38,7 +38,7 @@ class PatrolLimits:
 
 
 USUAL = PatrolLimits()
-"""The limits unless settings say otherwise."""
+"""The default limits."""
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,7 @@ class _Said:
     during_s: float = 0.0
     times: int = 0
     to_base: bool = False
-    """True if whoever stays goes to the base then, and not to the place where it was."""
+    """True if the staying asset then goes to the base instead of its former place."""
     day: date | None = None
     half: str = ""
     """The half of the day in which the moments are: 'am', 'pm', or '' where that is not said."""
@@ -131,7 +131,7 @@ def _second_clock(world: World, order: str) -> str:
 
 
 def _phrases(world: World, text: str, tokens: tuple[WordToken, ...], now: datetime) -> _Said | None:
-    """Return everything that the words say about when to do it, None if they say nothing.
+    """Return the times, intervals and ends in the words, None if they have none.
 
     The time of something else, *the storm will hit in an hour*, is none of an order's.
     """
@@ -425,7 +425,7 @@ def _words_from(said: _Said, reader: Reader, first: int) -> str:
 def _schedule(  # noqa: PLR0911 - one line for each thing that can be wrong
     said: _Said, now: datetime, shortest_s: float
 ) -> Schedule | Unclear:
-    """Return the moments that were said, or what is wrong with them."""
+    """Return the moments named in the order, or the reason why they cannot be used."""
     latest = said.until is not None and not said.every_s and said.until[0].lower()
     if latest and latest.startswith(TIME_WORDS["last_at"]):
         said.vague = said.until[0] if said.until else ""

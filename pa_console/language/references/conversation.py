@@ -414,7 +414,7 @@ class _Turn:
         return Unclear(more, "None of that kind is free. Who is to go?", tuple(free))
 
     def _counts(self, more: str) -> bool:
-        """Whether one more of us is meant: *another robot*, *one more*, not *the second floor*."""
+        """True if `more` counts assets: *another robot*, *one more*; not *the second floor*."""
         after = self._low.partition(f" {more} ")[2].split()
         return not after or after[0] == "one" or bool(self._scene.members(after[0]))
 

@@ -92,7 +92,7 @@ class Description:
     place: str = ""
     group: Group | None = None
     selects: bool = False
-    """True if it only says which of the group is meant: *A or B, whichever is nearer*."""
+    """True if it only picks from the group: *A or B, whichever is nearer*."""
 
 
 def fitting(scene: ReferenceScene, description: Description) -> tuple[str, ...]:

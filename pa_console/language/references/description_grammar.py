@@ -105,7 +105,7 @@ class _DescriptionParser:
         self._ordinal = False
         """True if it is *the former*, *the second one*, which no clause after it limits."""
         self._other = False
-        """True if it leaves out what was picked or mentioned before."""
+        """True if it excludes what was picked or mentioned before."""
         self._group: Group | None = None
         """The set that it picks from; None if it has a noun of its own."""
 
@@ -188,7 +188,7 @@ class _DescriptionParser:
         return bool(about) and self._told.say(lambda _, name: name in about)
 
     def _one_at_each(self) -> bool:
-        """Return whether one asset is to be at each of all gates: *a robot at every gate*."""
+        """Return whether the words ask for one asset at every gate: *a robot at every gate*."""
         before = [token.word for token in self.reader.tokens[: self._first]][-3:]
         if not self._every or self._told.sort != "gate" or len(before) < 3:
             return False

@@ -282,7 +282,7 @@ def _meant_by(
 def _apposed(
     scene: ReferenceScene, tokens: Sequence[WordToken], one: Description, names: Sequence[str]
 ) -> str:
-    """Return which of several `names` is said at once: *the other one, Robot_T02*; '' for none."""
+    """Return the one of `names` that follows at once: *the other one, Robot_T02*; '' for none."""
     reader = Reader([token for token in tokens if token.start >= one.end])
     reader.take("i mean", "i meant", "that is", "namely")
     name = asset_at(scene, reader) if reader.take(",", ":", "(", "-") else ""

@@ -206,7 +206,7 @@ def _make(  # noqa: PLR0917
 
 
 def _record(path: Path, folder: Path, how: Preparation, source_sha256: str, digest: str) -> None:
-    """Note beside `path` what it will be; without a key to sign with, it is made at every start."""
+    """Write the origin of a file beside `path`; without a signing key it is made at every start."""
     origin = FileOrigin(
         source_sha256=source_sha256,
         quantisation=how.quantisation,

@@ -25,7 +25,7 @@ from pa_console.schema.telemetry import Digest
 from pa_console.schema.world import PLAIN_KINDS, World
 
 FEW_FRAMES = 24
-"""The number of frames from which every prompt names those that matter."""
+"""The number of frames from which every prompt names only the relevant ones."""
 MOST_PROBLEMS = 24
 
 

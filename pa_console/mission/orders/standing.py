@@ -250,7 +250,7 @@ class StandingOrders:
         )
 
     def started(self, mission: str, due: Due) -> None:
-        """Note `mission` as the one that is due."""
+        """Note `mission` as due."""
         self._own[mission] = _Own(due.order.id, due.subject)
         if (agenda := self._agenda(due.order.id)) is not None:
             agenda.started(mission)

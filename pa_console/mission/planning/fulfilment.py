@@ -306,7 +306,7 @@ def _watches(case: PlanForOrder, name: str) -> bool:
 
 
 def _besides(case: PlanForOrder, name: str, served: Sequence[Ask]) -> bool:
-    """Whether `name` takes over a gate (WF-03), looks first (WF-02) or meets a track (WF-01)."""
+    """True if `name` takes over a gate (WF-03), looks first (WF-02) or meets a track (WF-01)."""
     moves, goal = case.moves, case.moves.ends(name)
     if moves.takes_over(name) and not case.others_stay:
         return True

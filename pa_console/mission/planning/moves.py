@@ -83,7 +83,7 @@ class PlanMoves:
         return cover.by if cover is not None else ()
 
     def tracks(self, place: str) -> list[Track]:
-        """Return the tracks at a gate, including those that leave."""
+        """Return the tracks at a gate, leaving ones included."""
         return [track for track in self.before.tracks.values() if track.gate == place]
 
     def commands(

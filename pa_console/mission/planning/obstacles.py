@@ -201,7 +201,7 @@ def _unmet(case: PlanForOrder, ask: Ask, *, every: bool) -> Iterator[tuple[str, 
 
 
 def _there_already(moves: PlanMoves, ask: Ask) -> str:
-    """Return who stands already where somebody was asked for and nobody is sent."""
+    """Return the assets that already stand where an asset was asked for and none is sent."""
     if ask.task != "go" or obstacle_to(ask, moves.world, moves.before):
         return ""
     if ask.who.names:

@@ -25,7 +25,7 @@ from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.world import AssetKind
 
 PREFERRED: tuple[AssetKind, ...] = ("uav", "robot", "ugv")
-"""Who goes if the order does not say: the first of these kinds of which one is free."""
+"""The preference if the order names no asset: the first of these kinds with a free one goes."""
 MOST_RELIEFS = 4
 RESERVE_PCT = 2.0
 """The charge that an asset keeps above the low mark when it is relieved or has done, percent."""

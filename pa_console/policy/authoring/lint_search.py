@@ -88,7 +88,7 @@ def search_states(
 
 
 def never_applicable(rules: Iterable[Rule], search: Search) -> Iterator[Doubt]:
-    """Yield the rules whose guard holds in no searched state, and those that never decide."""
+    """Yield the rules whose guard holds in no searched state, and the rules that never decide."""
     for rule in rules:
         seen = search.rules.get(rule.id)
         if seen is None or seen.applied:
@@ -266,7 +266,7 @@ class Conflicts:
 
 
 def _fewest(book: Rulebook, broken: Sequence[Broken]) -> tuple[str, ...]:
-    """Return the fewest rules of which every plan breaks one, in file order; () for more."""
+    """Return the smallest set of rules that no plan satisfies, in file order; () for more."""
     named = frozenset[str]().union(*broken)
     known = [rule.id for rule in book.rules if rule.id in named]
     for size in range(1, LARGEST + 1):

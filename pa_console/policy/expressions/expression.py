@@ -265,7 +265,7 @@ class Expression:
         self._read: tuple[Shapes, Fields] | None = None
 
     def prepare(self) -> None:
-        """Compile what it needs for the texts that RE2 does not search."""
+        """Compile the patterns for texts that RE2 does not search."""
         for pattern in self._patterns:
             pattern.prepare()
 

@@ -1,4 +1,4 @@
-"""Which fields of the values that it is given an expression reads: nothing else is converted.
+"""The fields that an expression reads of its given values: nothing else is converted.
 
 Converting a value for CEL takes longer than deciding most rules, and a loop copies each element
 with everything in it. So a record is given without the fields that no expression can notice. An

@@ -199,7 +199,7 @@ class Source:
             )
 
     def _plain(self, place: int) -> bool:
-        """Whether the list element before the comma at `place` is a text or number by itself."""
+        """Return whether the list element before the comma at `place` is a literal."""
         tokens = self._tokens
         return tokens[place - 1].kind in ("text", "number") and tokens[place - 2].text in "[,"
 

@@ -305,7 +305,7 @@ class _Chain:
         self._hash_at_head = ""
         self._notes: list[str] = []
         self._set_back: list[tuple[timedelta, int]] = []
-        """By how much the clock was set back, before the line of that number."""
+        """Setbacks of the clock, each with the number of the line that it came before."""
 
     def read(self) -> Damage | None:
         """Read every line; return the first damage to the chain or to a signature."""

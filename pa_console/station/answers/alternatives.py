@@ -126,7 +126,7 @@ class Alternative:
 
 
 async def find_alternatives(basis: CheckBasis, trace: MissionTrace) -> AsyncGenerator[Alternative]:
-    """Yield other plans than the one that waits: for other readings, with other agents.
+    """Yield alternatives to the waiting plan: for other readings, with other agents.
 
     They are rehearsed in the present picture, and no model is asked.
     """

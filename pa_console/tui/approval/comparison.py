@@ -27,7 +27,7 @@ from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.row_views import TextRows
 
 MOST_BESIDE = 2
-"""The number of plans beside the one that waits, and more only if there are more readings."""
+"""The number of plans beside the waiting one; more are shown only for more readings."""
 
 OTHER_WAY = "another plan for the same reading, chosen beside the proposed one"
 _LEAD = 11

@@ -292,7 +292,7 @@ class ApprovalPanel(Vertical, can_focus=True):
 
     @property
     def looks_at_reading(self) -> bool:
-        """True if another reading than that of the plan is shown."""
+        """True if the shown reading is not the plan's own."""
         return bool(self._looked_at)
 
     def _look(self, asked: str) -> None:
@@ -395,7 +395,7 @@ class ApprovalPanel(Vertical, can_focus=True):
             self.post_message(self.PlayAsked())
 
     def action_compare(self) -> None:
-        """Show other plans beside the one that waits."""
+        """Show other plans beside the waiting one."""
         if self.armed:
             self.post_message(self.CompareAsked())
         else:

@@ -160,7 +160,7 @@ LEAST_ROWS, LEAST_PLAN_ROWS = 13, 4
 
 
 def panel_rows(terminal: int, taken: int, *, compact: bool) -> int:
-    """Return the most rows of the panel in a terminal of so many, if other parts have `taken`.
+    """Return the most rows of the panel in `terminal` lines, where its other parts have `taken`.
 
     `compact` says that the panel stands below the map and not beside it.
     """

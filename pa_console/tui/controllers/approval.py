@@ -69,7 +69,7 @@ class ApprovalController:
         )
 
     def compare(self, question: Question | None = None) -> bool:
-        """Show other plans beside the one that waits, as they are found.
+        """Show other plans beside the waiting one, as they are found.
 
         If a `question` asks for them, they are its answer, and if no plan waits, they stand beside
         the last one. Returns whether there is a plan to be compared.

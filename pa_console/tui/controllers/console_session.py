@@ -132,6 +132,6 @@ class ConsoleSession:
 
     @property
     def _has_other_use(self) -> bool:
-        """Whether a key that opens a field is a letter here, or belongs to the screen on top."""
+        """Return whether a key that opens a field is a letter here or belongs to the top screen."""
         other_screen = self.app.screen is not self.shown
         return other_screen or isinstance(self.app.focused, Input | TextArea)

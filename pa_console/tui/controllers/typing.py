@@ -33,7 +33,7 @@ class TypedText:
         self.keys = ""
         """The keys typed without a pause."""
         self.is_text = False
-        """True if they are a text, no key of which is a command; so is the Enter at its end."""
+        """True if the keys are a text and none of them is a command; so is the Enter at its end."""
         self._last_s = 0.0
 
     def add(self, character: str, time_s: float) -> None:
@@ -239,5 +239,5 @@ class TypingController:
 
 
 def _prints(event: events.Key) -> bool:
-    """Whether the key is one of a text: a key with Alt is none, though it has a character."""
+    """Return whether the key types a character; one with Alt has a character and types none."""
     return event.is_printable and "+" not in event.key

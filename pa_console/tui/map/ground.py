@@ -39,7 +39,7 @@ class Barriers:
         return cell in self._lines
 
     def part(self, spot: Spot, cell: Cell, beside: Cell) -> bool:
-        """Whether a barrier in `cell` runs between a spot in it and the middle of one `beside`."""
+        """Return whether a barrier in `cell` separates a spot in it from the middle of `beside`."""
         lines = self._lines.get(cell)
         if not lines:
             return False

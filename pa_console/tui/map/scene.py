@@ -253,7 +253,7 @@ CELLS_PER_NAME = 48
 """The room for each asset below which only important names are written."""
 
 MOST_RETRIES = 2
-"""The number of times that names are written anew, beginning with those that found no room."""
+"""The number of attempts to place names, each beginning with the names that found no room."""
 
 Window = tuple[float, Point | None]
 """The zoom of the map, and its centre."""

@@ -151,7 +151,7 @@ SHORT = 40
 """Two values that are no longer than this together stand in one row."""
 
 BEFORE, AFTER = 6, 3
-"""The numbers of events shown before and after the one that differs."""
+"""The numbers of events shown before and after the first difference."""
 
 
 def heading(

@@ -194,7 +194,7 @@ class CardChoice(NamedTuple):
 
 
 GIVE = "give"
-"""What a line does whose order is given at once: it moves no asset."""
+"""The effect of a line whose order is given at once: it moves no asset."""
 FOLLOW = CardChoice("Follow on the map", does="follow")
 MAP_CHOICES = (
     CardChoice("Nearer", does="zoom_in"),

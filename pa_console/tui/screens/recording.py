@@ -165,7 +165,7 @@ class RecordingScreen(MainScreen):
 
 
 def banner(player: Player, width: int) -> Content:
-    """Return the line that says this is a replay, where it stands, and how to move it."""
+    """Return the line that marks a replay, with its position and the keys that move it."""
     sign = "▶ playing" if player.playing else "■ ended" if player.finished else "‖ paused"
     where = f"log {clock_text(player.position)} of {clock_text(player.duration)}"
     parts: list[tuple[str, str] | str] = [

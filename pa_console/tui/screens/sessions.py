@@ -75,7 +75,7 @@ class SessionRows(PointedRows[SessionSummary]):
         self.set_keys(self.keys)
 
     def grown(self, room: int) -> Mapping[str, int]:
-        """Give the title and the outcomes what is left."""
+        """Give the room that is left to the title and the outcomes."""
         return {"title": room - room // 3, "outcomes": room // 3}
 
     def cells(self, key: str) -> Cells:

@@ -42,7 +42,7 @@ class StandingRows(PointedRows[StandingTrace]):
     """The fleet's time, from which the countdowns are."""
 
     def grown(self, room: int) -> Mapping[str, int]:
-        """Give the order and its condition what is left."""
+        """Give the room that is left to the order and its condition."""
         return {"order": room - room // 3, "waits for": room // 3}
 
     def cells(self, key: str) -> Cells:

@@ -96,7 +96,7 @@ def track_cells(track: Track, look: Reliance) -> Cells:
 
 
 def _track_notes(track: Track, look: Reliance) -> tuple[str, str]:
-    """Return who disputes its identity or calls it hostile, what it does, and how sure that is."""
+    """Return who disputes its identity or calls it hostile, its behaviour and its certainty."""
     urgent = track.intent == "hostile" or track.defiant or bool(track.dispute)
     parts: list[str] = []
     if look.lost(track):

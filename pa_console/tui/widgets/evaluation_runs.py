@@ -345,7 +345,7 @@ class RunRows(PointedRows[RunRecord]):
     )  # fmt: skip
 
     def grown(self, room: int) -> Mapping[str, int]:
-        """Give the mission some of what is left."""
+        """Give the mission a part of the room that is left."""
         return {"mission": min(room, 20)}
 
     def cells(self, key: str) -> Cells:

@@ -252,7 +252,7 @@ class MissionInput(TextField):
 
 
 class ReadingLine(Static):
-    """What the order in the prompt reads as so far; in the footer's place, so that nothing moves.
+    """The reading of the order in the prompt so far; in the footer's place, so that nothing moves.
 
     It is a reading and never an approval: the line takes no key.
     """
