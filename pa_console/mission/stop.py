@@ -29,7 +29,9 @@ MOVED_M = 2.0
 """A standing asset's reported positions scatter less than this."""
 
 AGAIN_S = 0.2
-"""A hold that has no answer is sent again this often: longer than most links take to answer."""
+"""A hold that has no answer is sent again this often; the first time after FIRST_AGAIN_S, as most
+links have answered by then."""
+FIRST_AGAIN_S = 0.4
 
 QUICK_TRIES = 30
 """The number of times that a hold is sent again so often; over a link that loses four of five
@@ -70,7 +72,9 @@ class _Held:
     @property
     def wait_s(self) -> float:
         """The seconds from its last sending until the next."""
-        return AGAIN_S if self.hurries else RESEND_S * RESEND_GROWTH ** min(self.slow, MOST_GROWTH)
+        if self.hurries:
+            return AGAIN_S if self.times else FIRST_AGAIN_S
+        return RESEND_S * RESEND_GROWTH ** min(self.slow, MOST_GROWTH)
 
     def sent_again(self, tick: int) -> tuple[DeviceCommand, int]:
         """Note that it goes out again at `tick`; return it and the number of times so far."""

@@ -431,6 +431,8 @@ class Pressed:
         self._address, self._presses, self._random = address, presses, Random(seed)
         self._ears = ears or address
         self._site = load_site("checkpoint", "checkpoint")
+        self._stop = b""
+        """What the action ids of the holds of the latest stop have in them."""
         self._holds: dict[str, float] = {}
         """When the hold of each robot was on the wire."""
         self.took_ms: list[float] = []
@@ -469,10 +471,11 @@ class Pressed:
     async def _press(self, station: ControlStation) -> None:
         loop = asyncio.get_running_loop()
         await asyncio.sleep(3.0)
-        for _ in range(self._presses):
+        for number in range(1, self._presses + 1):
             wait_s = self._random.uniform(0.3, 0.8)
             due = time.perf_counter() + wait_s
-            self._holds.clear()
+            # A hold of the stop before, sent again, may still be on its way.
+            self._stop, self._holds = f".stop{number}.".encode(), {}
             self.unconfirmed.clear()
             loop.call_later(wait_s, station.stop_all)
             while len(self._holds) < len(self._site.world.assets):
@@ -486,7 +489,7 @@ class Pressed:
         await station.close()
 
     def _note(self, _client: Client, _data: object, message: MQTTMessage) -> None:
-        if b"startPause" in message.payload:
+        if b"startPause" in message.payload and self._stop in message.payload:
             self._holds.setdefault(message.topic.split("/")[3], time.perf_counter())
 
 

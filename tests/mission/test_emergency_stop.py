@@ -8,6 +8,7 @@ from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.mission.gate import CommandGate
 from pa_console.mission.stop import (
     AGAIN_S,
+    FIRST_AGAIN_S,
     MOST_AT_ONCE,
     SAFETY_LIMIT_S,
     EmergencyStop,
@@ -142,7 +143,7 @@ def test_a_hold_without_an_answer_is_sent_several_times_a_second_and_later_seldo
     sim.inject(SetRadio(asset="Drone_T01", up=False))
     stops = stops_of(sim)
     list(stops.hold_all())
-    assert resends(follow(sim, stops, 4.0)) == 4.0 / AGAIN_S
+    assert resends(follow(sim, stops, 4.0)) == 1 + (4.0 - FIRST_AGAIN_S) / AGAIN_S
     follow(sim, stops, 60.0)
     assert resends(follow(sim, stops, 20.0)) <= 4
 
