@@ -71,7 +71,7 @@ class LinkedFleet:
     ) -> None:
         """`now` is the clock of the assets; raises ValueError for an asset on two links."""
         self._links, self._bus, self._now = tuple(links), bus, now
-        self._began = now()
+        self._began = self._read_at = now()
         self._link_of = _links_of_assets(self._links, world)
         self._known = bus.known if bus is not None else ReportedPicture(world)
         self._known.links = {name: link.name for name, link in self._link_of.items()}
@@ -206,8 +206,6 @@ class LinkedFleet:
     def step(self) -> Received:
         """Move the clock on by `world.dt_s`; return what came in since the last step."""
         self._tick += 1
-        passed_s = (self._now() - self._began).total_seconds()
-        self._known.advance(self._tick, passed_s - self.time_s)
         self._take_news()
         if self._bus is not None:  # it makes the picture anew as well
             received = self._bus.step()
@@ -241,6 +239,11 @@ class LinkedFleet:
 
     def _take_news(self) -> None:
         """Take in what has come over every link, and note which of them have no connection."""
+        # One moment for the lag and for the age of every report: a station that is held up between
+        # two readings of the clock would find a moving asset farther than it can have come.
+        self._read_at = self._now()
+        passed_s = (self._read_at - self._began).total_seconds()
+        self._known.advance(self._tick, passed_s - self.time_s)
         for link in self._links:
             self._note_problem(link)
             for news in self._news_of(link):
@@ -335,8 +338,7 @@ class LinkedFleet:
 
     def _stamp(self, name: str, sent: datetime) -> int | None:
         """Return the tick at which a report was sent, None for one that is not believed."""
-        now = self._now()
-        stamp = self._belief.tick_of(sent, now, now, self._tick)
+        stamp = self._belief.tick_of(sent, self._now(), self._read_at, self._tick)
         if stamp is None:
             self._belief.ahead(name)
         return stamp

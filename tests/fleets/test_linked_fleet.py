@@ -1,11 +1,12 @@
 """Several links make one fleet: one picture, and each command goes to the link of its asset."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import nan
 
 import pytest
 
-from pa_console.fleets.link import DeviceAnswer, LinkNotice
+from pa_console.fleets.link import DeviceAnswer, LinkNews, LinkNotice
 from pa_console.fleets.linked_fleet import LinkedFleet
 from pa_console.fleets.reports import ContactReport, SensorReport
 from pa_console.mission.gate import CommandGate
@@ -276,6 +277,34 @@ def test_a_station_that_was_held_up_takes_a_moving_asset_for_no_forgery(
     fly(10)
     expected = "suspect" if forged_m else "ok"
     assert desk.fleet.picture().assets[DRONE].integrity == expected
+
+
+@pytest.mark.parametrize("stall_s", [0.1, 0.3, 0.4, 2.0])
+def test_a_station_that_stalls_while_it_takes_reports_in_takes_a_moving_asset_for_no_forgery(
+    desk: Desk, world: World, stall_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    air, _ = desk.links
+    (x, y), speed_mps = world.frames["Base"].at, world.platforms["uav"].speed_mps
+    take, steps = air.take, [0]
+
+    def stalling() -> Sequence[LinkNews]:
+        if steps[0] == 20:
+            desk.time.steps += round(stall_s / world.dt_s)
+        return take()
+
+    monkeypatch.setattr(air, "take", stalling)
+    doubts = list[str]()
+    for step in range(40):
+        steps[0] = step
+        if step % 5 == 0:
+            east_m = speed_mps * (desk.time.now() - EPOCH).total_seconds()
+            at = (x + east_m, y)
+            air.news.append(
+                desk.report(DRONE, "Base", position=at, speed_mps=speed_mps, task="moving")
+            )
+        desk.go()
+        doubts.append(desk.fleet.picture().assets[DRONE].integrity)
+    assert set(doubts) == {"ok"}
 
 
 def test_an_asset_beside_a_drone_that_reports_no_detections_is_not_unseen(desk: Desk) -> None:

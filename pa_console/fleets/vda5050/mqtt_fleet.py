@@ -67,7 +67,7 @@ class MqttFleet:
         """The messages that this station has retained itself: the broker sends them back."""
         self._weather: Weather = joined.site.weather if joined.site is not None else "clear"
         self._tick, self._connected, self._ready = 0, True, False
-        self._start = self.now()
+        self._start = self._read_at = self.now()
         for delivery in joined.deliveries:
             self._take_or_set_aside(delivery)
         self._ready = True
@@ -170,8 +170,6 @@ class MqttFleet:
     def step(self) -> Received:
         """Move the clock on by `world.dt_s`; return what came in since the last step."""
         self._tick += 1
-        passed_s = (self.now() - self._start).total_seconds() * self._rate
-        self._known.advance(self._tick, 0.0 if self.paced else passed_s - self.time_s)
         self._look_after_link()
         self._receive()
         if self._older_there and self.time_s - self._published_s >= RETAIN_AGAIN_S:
@@ -196,7 +194,10 @@ class MqttFleet:
         return self._keys.authorize(command) if self._keys is not None else None
 
     def _receive(self) -> None:
-        """Take in what has come."""
+        """Take in what has come; one moment counts for the lag and for the age of every report."""
+        self._read_at = self.now()
+        passed_s = (self._read_at - self._start).total_seconds() * self._rate
+        self._known.advance(self._tick, 0.0 if self.paced else passed_s - self.time_s)
         for delivery in self._link.take():
             self._take_or_set_aside(delivery)
 
@@ -515,7 +516,7 @@ class MqttFleet:
 
     def _tick_of(self, sent: datetime, arrived: datetime) -> int | None:
         """Return the tick on the station's clock of a time; None for one in the future."""
-        return self._belief.tick_of(sent, arrived, self.now(), self._tick, self._rate)
+        return self._belief.tick_of(sent, arrived, self._read_at, self._tick, self._rate)
 
 
 def zone_set(world: World, header: dict[str, Any]) -> messages.ZoneSet:
