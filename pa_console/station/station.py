@@ -44,8 +44,6 @@ from pa_console.station.notices import Outside, pass_on
 from pa_console.station.rules_in_force import RulesReload, RulesWatch
 from pa_console.station.worker import Background, MissionWorker, StationParts
 
-READ_ONLY = "this console is read-only: commands are refused"
-NOT_SIMULATED = "incidents can only be made to happen in a simulated fleet"
 INTERRUPTED = "the console ended while it was under way; give it again if it is still wanted"
 NOT_KEPT = "a standing order ends with its console; give it again if it is still wanted"
 
@@ -521,7 +519,7 @@ class ControlStation:
         """
         self._writable()
         if not isinstance(self._fleet, Simulated):
-            raise ValueError(NOT_SIMULATED)
+            raise ValueError("incidents can only be made to happen in a simulated fleet")
         self._fleet.inject(incident)
         self._ticking.happened(ev.IncidentHappened(incident=incident, source="operator"))
 
@@ -582,7 +580,7 @@ class ControlStation:
 
     def _writable(self) -> None:
         if self.readonly:
-            raise ValueError(READ_ONLY)
+            raise ValueError("this console is read-only: commands are refused")
 
     def _reorder(self, change: Callable[[], None]) -> None:
         self._writable()

@@ -8,7 +8,6 @@ order is done when telemetry shows it, never because the autopilot has accepted 
 import math
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any, cast
 
@@ -65,16 +64,6 @@ KNOWN = 512
 _HERE = ("HOLD", "OFFBOARD", "TAKEOFF", "MISSION", "READY", "UNKNOWN")
 
 
-@dataclass
-class _Said:
-    """The last answers by command id, and the times of recent notices by their texts."""
-
-    answers: OrderedDict[str, DeviceAnswer | None] = field(
-        default_factory=OrderedDict[str, DeviceAnswer | None]
-    )
-    texts: dict[str, float] = field(default_factory=dict[str, float])
-
-
 class Flight:
     """Carries out the orders of one drone, the asset `agent`.
 
@@ -104,7 +93,10 @@ class Flight:
         self.fence = FenceWatch(areas, geography, autopilot, self._say, vehicles.fence_check_s)
         self._order: FlightOrder | None = None
         self._hold: HoldOrder | None = None
-        self._said = _Said()
+        self._answers = OrderedDict[str, DeviceAnswer | None]()
+        """The last answers by command id, None while there is none."""
+        self._texts: dict[str, float] = {}
+        """The times of recent notices by their texts."""
         self._task: Task = "idle"
         self._busy_until: dict[int, float] = {}
         self._first_s: float | None = None
@@ -117,7 +109,7 @@ class Flight:
         if command.verb == "hold":
             self._stop(command)
             return
-        answers = self._said.answers
+        answers = self._answers
         if command.command_id in answers:
             known, order = answers[command.command_id], self._order
             if order is not None and order.command.command_id == command.command_id:
@@ -476,7 +468,7 @@ class Flight:
 
     def _stop(self, command: DeviceCommand) -> None:
         """Withdraw everything and have the drone hold its place."""
-        self._said.answers.setdefault(command.command_id, None)
+        self._answers.setdefault(command.command_id, None)
         if self.state.manual:
             mode = self.state.mode
             self._answer(command, "refused", f"a pilot flies it ({mode}) and keeps it")
@@ -526,7 +518,7 @@ class Flight:
 
     def _answer(self, command: DeviceCommand, status: ReplyStatus, detail: str = "") -> None:
         answer = DeviceAnswer(command.command_id, command.agent, status, detail)
-        self._said.answers[command.command_id] = answer
+        self._answers[command.command_id] = answer
         self._tell(answer)
 
     def _give_reason(
@@ -543,7 +535,7 @@ class Flight:
 
     def _say_now_and_then(self, level: Level, text: str) -> None:
         """Emit a notice, unless an equal one was emitted a short while ago."""
-        now, told = self._now(), self._said.texts
+        now, told = self._now(), self._texts
         for old in [old for old, at_s in told.items() if now - at_s > REPEAT_TEXT_S]:
             del told[old]
         if text not in told and len(told) < KNOWN:
