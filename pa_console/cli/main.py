@@ -43,8 +43,7 @@ def _default(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Show the version and leave.")] = False,
     json: Annotated[
-        bool,
-        typer.Option("--json", help="With --version: as JSON, with the versions below it."),
+        bool, typer.Option("--json", help="With --version: as JSON, with the versions below it.")
     ] = False,
     assignments: Annotated[
         list[str] | None,

@@ -38,12 +38,7 @@ class MemoEngine:
     """
 
     def __init__(
-        self,
-        engine: Engine,
-        memory: Path | None = None,
-        *,
-        exact: bool = False,
-        reuse: bool = True,
+        self, engine: Engine, memory: Path | None = None, *, exact: bool = False, reuse: bool = True
     ) -> None:
         """Answers are kept in the file `memory` too, so that a run that was cut off goes on.
 

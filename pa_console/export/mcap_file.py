@@ -315,14 +315,7 @@ class Channels:
             self._register(topic, f"pa_console.{kind.__name__}", event_schema(kind))
         self._write(topic, event, stamp, sequence)
 
-    def add(
-        self,
-        topic: str,
-        name: str,
-        message: BaseModel,
-        stamp: int,
-        sequence: int = 0,
-    ) -> None:
+    def add(self, topic: str, name: str, message: BaseModel, stamp: int, sequence: int = 0) -> None:
         """Add a message; its model gives the schema, called `name`."""
         if topic not in self._ids:
             self._register(topic, name, model_schema(type(message)))

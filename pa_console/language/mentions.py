@@ -12,14 +12,7 @@ from typing import Literal, NamedTuple
 
 from pa_console.language.canonical.order import Task
 from pa_console.language.lexicon import any_of, find_verbs, word_lists
-from pa_console.language.name_linking import (
-    GATE,
-    MEASURES,
-    NUMBERS,
-    WORD,
-    WorldNames,
-    link_names,
-)
+from pa_console.language.name_linking import GATE, MEASURES, NUMBERS, WORD, WorldNames, link_names
 from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
 
 Sort = Literal["place", "asset", "track", "kind", "number", "numeral", "verb"]

@@ -70,9 +70,7 @@ class _EarlyAnswer:
     """An answer that is being written, or complete; several callers may follow it."""
 
     def __init__(
-        self,
-        pieces: AsyncGenerator[str | GenerationEnd],
-        forget: "Callable[[_EarlyAnswer], None]",
+        self, pieces: AsyncGenerator[str | GenerationEnd], forget: "Callable[[_EarlyAnswer], None]"
     ) -> None:
         """Write `pieces` from now on; `forget` it if no complete answer comes of them."""
         self.began_s = perf_counter()

@@ -83,9 +83,7 @@ def make_server(
     bus = InMemorySubscriptionBus()
     # Tokens are made by `serve --make-token`; no authorization server issues them.
     settings = AuthSettings(
-        issuer_url=AnyHttpUrl("http://127.0.0.1"),
-        resource_server_url=None,
-        required_scopes=[SCOPE],
+        issuer_url=AnyHttpUrl("http://127.0.0.1"), resource_server_url=None, required_scopes=[SCOPE]
     )
     server = MCPServer[Any](
         "pa-console",
@@ -309,9 +307,7 @@ class AgentsPort:
         """`failed` is called with a defect, and once when the system has no room."""
         listening.failed = failed
         app = make_server(session, verifier=AgentTokens(tokens)).streamable_http_app(
-            streamable_http_path=PATH,
-            max_request_body_size=MOST_BYTES,
-            max_sessions=MOST_SESSIONS,
+            streamable_http_path=PATH, max_request_body_size=MOST_BYTES, max_sessions=MOST_SESSIONS
         )
         self._app, self._listening = Guard(app, listening, failed), listening
         self._session, self._failed = session, failed

@@ -275,10 +275,7 @@ async def _judged(
         )
     )
     return replace(
-        candidate,
-        verdict=judgement.verdict,
-        judge_error=judgement.error,
-        judge_confidence=sure,
+        candidate, verdict=judgement.verdict, judge_error=judgement.error, judge_confidence=sure
     )
 
 

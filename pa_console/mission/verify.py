@@ -68,11 +68,7 @@ def verify(
 
 
 def verify_plan(
-    plan: Plan,
-    world: World,
-    before: Picture,
-    after: Picture,
-    final: Mapping[str, CommandReply],
+    plan: Plan, world: World, before: Picture, after: Picture, final: Mapping[str, CommandReply]
 ) -> Verification:
     """Compare `after` with what every action should have brought about.
 

@@ -45,10 +45,7 @@ def observed(
     with ExitStack() as stack:
         observers = list(also)
         if asked.metrics_port is not None:
-            from pa_console.observability.session_metrics import (  # noqa: PLC0415
-                MetricsServer,
-                SessionMetrics,
-            )
+            from pa_console.observability.session_metrics import MetricsServer, SessionMetrics  # noqa: PLC0415
 
             metrics = SessionMetrics()
             stack.enter_context(MetricsServer(metrics.registry, asked.metrics_port))

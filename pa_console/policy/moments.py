@@ -150,11 +150,7 @@ class Pursuits:
 
 
 def _track(
-    track: Track,
-    ground: Sequence[_OrderedAsset],
-    threats: Iterable[tuple[str, str]],
-    *,
-    shut: bool,
+    track: Track, ground: Sequence[_OrderedAsset], threats: Iterable[tuple[str, str]], *, shut: bool
 ) -> TrackMoment:
     near = [sent for sent in ground if _drives_too_near(sent, track)]
     return TrackMoment(

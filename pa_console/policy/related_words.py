@@ -90,10 +90,7 @@ class Postings:
         self._starts = np.searchsorted(number[order], np.arange(len(self.terms) + 1))
 
     def _parts(
-        self,
-        word: str,
-        terms: Callable[[str], Iterable[str]] | None,
-        parts: dict[str, Numbers],
+        self, word: str, terms: Callable[[str], Iterable[str]] | None, parts: dict[str, Numbers]
     ) -> Numbers:
         """Return the numbers of the terms of `word`, giving new ones their number."""
         if word not in parts:

@@ -266,9 +266,7 @@ class JoinedStation:
         return read_text(text, scene, self._rules).question
 
     async def answer(
-        self,
-        question: Question,
-        found: Callable[[Alternative], object] = lambda _: None,
+        self, question: Question, found: Callable[[Alternative], object] = lambda _: None
     ) -> ev.QuestionAnswered:
         """Answer a question from what has come of the session and from the copy of its site here.
 

@@ -85,12 +85,7 @@ class ControlStation:
         self._background = Background(self._broken)
         self._verdicts = OutcomeVerdicts(self._background.start, between_missions=clock.waits)
         parts = StationParts(
-            services,
-            self._feed,
-            self._intake,
-            self._emergency_stop,
-            self._verdicts,
-            self._emit,
+            services, self._feed, self._intake, self._emergency_stop, self._verdicts, self._emit
         )
         self._worker = MissionWorker(parts)
         self._ahead = ReadAhead(services, unasked=read_unasked)
@@ -335,9 +330,7 @@ class ControlStation:
         return self._last_read[1]
 
     async def answer(
-        self,
-        question: Question,
-        found: Callable[[Alternative], object] = lambda _: None,
+        self, question: Question, found: Callable[[Alternative], object] = lambda _: None
     ) -> ev.QuestionAnswered:
         """Answer a question from the record of this session.
 

@@ -93,10 +93,7 @@ class SiteOnMap:
         detail.append(element("labels_on", {"value": "true"}))
         detail.append(element("contact", {"callsign": self.callsign(callsign)}))
         detail.append(element("remarks", {}, remarks))
-        middle = (
-            sum(x for x, _ in points) / len(points),
-            sum(y for _, y in points) / len(points),
-        )
+        middle = (sum(x for x, _ in points) / len(points), sum(y for _, y in points) / len(points))
         at = self.point(middle if closed else points[0])
         return CotEvent(uid, SHAPE, *until, at, self.how, tuple(detail))
 

@@ -202,9 +202,7 @@ def show_request(request: ApprovalRequested, trace: MissionTrace | None) -> None
 
 
 def ask_decision(
-    request: ApprovalRequested,
-    trace: MissionTrace | None,
-    question_in: QuestionIn = lambda _: None,
+    request: ApprovalRequested, trace: MissionTrace | None, question_in: QuestionIn = lambda _: None
 ) -> Decision | Question:
     """Ask about what `show_request` has shown; no answer, or no terminal, rejects.
 

@@ -19,13 +19,7 @@ from pa_console.session.recording import Player
 from pa_console.settings.sources import LoadedSettings, load_settings
 from pa_console.station.assembly import Site, load_site
 from pa_console.terminal.output import PlainConsole
-from pa_console.tui.actions import (
-    ActionContext,
-    bindings,
-    find_action,
-    first_key,
-    key_text,
-)
+from pa_console.tui.actions import ActionContext, bindings, find_action, first_key, key_text
 from pa_console.tui.approval.panel import ApprovalPanel
 from pa_console.tui.controllers.answers import QuestionController
 from pa_console.tui.controllers.approval import ApprovalController
@@ -90,10 +84,7 @@ class ConsoleApp(App[None]):
 
     TITLE = "PA Console"
     CSS_PATH = "console.tcss"
-    BINDINGS = [
-        *bindings(),
-        Binding("ctrl+c", "help_quit", show=False, system=True, priority=True),
-    ]
+    BINDINGS = [*bindings(), Binding("ctrl+c", "help_quit", show=False, system=True, priority=True)]
     COMMANDS = {ConsoleCommands}
 
     def __init__(

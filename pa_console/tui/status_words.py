@@ -10,13 +10,7 @@ from typing import NamedTuple
 
 from textual.content import Content
 
-from pa_console.schema.telemetry import (
-    AssetTelemetry,
-    CameraReport,
-    GateCover,
-    Picture,
-    Track,
-)
+from pa_console.schema.telemetry import AssetTelemetry, CameraReport, GateCover, Picture, Track
 from pa_console.schema.world import AssetKind
 from pa_console.views.status_words import STATUSES, Tone, status_of
 

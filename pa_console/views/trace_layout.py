@@ -160,12 +160,7 @@ def _folded_attempt(
 
 
 def _attempt(
-    attempt: Attempt,
-    shown: Digest | None,
-    rules: Rules,
-    options: TraceOptions,
-    *,
-    with_rest: bool,
+    attempt: Attempt, shown: Digest | None, rules: Rules, options: TraceOptions, *, with_rest: bool
 ) -> list[TraceSection]:
     """Return steps 3 to 6 of one attempt, with its picture if it is not the one `shown`."""
     full, record = options.detail >= Detail.FULL, options.detail >= Detail.RECORD

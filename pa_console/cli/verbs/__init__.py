@@ -59,8 +59,7 @@ VERBS = {
     ),
     "models": Verb("models:app", "List and pull language models."),
     "eval": Verb(
-        "evaluate:app",
-        "Run mission sets against models and variants of the pipeline; more below.",
+        "evaluate:app", "Run mission sets against models and variants of the pipeline; more below."
     ),
     "scenarios": Verb("world:scenarios_app", "List, show and check the situations of a world."),
     "site": Verb(

@@ -369,10 +369,7 @@ def _about(
 
 def _report(folder: Path, *, json: bool) -> None:
     """Write both reports and print the tables, or everything as JSON."""
-    from pa_console.evaluation.reporting.report import (  # noqa: PLC0415 - plotting is slow
-        build_tables,
-        write_report,
-    )
+    from pa_console.evaluation.reporting.report import build_tables, write_report  # noqa: PLC0415 - plotting is slow
 
     records = read_runs(folder)
     if not records:

@@ -169,12 +169,7 @@ def cast(
 
     Play it with: asciinema play FILE
     """
-    from pa_console.export.screen_files import (  # noqa: PLC0415 - loads the screens
-        CastWriter,
-        ReplayedScreen,
-        picture_replay,
-        positions,
-    )
+    from pa_console.export.screen_files import CastWriter, ReplayedScreen, picture_replay, positions  # noqa: PLC0415 - loads the screens
     from pa_console.session.recording import Player  # noqa: PLC0415
 
     screen = size_of(film.size)

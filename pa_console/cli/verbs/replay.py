@@ -32,8 +32,7 @@ def replay(
         ),
     ] = False,
     chain_only: Annotated[
-        bool,
-        typer.Option("--chain-only", help="With --verify: do not run the session again."),
+        bool, typer.Option("--chain-only", help="With --verify: do not run the session again.")
     ] = False,
     key: Annotated[
         list[str] | None,

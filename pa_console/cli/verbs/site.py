@@ -62,8 +62,7 @@ def site(
         float, typer.Option("--rate", min=0.1, max=100.0, help="Simulated seconds a second.")
     ] = 1.0,
     paced: Annotated[
-        bool,
-        typer.Option("--paced", help="Stand still until the station moves on: for scripts."),
+        bool, typer.Option("--paced", help="Stand still until the station moves on: for scripts.")
     ] = False,
 ) -> None:
     """Run the simulated checkpoint as a service: one VDA 5050 vehicle an asset, until Ctrl-C."""
@@ -91,10 +90,7 @@ def site(
     )
     checkpoint = Checkpoint(loaded, seed, played)
     endable = EndableRun()
-    with (
-        end_signals(endable.end),
-        run_broker(address.port) if embedded_broker else nullcontext(),
-    ):
+    with end_signals(endable.end), run_broker(address.port) if embedded_broker else nullcontext():
         errors.print_line(
             f"{loaded.title}: {count(len(loaded.assets), 'asset')} at {address}; Ctrl-C ends it"
         )

@@ -131,8 +131,7 @@ def check(
     world: Annotated[
         str,
         typer.Argument(
-            help="A world: an installed name, a folder or a file.",
-            autocompletion=completion.worlds,
+            help="A world: an installed name, a folder or a file.", autocompletion=completion.worlds
         ),
     ],
 ) -> None:

@@ -95,10 +95,7 @@ class Memory:
 
 
 _ONE_APPROVAL = ("person", "station", "session", "request", "nbf")
-_USED = {
-    "used": "used before",
-    "forgotten": "made before anything that this vehicle remembers",
-}
+_USED = {"used": "used before", "forgotten": "made before anything that this vehicle remembers"}
 
 
 class Verifier:

@@ -16,14 +16,7 @@ from pa_console.fleets.vda5050.messages import (
     RobotAction,
     RobotState,
 )
-from pa_console.fleets.vda5050.vehicle import (
-    AUTHORIZATION,
-    CANCEL,
-    ENDED,
-    PAUSE,
-    RESUME,
-    TARGET,
-)
+from pa_console.fleets.vda5050.vehicle import AUTHORIZATION, CANCEL, ENDED, PAUSE, RESUME, TARGET
 from pa_console.fleets.vda5050.wire import Identity
 from pa_console.schema.base import Point
 from pa_console.schema.command import FINAL_REPLIES, DeviceCommand, ReplyStatus

@@ -9,16 +9,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, JsonValue
 
-from pa_console.fleets.vda5050.wire import (
-    MOST_ITEMS,
-    Count,
-    Finite,
-    Header,
-    Id,
-    Items,
-    Text,
-    Wire,
-)
+from pa_console.fleets.vda5050.wire import MOST_ITEMS, Count, Finite, Header, Id, Items, Text, Wire
 
 Angle = Annotated[float, Field(ge=-3.1415926536, le=3.1415926536)]
 """Radians; 0 east, a quarter turn north."""

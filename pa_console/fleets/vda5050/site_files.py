@@ -302,9 +302,7 @@ def _host(host: str) -> x509.GeneralName:
 def _keep(file: Path, certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey) -> None:
     """Write a key and its certificate to `file` with their endings."""
     secret = key.private_bytes(
-        serialization.Encoding.PEM,
-        serialization.PrivateFormat.PKCS8,
-        serialization.NoEncryption(),
+        serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
     )
     replace_private(file.with_name(f"{file.name}.key"), secret)
     replace_private(

@@ -13,12 +13,7 @@ from pa_console.language.lexicon import word_lists
 from pa_console.language.mentions import ASSETS, KINDS
 from pa_console.language.name_linking import link_names
 from pa_console.language.references.conversation import Unclear
-from pa_console.language.references.reader import (
-    Reader,
-    asset_at,
-    place_at,
-    read_tokens,
-)
+from pa_console.language.references.reader import Reader, asset_at, place_at, read_tokens
 from pa_console.language.references.scene import ReferenceScene
 from pa_console.schema.world import AssetKind
 

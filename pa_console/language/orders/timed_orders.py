@@ -30,11 +30,7 @@ from pa_console.language.clock_words import (
     unread_times,
 )
 from pa_console.language.references.conversation import Unclear
-from pa_console.language.references.reader import (
-    Reader,
-    WordToken,
-    read_tokens,
-)
+from pa_console.language.references.reader import Reader, WordToken, read_tokens
 from pa_console.schema.mission import DAY_S, Schedule
 from pa_console.schema.world import World
 
@@ -452,11 +448,7 @@ def _schedule(  # noqa: PLR0911 - one line for each thing that can be wrong
         if until is None and said.during_s:
             until = start + timedelta(seconds=said.during_s)
         return Schedule(
-            start=start,
-            at_once=start == now,
-            every_s=said.every_s,
-            until=until,
-            times=said.times,
+            start=start, at_once=start == now, every_s=said.every_s, until=until, times=said.times
         )
     return Schedule(
         start=start, at_once=start == now, stay_s=said.during_s, leave=until, to_base=said.to_base

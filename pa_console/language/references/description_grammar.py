@@ -30,13 +30,7 @@ from pa_console.language.references.description import (
     is_silent,
     works,
 )
-from pa_console.language.references.reader import (
-    Reader,
-    WordToken,
-    asset_at,
-    number_of,
-    place_at,
-)
+from pa_console.language.references.reader import Reader, WordToken, asset_at, number_of, place_at
 from pa_console.language.references.scene import ReferenceScene
 from pa_console.language.references.trait_clauses import AssetClauses, GateClauses, sent
 

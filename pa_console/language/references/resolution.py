@@ -324,10 +324,7 @@ def _unclear(scene: ReferenceScene, one: Description, names: Sequence[str]) -> U
 
 
 def _written(
-    scene: ReferenceScene,
-    tokens: Sequence[WordToken],
-    one: Description,
-    names: tuple[str, ...],
+    scene: ReferenceScene, tokens: Sequence[WordToken], one: Description, names: tuple[str, ...]
 ) -> list[ResolvedReference]:
     """Return what to write for a description: its names, and where to, if only it says that.
 

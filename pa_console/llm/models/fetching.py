@@ -95,11 +95,7 @@ def _download(requirement: str, incoming: Path, report: Callable[[int], None], m
     words = ["-m", "pip", "download", *options.split()]
     words += ["--retries=2", "--timeout=15", "--progress-bar=off", "--dest", to]
     run_watched(
-        [*words, requirement],
-        environment={"TMPDIR": to},
-        folder=incoming,
-        report=report,
-        most=most,
+        [*words, requirement], environment={"TMPDIR": to}, folder=incoming, report=report, most=most
     )
 
 

@@ -3,13 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from pa_console.llm.backend import (
-    Backend,
-    BackendOptions,
-    ModelError,
-    names_backend,
-    open_backend,
-)
+from pa_console.llm.backend import Backend, BackendOptions, ModelError, names_backend, open_backend
 from pa_console.llm.models.catalogue import NO_READER, Catalog
 from pa_console.llm.remote.address import FORM
 from pa_console.schema.events.event import ServerUse

@@ -202,11 +202,7 @@ def _rank_word(track: Track) -> str:
 
 
 def _gates(
-    picture: Picture,
-    world: World,
-    mission: Mission,
-    own: Iterable[str],
-    tracks: Iterable[str],
+    picture: Picture, world: World, mission: Mission, own: Iterable[str], tracks: Iterable[str]
 ) -> Iterator[Pick]:
     """Yield the gates that the mission means, then those in trouble."""
     yield from ((gate, "named in the mission") for gate in named(world.gates, mission.text))

@@ -6,13 +6,7 @@ from dataclasses import dataclass
 from difflib import SequenceMatcher
 from typing import Literal, cast
 
-from pa_console.policy.rule_seal import (
-    Plain,
-    canonical,
-    plain_head,
-    plain_rule,
-    plain_workflow,
-)
+from pa_console.policy.rule_seal import Plain, canonical, plain_head, plain_rule, plain_workflow
 from pa_console.schema.rule import RuleSet
 
 Part = Literal["set", "rule", "workflow"]

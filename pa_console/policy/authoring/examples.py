@@ -91,9 +91,7 @@ WORLD = World(
         "Checkpoint": Frame(kind="post", at=(0.0, 0.0)),
         "Base": Frame(kind="base", at=(-30.0, -30.0)),
     },
-    zones={
-        "Depot": Zone(kind="restricted", polygon=((20.0, 20.0), (40.0, 20.0), (40.0, 40.0))),
-    },
+    zones={"Depot": Zone(kind="restricted", polygon=((20.0, 20.0), (40.0, 20.0), (40.0, 40.0)))},
     platforms={"uav": _PLATFORM, "ugv": _PLATFORM, "robot": _PLATFORM},
     assets={name: AssetSpec(kind=kind, post=post) for name, (kind, post) in _POSTS.items()},
 )
@@ -331,12 +329,7 @@ def run_example(rule: Rule, example: RuleExample) -> Finding:
         id="example", text=example.mission or MISSION_TEXT, created=datetime(2000, 1, 1, tzinfo=UTC)
     )
     return check_rule(
-        entry,
-        plan=plan,
-        rehearsal=rehearsal,
-        mission=mission,
-        world=WORLD,
-        sightings=sightings,
+        entry, plan=plan, rehearsal=rehearsal, mission=mission, world=WORLD, sightings=sightings
     )
 
 

@@ -247,8 +247,7 @@ class Conflicts:
         ]
         self._dice.shuffle(every)
         return sorted(
-            every,
-            key=lambda order: (not usable[order.agent].available, order.target not in places),
+            every, key=lambda order: (not usable[order.agent].available, order.target not in places)
         )
 
     def _doubt(self, rules: tuple[str, ...], situation: LintSituation, plans: int) -> Doubt:

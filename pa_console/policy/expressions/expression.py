@@ -228,10 +228,7 @@ class Expression:
     """A compiled CEL expression; `variables` are those of the allowed ones that it reads."""
 
     def __init__(
-        self,
-        source: str,
-        allowed: frozenset[str] = PLAN_VARIABLES,
-        deadline_s: float = DEADLINE_S,
+        self, source: str, allowed: frozenset[str] = PLAN_VARIABLES, deadline_s: float = DEADLINE_S
     ) -> None:
         """Compile `source`, which may run `deadline_s` of processor time each time.
 

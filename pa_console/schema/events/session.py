@@ -5,15 +5,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from pa_console.schema.base import (
-    Hex32,
-    Hex64,
-    NonNegative,
-    Payload,
-    Point,
-    ServerUse,
-    StrictModel,
-)
+from pa_console.schema.base import Hex32, Hex64, NonNegative, Payload, Point, ServerUse, StrictModel
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.incident import Incident
 from pa_console.schema.rule import RuleSet, RulesSeal

@@ -175,11 +175,7 @@ class Witness:
     """
 
     def __init__(
-        self,
-        target: str,
-        *,
-        send: Send | None = None,
-        clock: Callable[[], float] = time.monotonic,
+        self, target: str, *, send: Send | None = None, clock: Callable[[], float] = time.monotonic
     ) -> None:
         """`target` is the path of a file, or an address with http:// or https://."""
         self.target, self.problem = target, ""

@@ -427,10 +427,7 @@ _BY_ENDING = {
     ".torn": "what a crash left of a session log",
     ".sig": "the signature of a rule set",
 }
-_BY_START = {
-    b'{"seq":': "a session log",
-    b'{"closed":': "a witness of session logs",
-}
+_BY_START = {b'{"seq":': "a session log", b'{"closed":': "a witness of session logs"}
 
 
 def refuse_audit_file(path: Path) -> None:

@@ -186,10 +186,7 @@ async def answer(
 
 def _told(question: Question, lines: list[AnswerLine]) -> QuestionAnswered:
     return QuestionAnswered(
-        question=question.text,
-        topic=question.topic,
-        subjects=question.subjects,
-        lines=tuple(lines),
+        question=question.text, topic=question.topic, subjects=question.subjects, lines=tuple(lines)
     )
 
 

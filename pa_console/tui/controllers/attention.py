@@ -43,10 +43,7 @@ class AttentionController:
     """Looks at the session after each frame; every means can be switched off in the settings."""
 
     def __init__(
-        self,
-        session: ConsoleSession,
-        settings: SettingsController,
-        write: Callable[[str], object],
+        self, session: ConsoleSession, settings: SettingsController, write: Callable[[str], object]
     ) -> None:
         """`write` sends codes to the terminal."""
         self._session, self._settings, self._write = session, settings, write

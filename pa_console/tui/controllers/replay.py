@@ -124,11 +124,7 @@ class ReplayController:
             return
         from pa_console.tui.recordings import KnownWorld, OpenedLog, open_compared  # noqa: PLC0415
         from pa_console.tui.screens.compare import CompareScreen  # noqa: PLC0415
-        from pa_console.tui.screens.dialogs import (  # noqa: PLC0415
-            AskLine,
-            OpeningLog,
-            is_large,
-        )
+        from pa_console.tui.screens.dialogs import AskLine, OpeningLog, is_large  # noqa: PLC0415
 
         known = KnownWorld.of(recording.world, recording.player.recording)
 

@@ -116,11 +116,7 @@ class MainScreen(Screen[None]):
                 yield ApprovalPanel(self._clock, decides=self._decides, joined=self._joined)
         yield from self.replay_line()
         yield MissionPrompt(
-            self._history,
-            self._names,
-            self._clock,
-            self._closed_why,
-            asks=self._joined is not None,
+            self._history, self._names, self._clock, self._closed_why, asks=self._joined is not None
         )
         yield KeyFooter()
         yield ReadingLine(id="live-reading", markup=False)

@@ -35,10 +35,7 @@ class PagePosition(NamedTuple):
 class ManualScreen(Screen[None]):
     """Words that are typed turn the list of pages into one of the sections that have them."""
 
-    BINDINGS = [
-        Binding("escape", "dismiss", "Back"),
-        Binding("slash", "search", "Search"),
-    ]
+    BINDINGS = [Binding("escape", "dismiss", "Back"), Binding("slash", "search", "Search")]
 
     def __init__(self, manual: Manual) -> None:
         super().__init__()

@@ -24,13 +24,7 @@ from pa_console.session.recording import Player
 from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.station.assembly import SessionSites
 from pa_console.tui.kept_input import export_folder, write_copy
-from pa_console.tui.recordings import (
-    KnownWorld,
-    OpenedLog,
-    PlayableLog,
-    open_compared,
-    open_log,
-)
+from pa_console.tui.recordings import KnownWorld, OpenedLog, PlayableLog, open_compared, open_log
 from pa_console.tui.rows import WrappedRow, row
 from pa_console.tui.screens.compare import CompareScreen
 from pa_console.tui.screens.dialogs import open_beside

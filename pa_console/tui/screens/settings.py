@@ -29,10 +29,7 @@ HINT = "Enter changes it, Del goes back to the default"
 class SettingsScreen(Screen[None]):
     """The choices on the left, the one at the pointer with its help and its field on the right."""
 
-    BINDINGS = [
-        Binding("escape", "leave", "Back"),
-        Binding("delete", "restore", "Default"),
-    ]
+    BINDINGS = [Binding("escape", "leave", "Back"), Binding("delete", "restore", "Default")]
 
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (100, "-wide")]
 
