@@ -2,6 +2,7 @@
 
 Each order is given to a session of its own in real time, after its set-up: key by key, with a pause
 before Enter, or all at once. The ways take turns order by order, so that each meets the same load.
+At the end comes the memory of the processes that hold the models.
 """
 
 import asyncio
@@ -30,6 +31,7 @@ from pa_console.station.headless import SETUP_SETTLE_S
 from pa_console.station.station import ControlStation
 from pa_console.terminal.output import out
 from tests.benchmarks.figures import JsonFileOption, introduce, keep, shares
+from tests.benchmarks.speed.memory import Memory, workers_memory
 
 KEY_S = 0.25
 """The time between two keys: four a second."""
@@ -134,14 +136,14 @@ def live(
     machine = describe_machine()
     introduce(machine, found, f"{len(cases)} orders, four keys a second")
 
-    async def measured() -> list[Decided]:
+    async def measured() -> tuple[list[Decided], dict[str, Memory]]:
         engine = Engine(found)
         try:
-            return await measure(site, engine, cases, WAYS)
+            return await measure(site, engine, cases, WAYS), workers_memory(engine)
         finally:
             await engine.close()
 
-    rows = asyncio.run(measured())
+    rows, memory = asyncio.run(measured())
     table = Table("Way", "median", "p95", "most", "ahead", "shown", "load")
     for way in WAYS:
         of_way = [row for row in rows if row.way == way]
@@ -156,4 +158,7 @@ def live(
             f"{median(row.load for row in of_way):.1f}",
         )
     out.print(table)
-    keep("live", {"machine": machine, "decisions": rows}, json)
+    for name, used in memory.items():
+        at_most = f"resident at most {used.peak_mb:.0f} MB"
+        out.print(f"process of {name}: {used.pss_mb:.0f} MB (PSS); {at_most}")
+    keep("live", {"machine": machine, "decisions": rows, "memory": memory}, json)

@@ -126,6 +126,15 @@ async def test_an_answer_streams_fits_its_grammar_and_is_counted(engine: Engine)
     assert engine.info.n_ctx == 4096
 
 
+async def test_weights_that_are_copied_are_not_mapped_as_well(engine: Engine, whole: Engine):
+    """Few layers leave the shallow model quantised embeddings for the most part."""
+    await whole.start()
+    for one, mapped in ((engine, False), (whole, True)):
+        await answer(one, BRIEF)
+        maps = Path(f"/proc/{worker_pid(one)}/maps").read_text(encoding="utf-8")
+        assert (one.model.path.name in maps) is mapped
+
+
 async def test_what_repeats_the_prompt_is_guessed_and_counted(whole: Engine):
     words = "north gate, south gate, east gate, west gate, " * 6
     request = replace(SHORT, user=f"Repeat: {words}", grammar="start: /[a-z, ]{120}/")

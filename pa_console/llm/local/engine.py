@@ -44,12 +44,18 @@ from pa_console.schema.events.event import Role, WorkerState
 from pa_console.schema.finding import Usage
 
 COMMAND = ("-m", "pa_console.llm.local.worker")
-ENVIRONMENT = {"GOMP_SPINCOUNT": "1000"}
-"""Threads of llama.cpp that wait for each other look so often before they give their core away.
-
-On an idle machine 1,000 is as fast as 10,000; a tenth of it makes a plan half as long again. Beside
-a busy process two threads that look longer waste the time of the one that they wait for.
-"""
+ENVIRONMENT = {
+    # Threads of llama.cpp that wait for each other look so often before they give their core away.
+    # On an idle machine 1,000 is as fast as 10,000; a tenth of it makes a plan half as long again.
+    # Beside a busy process two threads that look longer waste the time of the one they wait for.
+    "GOMP_SPINCOUNT": "1000",
+    # The C library would let the first large buffer that is freed raise this limit, keep later ones
+    # in its heap, and never return those that others lie behind: 35 MB after a context has grown.
+    # Rows of logits stay below it, so that no system call is needed for each of them.
+    "MALLOC_MMAP_THRESHOLD_": str(4 << 20),
+    "MALLOC_TRIM_THRESHOLD_": str(8 << 20),
+}
+"""Variables of the worker, unless the console was started with others that it passes on."""
 
 LINE_LIMIT = 1 << 20
 WAITING_LIMIT = 8 << 20

@@ -5,6 +5,7 @@ keeps one sequence, cannot be interrupted, and hides the logits (measured: `logi
 """
 
 import ctypes
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -57,8 +58,12 @@ CHUNK, SHARED_CHUNK = 64, 16
 reused in whole chunks, so that every batch has the same shape as in a fresh context and an answer
 never depends on what was asked before."""
 
-ROOM = 512
-"""The context of a sequence is a multiple of this number of tokens, as it fills memory."""
+ROOM = 256
+"""Contexts are a multiple of this number of tokens. llama.cpp attends to so many at once: the room
+of a context does not show in its answers."""
+
+LEAST_ROOM = 2 * ROOM
+"""The room for the prompt and answer of most missions."""
 
 WHOLE_ATTENTION = llama_cpp.LLAMA_FLASH_ATTN_TYPE_DISABLED
 """Flash attention splits long contexts among the threads, so that the logits of a single token
@@ -67,6 +72,11 @@ slower here (135M weights, two cores: 23 ms a token, 0.32 s instead of 0.41 s fo
 
 ABORTED = 2
 """The result of llama_decode after the abort callback stopped it."""
+
+_give_back: Any = (
+    getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
+)
+"""Returns unused memory within the heap to the system, which only glibc can."""
 
 State = ctypes.Array[ctypes.c_uint8]
 """The state of a sequence in a context; it is megabytes, and never copied."""
@@ -117,6 +127,8 @@ class _LlamaContext:
         """Give the memory back; the context must not be used afterwards."""
         _api.llama_batch_free(self._batch)
         _api.llama_free(self.handle)
+        if _give_back is not None:
+            _give_back(0)
 
     def evaluate(self, tokens: Sequence[Placed]) -> None:
         """Evaluate one batch; raises InterruptedEvaluationError, or RuntimeError if it cannot."""
@@ -156,13 +168,18 @@ class _LlamaContext:
             raise ValueError(problem)
 
 
-class SharedContext:
-    """A context with room for a prompt and `width` short answers, evaluated together."""
+def _rounded(tokens: int) -> int:
+    """Return the room of a context that holds `tokens`."""
+    return -(-tokens // ROOM) * ROOM
 
-    def __init__(self, runtime: "Runtime", width: int, n_ctx: int) -> None:
-        """Raises ValueError when there is no memory for `n_ctx` tokens."""
-        self.width, self._adapters = width, runtime.adapters
-        self._context = _LlamaContext(runtime, n_ctx, SHARED_CHUNK, width)
+
+class SharedContext:
+    """A context with room for a prompt and `width` answers, `tokens` in all."""
+
+    def __init__(self, runtime: "Runtime", width: int, tokens: int) -> None:
+        """Raises ValueError when there is no memory for it."""
+        self._adapters = runtime.adapters
+        self._context = _LlamaContext(runtime, _rounded(tokens), SHARED_CHUNK, width)
 
     def close(self) -> None:
         """Give the memory back; the context must not be used afterwards."""
@@ -219,15 +236,19 @@ class Runtime:
         cores: FreeCores,
         stopped: Callable[[], bool],
         adapters: Mapping[int, str] | None = None,
+        mapped: bool = True,
     ) -> None:
         """Load the file at `path`; raises ValueError when llama.cpp cannot.
 
         `cores` says how many threads compute; `adapters` has the path of the adapter with which a
-        sequence is evaluated, if any.
+        sequence is evaluated, if any. A `mapped` file is shared with other processes that load it.
         """
         _api.llama_log_set(_no_log, None)
         _api.llama_backend_init()
         model_parameters = _api.llama_model_default_params()
+        model_parameters.load_mode = (
+            _api.LLAMA_LOAD_MODE_MMAP if mapped else _api.LLAMA_LOAD_MODE_NONE
+        )
         self.model = _api.llama_model_load_from_file(path.encode(), model_parameters)
         if not self.model:
             raise ValueError(f"{path}: not a GGUF model that this version of llama.cpp can load")
@@ -238,7 +259,7 @@ class Runtime:
         self.n_vocabulary: int = _api.llama_vocab_n_tokens(self.vocabulary)
         self._contexts: dict[int, _LlamaContext] = {}
         self._cached: dict[int, list[int]] = {}
-        self._context(0)
+        self._make_room(0, LEAST_ROOM)
 
     @property
     def description(self) -> str:
@@ -307,7 +328,7 @@ class Runtime:
                 break
             common += 1
         kept = common // CHUNK * CHUNK
-        memory = self._context(sequence).memory
+        memory = self._contexts[sequence].memory
         if not _api.llama_memory_seq_rm(memory, 0, kept, -1):
             _api.llama_memory_clear(memory, False)
             kept = 0
@@ -316,7 +337,7 @@ class Runtime:
             chunk = prompt[start : start + CHUNK]
             self._decode(sequence, start, chunk)
             self._cached[sequence].extend(chunk)
-        return self._context(sequence).logits(), kept
+        return self._contexts[sequence].logits(), kept
 
     def extend(
         self, sequence: int, position: int, tokens: Sequence[int], rows: int = 1
@@ -330,26 +351,20 @@ class Runtime:
         for start in range(0, early, CHUNK):
             self._decode(sequence, position + start, tokens[start : min(start + CHUNK, early)], 0)
         self._decode(sequence, position + early, tokens[early:], rows)
-        return np.stack([self._context(sequence).logits(row - rows) for row in range(rows)])
+        return np.stack([self._contexts[sequence].logits(row - rows) for row in range(rows)])
 
     def keep(self, sequence: int, tokens: int, trim: bool) -> None:
         """Forget the evaluated tokens of `sequence` after the first `tokens`."""
         if trim:
-            _api.llama_memory_seq_rm(self._context(sequence).memory, 0, tokens, -1)
+            _api.llama_memory_seq_rm(self._contexts[sequence].memory, 0, tokens, -1)
 
     def state(self, sequence: int) -> State:
         """Return the evaluated state of `sequence`, for another context."""
-        return self._context(sequence).state()
-
-    def _context(self, sequence: int) -> _LlamaContext:
-        """Return the context of `sequence`; raises ValueError when there is no memory for it."""
-        if sequence not in self._contexts:
-            self._make_room(sequence, ROOM)
-        return self._contexts[sequence]
+        return self._contexts[sequence].state()
 
     def _make_room(self, sequence: int, tokens: int) -> None:
         """Let the context of `sequence` hold `tokens`; what was evaluated in it stays."""
-        room = min(-(-tokens // ROOM) * ROOM, self.n_ctx)
+        room = min(max(_rounded(tokens), LEAST_ROOM), self.n_ctx)
         old = self._contexts.get(sequence)
         if old is not None and room <= old.n_ctx:
             return
@@ -363,6 +378,6 @@ class Runtime:
 
     def _decode(self, sequence: int, position: int, tokens: Sequence[int], rows: int = 1) -> None:
         first = len(tokens) - rows
-        self._context(sequence).evaluate(
+        self._contexts[sequence].evaluate(
             [(0, position + index, token, index >= first) for index, token in enumerate(tokens)]
         )

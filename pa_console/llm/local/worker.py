@@ -92,16 +92,20 @@ def serve(load: Load, inbox: Inbox, outbox: IO[bytes], reading: Restriction) -> 
         restrictions = (reading, *confine(size, load.threads))
         if load.require_sandbox:
             require_all(restrictions)
-        for pin, file in files.items():
-            kind = "model" if pin == load.weights else "adapter"
-            check_gguf(file.route, kind, name=file.path)
+        for pin in set(load.adapters.values()):
+            check_gguf(files[pin].route, "adapter", name=files[pin].path)
+        weights = files[load.weights]
+        quantised = check_gguf(weights.route, "model", name=weights.path)
         inbox.current = 1
         runtime = Runtime(
-            files[load.weights].route,
+            weights.route,
             n_ctx=load.n_ctx,
             cores=cores,
             stopped=inbox.stopped,
             adapters={SEQUENCES[role]: files[pin].route for role, pin in load.adapters.items()},
+            # llama.cpp copies most quantised weights into another layout: a mapped file would stay
+            # in memory beside the copy.
+            mapped=not quantised,
         )
         chat, decoder = ChatPrompt(runtime, load.chat), Decoder(runtime)
         _check(files.values())

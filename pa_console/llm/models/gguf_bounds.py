@@ -43,6 +43,8 @@ BLOCKS = {
     28: (1, 8), 29: (256, 56), 30: (1, 2), 34: (256, 54), 35: (256, 66), 39: (32, 17),
 }  # fmt: skip
 """Weights in a block, and bytes of a block, by the number of a tensor's type."""
+PLAIN_NUMBERS = frozenset((0, 1, 30))
+"""The types f32, f16 and bf16."""
 
 SIZES: dict[str, tuple[int, int]] = {
     ".block_count": (1, 1024),
@@ -169,30 +171,33 @@ class _Header:
 
 
 class _Tensor(NamedTuple):
-    """The place of a tensor: `size` bytes, `offset` bytes after the header."""
+    """The type and place of a tensor: `size` bytes, `offset` bytes after the header."""
 
     name: str
+    kind: int
     offset: int
     size: int
 
 
-def check_gguf(path: str, kind: GgufKind, *, name: str = "") -> None:
+def check_gguf(path: str, kind: GgufKind, *, name: str = "") -> bool:
     """Raise ValueError, naming the file and the wrong number, unless llama.cpp may parse `path`.
 
-    Errors name the file `name` where it is opened by another path. It takes 1 s per 4 million
-    pieces of a vocabulary.
+    Returns whether most of its weights are quantised, by bytes. Errors name the file `name` where
+    it is opened by another path. It takes 1 s per 4 million pieces of a vocabulary.
     """
     try:
         with open(path, "rb") as stream:
             if not Path(path).stat().st_size:
                 raise ValueError("it is empty")
             with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
-                _check(_Header(content), kind)
+                tensors = _check(_Header(content), kind)
     except ValueError as error:
         raise ValueError(f"{name or path}: not a sound GGUF file: {error}; {REMEDY}") from error
+    quantised = sum(tensor.size for tensor in tensors if tensor.kind not in PLAIN_NUMBERS)
+    return 2 * quantised > sum(tensor.size for tensor in tensors)
 
 
-def _check(header: _Header, kind: GgufKind) -> None:
+def _check(header: _Header, kind: GgufKind) -> list[_Tensor]:
     if header.content[: len(MAGIC)] != MAGIC:
         raise ValueError("it does not begin with GGUF")
     header.skip(len(MAGIC), "the beginning")
@@ -218,6 +223,7 @@ def _check(header: _Header, kind: GgufKind) -> None:
     tensors = [_tensor(header) for _ in range(tensor_count)]
     begin = header.at + -header.at % alignment
     _check_places(tensors, alignment, header.size - begin)
+    return tensors
 
 
 def _check_fields(fields: dict[str, _Value], kind: GgufKind) -> None:
@@ -261,7 +267,7 @@ def _tensor(header: _Header) -> _Tensor:
         raise ValueError(f"{name} has the shape {shape}, which its type cannot have")
     for width in shape:
         size *= width
-    return _Tensor(name, header.number("<Q", f"the offset of {name}"), size // weights)
+    return _Tensor(name, kind, header.number("<Q", f"the offset of {name}"), size // weights)
 
 
 def _check_places(tensors: list[_Tensor], alignment: int, room: int) -> None:

@@ -4,23 +4,38 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
+from pa_console.llm.local.engine import Engine
+
 PROCESSES = Path("/proc")
 
 
 class Memory(NamedTuple):
-    """Megabytes that are resident now, mapped files included, and the most that ever were."""
+    """Megabytes in use, and the most that ever were resident, mapped files included.
 
-    rss_mb: float
+    Of what several processes map, such as a model that is loaded twice, each has a share (PSS).
+    """
+
+    pss_mb: float
     peak_mb: float
 
 
 def process_memory(pid: int, processes: Path = PROCESSES) -> Memory | None:
-    """Return the memory of process `pid`; None where the system does not tell."""
+    """Return the memory of process `pid`; None where the system does not say."""
+    folder = processes / str(pid)
     try:
-        status = (processes / str(pid) / "status").read_text(encoding="utf-8")
+        texts = [(folder / name).read_text(encoding="utf-8") for name in ("smaps_rollup", "status")]
     except OSError:
         return None
-    found = {name: int(kib) for name, kib in re.findall(r"^(Vm\w+):\s+(\d+) kB$", status, re.M)}
-    if not {"VmRSS", "VmHWM"} <= found.keys():
+    found = dict(re.findall(r"^(Pss|VmHWM):\s+(\d+) kB$", "\n".join(texts), re.M))
+    if len(found) < len(Memory._fields):
         return None
-    return Memory(found["VmRSS"] * 1024 / 1e6, found["VmHWM"] * 1024 / 1e6)
+    return Memory(int(found["Pss"]) * 1024 / 1e6, int(found["VmHWM"]) * 1024 / 1e6)
+
+
+def workers_memory(engine: Engine) -> dict[str, Memory]:
+    """Return the memory of each process that holds a model of `engine`, by the model's name."""
+    found: dict[str, Memory] = {}
+    for one in (engine, engine.second_reader):
+        if one is not None and one.pid is not None and (memory := process_memory(one.pid)):
+            found[one.name] = memory
+    return found

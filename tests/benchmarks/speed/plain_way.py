@@ -78,7 +78,7 @@ class PlainWay:
         known = [one for one in found if one is not None]
         if len(known) < len(found):
             return None
-        return Memory(sum(one.rss_mb for one in known), sum(one.peak_mb for one in known))
+        return Memory(sum(one.pss_mb for one in known), sum(one.peak_mb for one in known))
 
     async def close(self) -> None:
         """End every process."""

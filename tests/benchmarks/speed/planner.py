@@ -137,10 +137,10 @@ def _memory(measured: Measured) -> list[Comparison]:
         compare(
             PART,
             "memory with the model",
-            ("worker after plan, verdict, other plans, outcome", [ours.rss_mb]),
-            ("plain: its processes after plan and verdict", [plain.rss_mb]),
+            ("worker after plan, verdict, other plans, outcome", [ours.pss_mb]),
+            ("plain: its processes after plan and verdict", [plain.pss_mb]),
             "MB",
-            f"resident, mapped files included; peak: ours {ours.peak_mb:.0f} MB, "
+            f"shared pages by share (PSS); resident at most: ours {ours.peak_mb:.0f} MB, "
             f"plain {plain.peak_mb:.0f} MB",
         )
     ]

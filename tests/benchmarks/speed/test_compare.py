@@ -61,10 +61,11 @@ def test_less_memory_is_better_and_nearly_all_runs_are_below_the_95th_percentile
 def test_the_memory_of_a_process_is_what_the_system_says(tmp_path: Path) -> None:
     mine = process_memory(os.getpid())
     if mine is not None:
-        assert 1.0 < mine.rss_mb <= mine.peak_mb
+        assert 1.0 < mine.pss_mb <= mine.peak_mb
     (tmp_path / "7").mkdir()
     assert process_memory(7, tmp_path) is None
-    (tmp_path / "7" / "status").write_text("Name:\tx\nVmHWM:\t  2000 kB\nVmRSS:\t  1000 kB\n")
+    (tmp_path / "7" / "status").write_text("Name:\tx\nVmHWM:\t  2000 kB\nVmRSS:\t  1500 kB\n")
+    (tmp_path / "7" / "smaps_rollup").write_text("Rss:   1500 kB\nPss:   1000 kB\nPss_Anon: 9 kB\n")
     assert process_memory(7, tmp_path) == (1.024, 2.048)
     (tmp_path / "7" / "status").write_text("Name:\tx\n")
     assert process_memory(7, tmp_path) is None
