@@ -34,7 +34,8 @@ from pa_console.cli.verbs.doctor_checks import (
 from pa_console.fleets import link
 from pa_console.fleets.link import GROUP, LinkNotice
 from pa_console.llm.backend import EngineDiedError, EngineError
-from pa_console.llm.models.catalogue import LocalModel
+from pa_console.llm.models.catalogue import Catalog, LocalModel
+from pa_console.llm.models.preparing import prepared_path
 from pa_console.llm.remote.address import KEY_VARIABLE
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Usage
@@ -157,6 +158,11 @@ def test_a_model_that_is_not_here_or_not_the_pinned_one_is_told_with_what_to_do(
     wrong, _ = check_model(MODEL)
     assert wrong.state == "missing"
     assert "SHA-256" in wrong.found
+    model = Catalog.load().get(MODEL)
+    assert model.how is not None
+    prepared_path(model.stem, model.how).write_bytes(b"0" * 2_000_000)
+    _, memory = check_model(MODEL)
+    assert "502 MB needed" in memory.found
     (unknown,) = check_model("gpt-9")
     assert unknown.state == "missing"
 
@@ -184,9 +190,9 @@ def test_folders_memory_and_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(doctor_checks, "LEAST_FREE_MB", 10**12)
     assert check_folder("logs", tmp_path, "x").state == "warning"
     memory = tmp_path / "meminfo"
-    memory.write_text("MemTotal: 9 kB\nMemAvailable: 1048576 kB\n")
-    assert check_memory(500, memory).state == "warning"
-    assert "1024 MB free" in check_memory(500, memory).found
+    memory.write_text("MemTotal: 9 kB\nMemAvailable: 1000000 kB\n")
+    assert check_memory(600, memory).state == "warning"
+    assert "1024 MB free" in check_memory(600, memory).found
     assert "cannot be told" in check_memory(500, tmp_path / "none").found
     assert [check_size(*size).state for size in ((80, 24), (79, 24), (59, 17))] == [
         "ok", "warning", "missing",

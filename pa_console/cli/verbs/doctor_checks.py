@@ -204,8 +204,8 @@ def confinement_words(restrictions: tuple[Restriction, ...]) -> Check:
 
 
 LEAST_FREE_MB = 200
-WORK_MB = 700
-"""Memory for the console, the simulation and a prompt's cache beside the model's weights."""
+WORK_MB = 500
+"""Memory for the console, and for both models' processes beside their weights; measured: 400."""
 
 COMFORTABLE, LEAST = (80, 24), (60, 18)
 MEMORY = Path("/proc/meminfo")
@@ -239,9 +239,18 @@ def check_model(name: str) -> Iterator[Check]:
         yield Check("model", "missing", str(error), "choose another: pa-console models list")
         return
     yield check_files(entry)
+    needed_mb = loaded_mb(entry)
     if entry.second_reader:
-        yield check_second_reader(catalog.get(entry.second_reader))
-    yield check_memory(entry.size_mb)
+        second = catalog.get(entry.second_reader)
+        yield check_second_reader(second)
+        needed_mb += loaded_mb(second) if second.local_file else 0
+    yield check_memory(needed_mb)
+
+
+def loaded_mb(entry: ModelEntry) -> int:
+    """Return the megabytes of the file that is loaded, of the one to be fetched if none is here."""
+    file = entry.prepared_file or entry.local_file
+    return entry.size_mb if file is None else file.stat().st_size // 10**6
 
 
 def check_second_reader(entry: ModelEntry) -> Check:
@@ -253,13 +262,13 @@ def check_second_reader(entry: ModelEntry) -> Check:
     return replace(check_files(entry), name=SECOND_READER)
 
 
-def check_memory(model_mb: int, memory: Path = MEMORY) -> Check:
-    """Look whether the memory that is free holds a model of `model_mb`, and at the cores."""
-    cores, needed = physical_cores(), model_mb + WORK_MB
+def check_memory(weights_mb: int, memory: Path = MEMORY) -> Check:
+    """Look whether the memory that is free holds models of `weights_mb`, and at the cores."""
+    cores, needed = physical_cores(), weights_mb + WORK_MB
     said = count(cores, "core")
     try:
         lines = dict(line.split(":", 1) for line in memory.read_text(encoding="ascii").splitlines())
-        free_mb = int(lines["MemAvailable"].split()[0]) // 1024
+        free_mb = int(lines["MemAvailable"].split()[0]) * 1024 // 10**6
     except (OSError, KeyError, ValueError):
         return Check("memory, cores", "ok", f"{said}; how much memory is free cannot be told here")
     found = f"{free_mb} MB free, {needed} MB needed, {said}"
