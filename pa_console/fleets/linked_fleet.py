@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING
 
 from pydantic import ValidationError
 
-from pa_console.fleets.fleet import Forecast, Received
+from pa_console.fleets.fleet import Received
 from pa_console.fleets.link import DeviceAnswer, Link, LinkNews, LinkNotice
-from pa_console.fleets.reported_picture import ReportedPicture
+from pa_console.fleets.reported_picture import ReportedFleet, ReportedPicture
 from pa_console.fleets.reports import AssetReport, Belief, Notices, SensorReport
 from pa_console.fleets.simulated import Authorize, Verify
 from pa_console.schema.command import COMMANDS, FINAL_REPLIES, CommandReply, DeviceCommand
 from pa_console.schema.events.event import Level
-from pa_console.schema.telemetry import AssetTelemetry, Picture
+from pa_console.schema.telemetry import AssetTelemetry
 from pa_console.schema.world import World
 from pa_console.sim import picture as station_side
 from pa_console.sim.worlds.terrain import Terrain
@@ -55,7 +55,7 @@ class _SentCommand:
         return self.reply is not None and self.reply.status in FINAL_REPLIES
 
 
-class LinkedFleet:
+class LinkedFleet(ReportedFleet):
     """Drives the assets of `world` that are on `links`, and those on `bus` where one is given.
 
     With `use`, a command is checked in place of its asset before it goes to a link: only one that
@@ -97,32 +97,9 @@ class LinkedFleet:
         self._authorize, self._verify = authorize, verify
 
     @property
-    def world(self) -> World:
-        """The world of the fleet."""
-        return self._known.world
-
-    @property
     def links(self) -> tuple[Link, ...]:
         """The links, without the bus."""
         return self._links
-
-    @property
-    def tick(self) -> int:
-        """Steps taken since the session began."""
-        return self._tick
-
-    @property
-    def time_s(self) -> float:
-        """Seconds on the station's clock since the session began."""
-        return self._known.terrain.seconds(self._tick)
-
-    def picture(self) -> Picture:
-        """Return the picture as it was made last, every `world.telemetry_period_s`."""
-        return self._known.picture()
-
-    def forecast(self) -> Forecast:
-        """Return a simulation of what the picture shows, built from it and the world alone."""
-        return self._known.forecast()
 
     def mark_manual(self, assets: frozenset[str]) -> None:
         """Show `assets`, and no others, as taken under manual control at this station; at once."""

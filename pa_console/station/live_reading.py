@@ -38,7 +38,7 @@ from pa_console.schema.mission import MAX_MISSION_TEXT, Decision, Mission
 from pa_console.schema.telemetry import Digest
 from pa_console.session.mission_trace import MissionTrace, apply_to_mission
 from pa_console.station.intake import ReadText
-from pa_console.views.live_reading import reading_line
+from pa_console.views.waiting import reading_line
 
 PAUSE_S = 0.3
 """The time without a key after which an order is read, seconds."""

@@ -21,8 +21,7 @@ from pa_console.station.assembly import Site, load_site
 from pa_console.terminal.output import PlainConsole
 from pa_console.tui.actions import ActionContext, bindings, find_action, first_key, key_text
 from pa_console.tui.approval.panel import ApprovalPanel
-from pa_console.tui.controllers.answers import QuestionController
-from pa_console.tui.controllers.approval import ApprovalController
+from pa_console.tui.controllers.approval import ApprovalController, QuestionController
 from pa_console.tui.controllers.attention import AttentionController, LogAlarmController
 from pa_console.tui.controllers.browsing import BrowsingController
 from pa_console.tui.controllers.commands import CommandController

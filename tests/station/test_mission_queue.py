@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pa_console.schema.mission import ALARM_PRIORITIES, Alarm, AlarmKind, AlarmPriority, Mission
-from pa_console.station.queue import MissionQueue
+from pa_console.station.intake import MissionQueue
 
 PREFIXES: dict[AlarmPriority, AlarmKind] = {
     "emergency": "hostile_track",

@@ -18,9 +18,14 @@ from pa_console.tui.order_templates import OrderNames, next_slot, slots, templat
 from pa_console.tui.screens.compose import Card, ChooseLine, LineRows
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.widgets.assets import AssetTable
-from pa_console.tui.widgets.example_orders import ExampleLine, ExampleOrders, example_orders
 from pa_console.tui.widgets.map_view import MapView
-from pa_console.tui.widgets.mission_prompt import PUT_S, MissionInput
+from pa_console.tui.widgets.mission_prompt import (
+    PUT_S,
+    ExampleLine,
+    ExampleOrders,
+    MissionInput,
+    example_orders,
+)
 from tests.session.logs import write_log
 from tests.tui import crowd, living, story
 from tests.tui.scripted import Show, notices, settle, until

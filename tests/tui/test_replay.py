@@ -20,8 +20,7 @@ from pa_console.tui.recordings import KnownWorld, OpenedLog, open_compared
 from pa_console.tui.screens import dialogs
 from pa_console.tui.screens.compare import CompareScreen
 from pa_console.tui.screens.dialogs import OpeningLog
-from pa_console.tui.screens.find_event import FindEvent, HitRows
-from pa_console.tui.screens.recording import RecordingScreen
+from pa_console.tui.screens.recording import FindEvent, HitRows, RecordingScreen
 from pa_console.tui.widgets.bars import Scrubber, StatusBar
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.row_views import TextRows

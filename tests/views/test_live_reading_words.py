@@ -8,7 +8,7 @@ from pa_console.schema.plan import Action, Plan
 from pa_console.session.mission_trace import MissionTrace, apply_to_mission
 from pa_console.tui.rows import plain
 from pa_console.tui.widgets.trace_pane import sections
-from pa_console.views.live_reading import plan_in_words, reading_line
+from pa_console.views.waiting import plan_in_words, reading_line
 from tests.tui import story
 from tests.tui.site import RULES
 

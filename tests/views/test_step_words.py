@@ -4,7 +4,7 @@ import pytest
 
 from pa_console.schema.plan import Action, Plan
 from pa_console.views.event_words import orders_in_line, step_lines, when_in_words
-from pa_console.views.live_reading import plan_in_words
+from pa_console.views.waiting import plan_in_words
 
 
 def in_order(*orders: tuple[str, str]) -> Plan:

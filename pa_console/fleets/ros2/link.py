@@ -22,14 +22,17 @@ from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 from pa_console.fleets.link import AssetReport, FoundRobot, LinkNews, LinkNotice
 from pa_console.fleets.ros2 import messages
 from pa_console.fleets.ros2.connection import (
+    BridgeKeys,
     Connection,
+    Keys,
     Layout,
+    RmwKeys,
     RobotEntry,
     RobotSite,
     Ros2Address,
+    Service,
     read_site,
 )
-from pa_console.fleets.ros2.keys import BridgeKeys, Keys, RmwKeys, Service
 from pa_console.fleets.ros2.localization import Localization
 from pa_console.fleets.ros2.messages import Stamped, UnreadableError
 from pa_console.fleets.ros2.navigator import Navigator, Seen, Then

@@ -11,8 +11,8 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from pa_console.fleets.fleet import Forecast, PlanCountersignature, Received
-from pa_console.fleets.reported_picture import ReportedPicture
+from pa_console.fleets.fleet import PlanCountersignature, Received
+from pa_console.fleets.reported_picture import ReportedFleet, ReportedPicture
 from pa_console.fleets.reports import Belief, Notices
 from pa_console.fleets.vda5050 import additions, commands, messages
 from pa_console.fleets.vda5050.additions import Countersignature, RecordsAsked, StopAsked
@@ -26,7 +26,7 @@ from pa_console.fleets.vda5050.vehicle import EXPIRY_S, STATE_REQUEST
 from pa_console.fleets.vda5050.wire import Header, Identity, Numbers, Topic, UnreadableError
 from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.schema.events.event import IncidentHappened, Level, Noticed
-from pa_console.schema.telemetry import Picture, Weather
+from pa_console.schema.telemetry import Weather
 from pa_console.schema.world import World
 from pa_console.sim import picture as station_side
 
@@ -36,7 +36,7 @@ SUBJECT, KEYS_SUBJECT = "bus", "keys"
 _HAPPENED: TypeAdapter[IncidentHappened | Noticed] = TypeAdapter(IncidentHappened | Noticed)
 
 
-class MqttFleet:
+class MqttFleet(ReportedFleet):
     """Drives the robots of one site; with `keys`, commands travel with tokens.
 
     Then it tells the robots of the newest roster, revocation and takeover that it knows of, and
@@ -76,11 +76,6 @@ class MqttFleet:
         self._show()
 
     @property
-    def world(self) -> World:
-        """The world of the fleet."""
-        return self._known.world
-
-    @property
     def known(self) -> ReportedPicture:
         """The picture that its reports go into; reports of other links may go into it as well."""
         return self._known
@@ -108,16 +103,6 @@ class MqttFleet:
         self._elsewhere = elsewhere
 
     @property
-    def tick(self) -> int:
-        """Steps taken since the session began."""
-        return self._tick
-
-    @property
-    def time_s(self) -> float:
-        """Seconds on the station's clock since the session began."""
-        return self._known.terrain.seconds(self._tick)
-
-    @property
     def rate(self) -> float:
         """Seconds on the robots' clock a second."""
         return self._rate
@@ -127,18 +112,10 @@ class MqttFleet:
         """True if the robots wait for the station's steps, as simulated ones may."""
         return False
 
-    def picture(self) -> Picture:
-        """Return the picture as it was made last, every `world.telemetry_period_s`."""
-        return self._known.picture()
-
     def mark_manual(self, assets: frozenset[str]) -> None:
         """Show `assets`, and no others, as taken under manual control at this station; at once."""
         self._known.mark_manual(assets)
         self._show()
-
-    def forecast(self) -> Forecast:
-        """Return a simulation of what the picture shows, built from it and the world alone."""
-        return self._known.forecast()
 
     def now(self) -> datetime:
         """Return what time it is on the clock that the robots go by (UTC)."""

@@ -108,7 +108,7 @@ class ReplayController:
         recording = self._session.recording
         if recording is None:
             return
-        from pa_console.tui.screens.find_event import FindEvent  # noqa: PLC0415
+        from pa_console.tui.screens.recording import FindEvent  # noqa: PLC0415
 
         def chosen(index: int | None) -> None:
             if index is not None:

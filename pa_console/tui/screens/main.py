@@ -27,9 +27,13 @@ from pa_console.tui.widgets.alarms import AlarmBar, AlarmPane
 from pa_console.tui.widgets.assets import AssetPane
 from pa_console.tui.widgets.bars import VIEWS, KeyFooter, StatusBar, ViewBar
 from pa_console.tui.widgets.event_list import EventList
-from pa_console.tui.widgets.example_orders import ExampleOrders, example_orders
 from pa_console.tui.widgets.map_view import MapView
-from pa_console.tui.widgets.mission_prompt import MissionPrompt, ReadingLine
+from pa_console.tui.widgets.mission_prompt import (
+    ExampleOrders,
+    MissionPrompt,
+    ReadingLine,
+    example_orders,
+)
 from pa_console.tui.widgets.trace_pane import NO_MISSION, TracePane
 
 if TYPE_CHECKING:

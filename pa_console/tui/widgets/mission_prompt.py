@@ -1,26 +1,29 @@
-"""The prompt for missions, with as many lines as they need, a history and completion of names.
+"""The prompt for missions: as many lines as they need, history, completion, and example orders.
 
 A text put here by a menu, an example or an earlier order is only typed: `Enter` sends it, and not
 the `Enter` that may have been meant for the menu.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import cycle
 from typing import NamedTuple
 
 from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding
-from textual.containers import Horizontal
+from textual.containers import Horizontal, Vertical
 from textual.content import Content
 from textual.message import Message
 from textual.widgets import Static, TextArea
 from textual.widgets.text_area import Selection
 
+from pa_console.schema.world import AssetKind, World
+from pa_console.tui.actions import key_text
 from pa_console.tui.kept_input import History
 from pa_console.tui.order_templates import Completion, OrderNames, Slot, next_slot, slots
 from pa_console.tui.refresh import retitle
-from pa_console.tui.status_words import QUIET
+from pa_console.tui.status_words import NOTE, QUIET
 from pa_console.tui.surroundings import SecondsClock
 from pa_console.tui.widgets.fields import TextField
 
@@ -435,3 +438,82 @@ class MissionPrompt(Horizontal):
         """Let keys go to the field, the very next one too."""
         if self._takes:
             self.screen.set_focus(self.query_one(MissionInput))
+
+
+MOST = 4
+
+
+def example_orders(world: World) -> tuple[str, ...]:
+    """Return up to four orders, each with another gate as long as there are others.
+
+    The assets in them are spare ones where there are any: no gate is their post.
+    """
+    gates = cycle(world.gates)
+    orders: list[str] = []
+    if drone := _spare(world, ("uav",)):
+        orders.append(f"Send {drone} to look at {next(gates)}.")
+    if walker := _spare(world, ("ugv", "robot")):
+        orders.append(f"Send {walker} to {next(gates)}.")
+    orders.append(f"Report on {next(gates)}.")
+    if robot := _spare(world, ("robot", "ugv", "uav")):
+        orders.append(f"Send {robot} home.")
+    return tuple(orders[:MOST])
+
+
+def _spare(world: World, kinds: tuple[AssetKind, ...]) -> str:
+    """Return an asset of the first kind that there is; empty without any."""
+    return next(_by_choice(world, kinds), "")
+
+
+def _by_choice(world: World, kinds: tuple[AssetKind, ...]) -> Iterator[str]:
+    for kind in kinds:
+        own = [name for name, spec in world.assets.items() if spec.kind == kind]
+        yield from (name for name in own if world.assets[name].post not in world.gates)
+        yield from own
+
+
+HEADING = "To begin: a key types the order, Enter sends it"
+
+
+class ExampleLine(Static):
+    """One order."""
+
+    @dataclass
+    class Clicked(Message):
+        """The order was clicked."""
+
+        order: str
+
+    def __init__(self, number: int, order: str) -> None:
+        key = key_text(f"alt+{number}")
+        super().__init__(Content.assemble((f"{key}  ", f"bold {NOTE}"), order))
+        self._order = order
+
+    def on_click(self) -> None:
+        """Post that it was clicked."""
+        self.post_message(self.Clicked(self._order))
+
+
+class ExampleOrders(Vertical):
+    """Shown until the first mission of a session."""
+
+    @dataclass
+    class OrderChosen(Message):
+        """One of the orders was chosen."""
+
+        order: str
+
+    def __init__(self, orders: Sequence[str], **kwargs: str) -> None:
+        super().__init__(id=kwargs.get("id"))
+        self.orders = tuple(orders)
+
+    def compose(self) -> ComposeResult:
+        """Yield a line an order."""
+        yield Static(Content.styled(HEADING, QUIET))
+        for number, order in enumerate(self.orders, start=1):
+            yield ExampleLine(number, order)
+
+    def on_example_line_clicked(self, message: ExampleLine.Clicked) -> None:
+        """Pass the clicked example on."""
+        message.stop()
+        self.post_message(self.OrderChosen(message.order))
