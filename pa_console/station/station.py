@@ -8,7 +8,7 @@ from functools import partial
 
 from pa_console import __version__
 from pa_console.fleets.fleet import PlanCountersignature, Simulated
-from pa_console.language.orders.order_changes import Change, ManualWords, OrderChange, read_manual
+from pa_console.language.orders.order_changes import ManualWords, OrderChange, read_manual
 from pa_console.language.questions import Question
 from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.scene import ReferenceScene
@@ -100,11 +100,13 @@ class ControlStation:
             resumed.before.state.muted_agents if resumed else (),
         )
         """The agents' proposals."""
+        self.mute_agent = self.proposals.mute
         self.manual = ManualAssets(
             parts, self._writable, self._look_now, self._worker.queue_changed
         )
         """The assets under manual control."""
         self._standing = StandingControl(parts, self._worker, self._writable)
+        self.change_standing = self._standing.change
         self._ticking = Ticking(parts, clock, self._worker, self._stop_for, self.manual)
         self._closed, self._resumed = False, resumed
         self._record = RecentRecord(deepcopy(resumed.before.state) if resumed else SessionState())
@@ -386,10 +388,6 @@ class ControlStation:
         self._emit(ended, mission.id)
         return mission
 
-    def mute_agent(self, agent: str, *, muted: bool = True, by: str = "operator") -> None:
-        """Mute an agent, or let it propose again; raises ValueError where that changes nothing."""
-        self.proposals.mute(agent, muted=muted, by=by)
-
     async def examine(self, plan: Plan, text: str = "") -> Examination:
         """Check and rehearse a plan in the present picture; nothing is queued or decided by that.
 
@@ -497,13 +495,6 @@ class ControlStation:
             self._emit(payload, mission)
         self.manual.queue_returned()
         self._worker.queue_changed()
-
-    def change_standing(self, order_id: str, change: Change, by: str = "operator") -> None:
-        """Revoke a standing order, let it pause or go on, or skip its next moment.
-
-        Raises ValueError when it is not in force, or where that changes nothing.
-        """
-        self._standing.change(order_id, change, by)
 
     def inject(self, incident: Incident) -> None:
         """Let something happen in a simulated fleet; raises ValueError for an unknown name.
