@@ -7,6 +7,8 @@ out: then only disguises count, and the time is for histories.
 import argparse
 import asyncio
 import random
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from pa_console.llm.local.engine import Engine
@@ -87,33 +89,48 @@ async def _shown(engine: Engine, wording: words.Wording) -> Outcome:
     return Outcome(_NEAR[state] + 0.05 * (last.confidence or 0.0), {})
 
 
-async def campaign(minutes: float, seed: int, *, models: bool) -> tuple[Tally, Tally]:
-    """Search words and histories in turn for so many minutes."""
+async def campaign(
+    minutes: float, seed: int, *, models: bool, report: Callable[[tuple[Tally, ...]], None]
+) -> None:
+    """Search words and histories in turn for so many minutes; `report` has the tallies each time.
+
+    It has them too when the campaign is cut short.
+    """
     engine = Engine(find_model(None)) if models else None
     said, done = search_words(engine), search_histories()
+    said.hear = done.hear = lambda hit: print(hit, flush=True)
     turns = max(1, round(minutes * 60.0 / (2 * TURN_S)))
     seconds = minutes * 30.0 / turns
-    for number in range(turns):
-        await said.run(seed + number, seconds=seconds)
-        await done.run(seed + number, seconds=seconds)
-    if engine is not None:
-        await engine.close()
-    return said.tally, done.tally
+    try:
+        for number in range(turns):
+            for search in (said, done):
+                try:
+                    await search.run(seed + number, seconds=seconds)
+                finally:
+                    report((said.tally, done.tally))
+    finally:
+        if engine is not None:
+            await engine.close()
 
 
 def main() -> None:
-    """Run a campaign and print its tables."""
+    """Run a campaign: print each hit as it comes and the tables after each turn."""
     parser = argparse.ArgumentParser(prog="python -m tests.attacks.adaptive", description=__doc__)
     parser.add_argument("--minutes", type=float, default=60.0, help="time by the clock")
     parser.add_argument("--seed", type=int, default=1, help="equal seeds draw the same attacks")
     parser.add_argument("--without-models", action="store_true", help="ask no model")
-    parser.add_argument("--out", type=Path, help="write the tables to this file too")
+    parser.add_argument("--out", type=Path, help="keep the tables in this file too")
     given = parser.parse_args()
-    tallies = asyncio.run(campaign(given.minutes, given.seed, models=not given.without_models))
-    text = "\n\n".join(tally.table for tally in tallies)
-    print(text)
-    if given.out is not None:
-        given.out.write_text(text + "\n", encoding="utf-8")
+
+    def report(tallies: tuple[Tally, ...]) -> None:
+        text = "\n\n".join(tally.table for tally in tallies)
+        print(text, flush=True)
+        if given.out is not None:
+            given.out.write_text(text + "\n", encoding="utf-8")
+
+    models = not given.without_models
+    with suppress(KeyboardInterrupt):
+        asyncio.run(campaign(given.minutes, given.seed, models=models, report=report))
 
 
 if __name__ == "__main__":

@@ -28,6 +28,11 @@ class Found:
     seed: int
     at_try: int
 
+    def __str__(self) -> str:
+        return (
+            f"{self.family}, try {self.at_try}, seed {self.seed}: {self.harm}\n    {self.attack}"
+        )
+
 
 @dataclass
 class Tally:
@@ -37,23 +42,21 @@ class Tally:
     hits: Counter[str] = field(default_factory=Counter[str])
     found: dict[tuple[str, str], Found] = field(default_factory=dict[tuple[str, str], Found])
 
-    def note(self, family: str, harms: dict[str, str], attack: str, seed: int) -> None:
-        """Count one try and what came of it."""
+    def note(self, family: str, harms: dict[str, str], attack: str, seed: int) -> list[Found]:
+        """Count one try and return what came of it."""
         self.tries[family] += 1
         self.hits[family] += bool(harms)
+        now: list[Found] = []
         for harm, how in harms.items():
-            first = Found(family, f"{harm}: {how}", attack, seed, self.tries[family])
-            self.found.setdefault((family, harm), first)
+            now.append(Found(family, f"{harm}: {how}", attack, seed, self.tries[family]))
+            self.found.setdefault((family, harm), now[-1])
+        return now
 
     @property
     def table(self) -> str:
         """The table attack family | tries | hits, then the first hit of each kind."""
         rows = [f"{name} | {self.tries[name]} | {self.hits[name]}" for name in sorted(self.tries)]
-        first = [
-            f"{one.family}, try {one.at_try}, seed {one.seed}: {one.harm}\n    {one.attack}"
-            for one in self.found.values()
-        ]
-        return "\n".join(("attack family | tries | hits", *rows, *first))
+        return "\n".join(("attack family | tries | hits", *rows, *map(str, self.found.values())))
 
 
 @dataclass
@@ -92,6 +95,8 @@ class Search(Generic[A]):
     judge: Callable[[A], Awaitable[Outcome]]
     tell: Callable[[A], str]
     """Returns an attack in words."""
+    hear: Callable[[Found], None] = lambda _found: None
+    """Is told every hit as it comes."""
     tally: Tally = field(default_factory=Tally)
     _populations: dict[str, _Population[A]] = field(default_factory=dict[str, _Population[A]])
 
@@ -117,7 +122,8 @@ class Search(Generic[A]):
                     attack = self.rewrite(rng, attack, [known for _, known in population.kept])
             outcome = await self.judge(attack)
             made += 1
-            self.tally.note(family, outcome.harms, self.tell(attack), seed)
+            for hit in self.tally.note(family, outcome.harms, self.tell(attack), seed):
+                self.hear(hit)
             populations.setdefault(family, _Population()).take(
                 outcome.nearness + bool(outcome.harms), attack
             )
