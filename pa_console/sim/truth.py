@@ -116,7 +116,8 @@ def _defies(contact: ContactState) -> bool:
 class TrueContact:
     """A contact as it is; `id` never changes, `track` is '' while the station does not track it.
 
-    `confirmed` is the intent that the sensors' evidence supports (ROE-01, ROE-10), `watched_by`
+    `emergency` says that a sensor has truly recognised an emergency vehicle, `confirmed` is the
+    intent that the sensors' evidence supports (ROE-01, ROE-10), `watched_by`
     names the working UAVs that have it within range and view, `unseen_s` is for how long no sensor
     has detected it (None: it is not tracked).
     """
@@ -130,6 +131,7 @@ class TrueContact:
     identity: Identity
     intent: Intent
     noncombatants: bool
+    emergency: bool
     identified: bool
     confirmed: Intent
     observed: bool
@@ -164,6 +166,7 @@ def _exact(
         identity=contact.identity,
         intent=contact.intent,
         noncombatants=contact.noncombatants,
+        emergency=contact.emergency and file is not None and file.emergency,
         identified=any(
             finding.identity != "unknown"
             for (_, about), finding in scene.sensing.findings.items()

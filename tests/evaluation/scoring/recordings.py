@@ -17,7 +17,7 @@ from tests.evaluation.scoring.played import play
 
 WORLD = load_world(data_folder() / "worlds" / "checkpoint" / "world.yaml")
 ALL_RULES = frozenset(
-    f"{domain}-{number:02d}" for domain in ("ROE", "WF", "CAP") for number in range(1, 11)
+    f"{domain}-{number:02d}" for domain in ("ROE", "WF", "CAP") for number in range(1, 16)
 )
 HOSTILE = SpawnTrack(
     gate="WestGate", intent="hostile", distance_m=60.0, when_warned="stop", name="V"
@@ -116,6 +116,7 @@ def contact(at: Point, *, hostile: bool = False, verified: bool = False) -> True
         identity="unauthorized",
         intent="hostile" if hostile else "benign",
         noncombatants=False,
+        emergency=False,
         identified=verified,
         confirmed="benign" if verified else "unknown",
         observed=True,
