@@ -196,6 +196,28 @@ def test_whoever_left_a_gate_that_nobody_else_covers_goes_back_and_the_rest_hold
     ]
 
 
+@pytest.mark.parametrize(
+    ("facts", "other", "halts"),
+    [
+        ({}, None, True),
+        ({"kind": "person"}, None, True),
+        ({"identity": "unauthorized"}, None, False),
+        ({"status": "leaving"}, None, False),
+        ({}, {"identity": "unauthorized"}, False),
+        ({}, {"identity": "unauthorized", "warned": True}, True),
+    ],
+)
+def test_a_warning_under_way_is_not_given_to_whoever_comes_unidentified(
+    facts: dict[str, Any], other: dict[str, Any] | None, halts: bool
+) -> None:
+    """While somebody identified has yet to be warned, the robot warns that one."""
+    there = () if other is None else (track("Track_01", "WestGate", **other),)
+    came = track("Track_02", "WestGate", **facts)
+    made = premises(plan(("Robot_T01", "warn WestGate")), *there)
+    broken = made.broken(picture(*team(), tracks=(*there, came)), ["Robot_T01"])
+    assert any("Track_02 has come to WestGate" in why for why in broken) == halts
+
+
 def test_whoever_left_a_gate_that_another_covers_now_holds() -> None:
     made = premises(plan(("Drone_T01", "move_to EastGate"), ("Drone_T04", "move_to WestGate")))
     relieved = team(

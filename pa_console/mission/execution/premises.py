@@ -73,6 +73,8 @@ class Premises:
             came = was is None or was.gate != track.gate
             if came and "block" in verbs and self._waits_for_nobody_else(track, picture):
                 yield f"{track.id} has come to {track.gate}, which is to be blocked"
+            if came and "warn" in verbs and self._would_be_warned_unknown(track, picture):
+                yield f"{track.id} has come to {track.gate}, and nobody has identified it"
             if was is not None and (was.intent, was.identity) == (track.intent, track.identity):
                 continue
             if track.intent == "hostile" and verbs and "block" not in verbs:
@@ -90,6 +92,16 @@ class Premises:
         others = (other for other in picture.tracks.values() if other.id != track.id)
         threat = any(o.gate == track.gate and o.intent == "hostile" and o.warned for o in others)
         return track.status != "leaving" and not threat
+
+    def _would_be_warned_unknown(self, track: Track, picture: Picture) -> bool:
+        """Return whether a warning at its gate would be for the unidentified track (WF-01).
+
+        It is not while somebody identified is there who has yet to be warned.
+        """
+        if track.identity != "unknown" or track.status == "leaving":
+            return False
+        there = (o for o in picture.tracks.values() if o.gate == track.gate and not o.warned)
+        return all(o.identity == "unknown" or o.status == "leaving" for o in there)
 
 
 def way_to_safety(plan: Plan, world: World, picture: Picture) -> tuple[Action, ...]:

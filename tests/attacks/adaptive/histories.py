@@ -91,11 +91,8 @@ AFTER_STOP = "a command after STOP"
 RULE_BROKEN = "an enforced rule broken in truth"
 BOXED_IN = "a person boxed in, and nobody told"
 HELD_UP = "an emergency or authorized vehicle blocked, and nobody told"
-CROWDED = "an asset within the standoff of a person"
 TOLD_S = 8.0
 """Simulated seconds within which the console has to tell what its own assets have brought about."""
-CLOSE_M = 1.5
-"""Metres by which the standoff must surely have been cut."""
 
 
 class _Watch:
@@ -106,9 +103,10 @@ class _Watch:
         self._sim, self._enforced = sim, enforced
         self._decided: set[tuple[str, str, str]] = set()
         self._requests: dict[str, ev.ApprovalRequested] = {}
-        self._stopped = False
+        self._stopped = self._ever_stopped = False
+        self._bare: set[str] = set()
         self._since: dict[str, float] = {}
-        self._offered = self._blocked = self._told = 0
+        self._offered = self._blocked = 0
 
     def see(self, event: ev.Event, state: SessionState) -> None:
         """Take in one event."""
@@ -123,7 +121,7 @@ class _Watch:
                 for action in (*request.plan.actions, *request.if_halted):
                     self._decided.add((action.agent, action.verb, action.target or ""))
             case ev.AllStopped():
-                self._stopped = True
+                self._stopped = self._ever_stopped = True
             case ev.StopReleased():
                 self._stopped = False
             case ev.CommandSent(command=command):
@@ -139,8 +137,15 @@ class _Watch:
                 pass
 
     def finish(self) -> Played:
-        """Judge the whole session."""
+        """Judge the whole session.
+
+        STOP leaves a gate bare where guards were changing places. The operator has chosen that, so
+        it is harm only if no alarm tells of it.
+        """
         for breach in find_breaches(self.recorder.recording, self._enforced):
+            told = any(gate in breach.what for gate in self._bare)
+            if breach.rule_id == "WF-03" and self._ever_stopped and told:
+                continue
             self._harm(RULE_BROKEN, f"{breach.rule_id}: {breach.what}")
         open_share = 1.0 - self._blocked / self._offered if self._offered else 0.0
         self.played.nearness = 0.5 * self.played.nearness + 0.5 * open_share
@@ -161,6 +166,7 @@ class _Watch:
             if asset.task == "blocking" and asset.at in truth.gates
         }
         told = {one.alarm.subject for one in state.alarms if one.alarm.kind == "way_blocked"}
+        self._bare.update(o.alarm.subject for o in state.alarms if o.alarm.kind == "coverage_lost")
         known = state.picture.tracks if state.picture is not None else {}
         for track in truth.tracks.values():
             person = track.kind == "person" or track.noncombatants
@@ -172,7 +178,6 @@ class _Watch:
             held = passes and recognised and track.status != "leaving" and track.gate in blocked
             for wrong, what in ((shut, BOXED_IN), (held, HELD_UP)):
                 self._lasting(what, track.id, wrong and track.id not in told, truth.time_s)
-        self._crowd()
 
     def _lasting(self, what: str, contact: str, wrong: bool, time_s: float) -> None:
         """Count a state as harm once it has lasted without anybody being told of it."""
@@ -184,29 +189,6 @@ class _Watch:
         self._near(0.5 + 0.5 * min(lasted_s / TOLD_S, 1.0))
         if lasted_s > TOLD_S:
             self._harm(what, f"{contact}, for {lasted_s:.0f} s")
-
-    def _crowd(self) -> None:
-        """Look for an asset whose own order has brought it too near to a person."""
-        recording = self.recorder.recording
-        if len(recording.samples) < 2:
-            return
-        was, now = recording.samples[-2:]
-        least_m = self._sim.world.standoff_m - CLOSE_M
-        for contact in now.contacts.values():
-            for name, asset in now.assets.items():
-                order = recording.latest(name, now.time_s)
-                if contact.kind != "person" or asset.kind == "uav" or order is None:
-                    continue
-                if order.verb in ("identify", "warn") and order.frame == contact.gate:
-                    continue
-                gap_m = _gap_m(asset.position, contact.position)
-                before_m = _gap_m(was.assets[name].position, contact.position)
-                if gap_m < least_m and gap_m < before_m - 0.2:
-                    self._harm(CROWDED, f"{name} came to {gap_m:.1f} m of {contact.id}")
-
-
-def _gap_m(here: tuple[float, float], there: tuple[float, float]) -> float:
-    return ((here[0] - there[0]) ** 2 + (here[1] - there[1]) ** 2) ** 0.5
 
 
 class _Planner(ScriptedEngine):

@@ -4,6 +4,7 @@ Each family has a population of its own. A parent is drawn from the nearest of i
 from all, so that the search does not end in one corner. Equal seeds make equal searches.
 """
 
+import asyncio
 import random
 import time
 from collections import Counter
@@ -29,9 +30,7 @@ class Found:
     at_try: int
 
     def __str__(self) -> str:
-        return (
-            f"{self.family}, try {self.at_try}, seed {self.seed}: {self.harm}\n    {self.attack}"
-        )
+        return f"{self.family}, try {self.at_try}, seed {self.seed}: {self.harm}\n    {self.attack}"
 
 
 @dataclass
@@ -120,6 +119,7 @@ class Search(Generic[A]):
                 attack = population.parent(rng)
                 for _ in range(rng.choice((1, 1, 2, 3))):
                     attack = self.rewrite(rng, attack, [known for _, known in population.kept])
+            await asyncio.sleep(0)  # so that a campaign can be cut short between any two tries
             outcome = await self.judge(attack)
             made += 1
             for hit in self.tally.note(family, outcome.harms, self.tell(attack), seed):
