@@ -26,6 +26,7 @@ from pa_console.language.clock_words import TIME_UNITS
 from pa_console.language.lexicon import find_verbs
 from pa_console.language.mentions import find_mentions, speaks_of_site
 from pa_console.language.name_linking import KIND_WORDS, NEARLY, WORD, link_names
+from pa_console.policy.plain_text import foldings, plain_words
 from pa_console.policy.related_words import default_vocabulary
 from pa_console.policy.rulebook import Rulebook
 from pa_console.resources import data_folder
@@ -188,6 +189,8 @@ _CALL_SIGN = re.compile(r"\w*[\d_]\w*")
 _ALPHABET = frozenset("abcdefghijklmnopqrstuvwxyz")
 _MOST_STRANGE = 0.3
 """The share of strange words from which a text is not English."""
+_RUN, _HIDDEN = 6, 0.5
+"""A text is not read through where so many words in a row are strange to this share."""
 _SLIP_WEIGHT = 0.35
 """The weight, as a strange word, of a word that is nearly a word of orders."""
 _OTHER_LANGUAGES = frozenset(
@@ -220,17 +223,30 @@ _CODE = re.compile(
 
 
 class _UnknownWords(NamedTuple):
-    """The number of words of a text without names, and the words that are no English."""
+    """The words of a text without names, each with how strange it is: 0.0 English, 1.0 not at all.
 
-    number: int
-    strange: tuple[str, ...]
-    slips: tuple[str, ...]
-    """The strange words that are nearly a word of orders or a name."""
+    One that is nearly a word of orders or a name counts `_SLIP_WEIGHT`.
+    """
+
+    words: tuple[tuple[str, float], ...]
 
     @property
     def share(self) -> float:
         """The share of the words that are strange."""
-        return (len(self.strange) + _SLIP_WEIGHT * len(self.slips)) / max(self.number, 1)
+        return sum(weight for _, weight in self.words) / max(len(self.words), 1)
+
+    @property
+    def strange(self) -> tuple[str, ...]:
+        """The words that are no English, the strangest first."""
+        found = sorted((word for word in self.words if word[1]), key=lambda word: -word[1])
+        return tuple(dict.fromkeys(word for word, _ in found))
+
+    @property
+    def strangest_run(self) -> "_UnknownWords":
+        """The `_RUN` words in a row of which most are strange; all where there are fewer."""
+        starts = range(max(len(self.words) - _RUN, 0) + 1)
+        runs = [_UnknownWords(self.words[at : at + _RUN]) for at in starts]
+        return max(runs, key=lambda run: run.share)
 
 
 def question_back(typed: str, read: str, world: World, rulebook: Rulebook) -> str:
@@ -239,14 +255,19 @@ def question_back(typed: str, read: str, world: World, rulebook: Rulebook) -> st
     It was `typed` so, and is `read` with what is misspelt put right. Nobody may be moved for a text
     that is asked back about.
     """
-    words = _words(typed, world, rulebook)
-    if not words.number and not find_mentions(world, typed):
+    known = _words(typed, world, rulebook)
+    if not known.words and not find_mentions(world, typed):
         return "there are no words in it. What is to be done, by whom and where?"
-    if words.share >= _MOST_STRANGE:
-        strange = ", ".join(dict.fromkeys((*words.strange, *words.slips)))
+    run = known.strangest_run
+    hidden = len(run.words) == _RUN and run.share >= _HIDDEN
+    if hidden or known.share >= _MOST_STRANGE:
+        strange = ", ".join(known.strange)
         return f"not known in English: {strange}. What is to be done, in English?"
     if (found := _ENCODED.search(_without_names(typed, world))) is not None:
         return f"nobody can read {found[0][:20]}... in it. What is to be done, in words?"
+    words = plain_words(typed)
+    if any(_DECODE.search(reading) for reading in (words, *foldings(words))):
+        return "a part of it has to be decoded. What is to be done, in words?"
     if _is_code(typed):
         return "it reads as program text. What is to be done, in words?"
     if not speaks_of_site(world, link_names(world, read)) and not _moves_nobody(read):
@@ -254,26 +275,34 @@ def question_back(typed: str, read: str, world: World, rulebook: Rulebook) -> st
     return ""
 
 
-_ENCODED = re.compile(r"(?=[\w+/]*[a-z])(?=[\w+/]*[A-Z])(?=[\w+/]*\d)\b[A-Za-z0-9+/]{32,}")
-"""Letters of both cases and digits in one long row, as in base64: an order may hide in it."""
+_ENCODED = re.compile(
+    r"(?=[\w+/]*[a-z])(?=[\w+/]*[A-Z])(?=[\w+/]*\d)\b[A-Za-z0-9+/]{32,}"
+    r"|(?:%[0-9A-Fa-f]{2,4}|&#?\w{1,8};|\\[ux][0-9A-Fa-f]{2,4}){3,}"
+)
+"""Letters and digits in one long row, as in base64, or letters by numbers: an order may hide there.
+"""
+_DECODE = re.compile(
+    r"\b(?:decode|decipher|decrypt|unscramble|rot-?13|base-?64)\b"
+    r"|\bread\s+(?:[\w-]+\s+){0,3}?(?:backwards?|in\s+reverse|from\s+(?:the\s+)?right)\b"
+)
+"""Instructions to read words as other words, in plain words (`policy.plain_text`)."""
 
 
 def _words(text: str, world: World, rulebook: Rulebook) -> _UnknownWords:
     dictionary, names = english(), name_words(world)
-    known = rule_words(rulebook).union(names.words)
-    count, strange, slips = 0, list[str](), list[str]()
+    known, found = rule_words(rulebook).union(names.words), list[tuple[str, float]]()
     for word in _WORD.findall(_CALL_SIGN.sub(" ", _without_names(text, world))):
         low = word.lower().replace("’", "'")
-        base = _ENDING.sub("", low)
-        count += 1
+        base, strange = _ENDING.sub("", low), 0.0
         if dictionary.is_operators(base) or base in known:
-            continue
-        if low in _OTHER_LANGUAGES:
-            strange.append(word)
+            pass
+        elif low in _OTHER_LANGUAGES:
+            strange = 1.0
         elif not (base in _ALPHABET or dictionary.is_common(base) or dictionary.is_common(low)):
             near = len(base) >= SHORT and base.isascii() and dictionary.is_near(base, names)
-            (slips if near else strange).append(word)
-    return _UnknownWords(count, tuple(strange), tuple(slips))
+            strange = _SLIP_WEIGHT if near else 1.0
+        found.append((word, strange))
+    return _UnknownWords(tuple(found))
 
 
 def _without_names(text: str, world: World) -> str:
