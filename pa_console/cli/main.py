@@ -27,8 +27,8 @@ app = typer.Typer(
     name="pa-console",
     cls=Verbs,
     help="Command a team of robots in plain language, safely, with a local LLM.",
-    epilog="Exit codes: 0 done and verified, 2 bad input, 3 refused or rejected, "
-    "4 executed but not verified, 1 anything else.\n\n"
+    epilog="Exit codes: 0 done and verified, 2 bad input, 3 refused, rejected, held or cancelled, "
+    "4 executed but not verified, 130 interrupted, 1 anything else.\n\n"
     "\b\nCompletion in your shell: pa-console --install-completion\n"
     "What this machine lacks:  pa-console doctor\n\n"
     "\b\nExample:\n  pa-console --set theme=pa-console-light console --scenario situation-2",

@@ -218,6 +218,13 @@ Value = str | int | float | bool | list["Value"] | dict[str | int, "Value"] | No
 
 _NAMED_FIELD = re.compile(r"^Value error, (\w+(?:\.\w+)*): (.*)$", re.DOTALL)
 """The form in which a model's own validator names a field."""
+_PLAIN_PROBLEMS = {
+    "model_type": "fields are expected here, each as 'name: value'",
+    "dict_type": "fields are expected here, each as 'name: value'",
+    "list_type": "a list is expected here, '- ' before each entry",
+    "extra_forbidden": "there is no such field; take it out, or mend its name",
+}
+"""The problems that pydantic words for programmers, by the type of its error."""
 _TAG = "tag:yaml.org,2002:"
 _LONGEST_NUMBER = 64
 _LONGEST_FIELD = 200
@@ -281,7 +288,8 @@ class Document:
             if self.value is None:
                 raise self.error((), "it is empty") from error
             first = error.errors(include_url=False, include_context=False, include_input=False)[0]
-            field, problem = self._written(first["loc"]), first["msg"]
+            field = self._written(first["loc"])
+            problem = _PLAIN_PROBLEMS.get(first["type"], first["msg"])
             named = _NAMED_FIELD.match(problem)
             problem = problem.removeprefix("Value error, ")
             if named is not None:

@@ -98,6 +98,17 @@ def test_the_help_says_of_a_verb_what_it_says_of_itself(name: str) -> None:
     assert load_verb(name).get_short_help_str(limit=500) == VERBS[name].line
 
 
+def test_a_list_of_verbs_says_each_line_to_its_end_and_values_in_plain_words(call: Call) -> None:
+    whole = call("--help").said
+    assert all(verb.line in whole for verb in VERBS.values())
+    assert "priority, whether it is checked or only judged, text." in call("rules", "--help").said
+    options = call("mission", "--help").said
+    assert "--seed NUMBER" in options
+    assert "--log PATH" in options
+    assert "--override-reason TEXT" in options
+    assert "--approve <ask|auto|never>" in options
+
+
 @pytest.mark.parametrize("example", EXAMPLES.values())
 def test_every_example_is_a_call_that_the_verb_takes(example: str) -> None:
     assert not left_over(example)

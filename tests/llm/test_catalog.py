@@ -41,10 +41,10 @@ def test_a_model_that_was_not_pulled_says_how_to_pull_it(empty_cache: Path):
 
 def test_a_path_is_a_model_of_its_own_with_the_hash_of_the_file(tmp_path: Path):
     path = tmp_path / "mine.gguf"
-    path.write_bytes(b"weights")
+    path.write_bytes(b"GGUF weights")
     model = Catalog.load().locate(str(path))
     assert (model.name, model.path) == ("mine", path)
-    assert model.sha256 == hashlib.sha256(b"weights").hexdigest()
+    assert model.sha256 == hashlib.sha256(b"GGUF weights").hexdigest()
 
 
 def test_a_path_that_does_not_exist_is_named(tmp_path: Path):
@@ -133,3 +133,13 @@ def test_a_prepared_model_is_taken_as_pinned_and_its_loader_is_left_to_hash_it(
     found = entry.as_pinned()
     assert found is not None
     assert (found.path, found.sha256) == (path, "1" * 64)
+
+
+@pytest.mark.parametrize("content", [b"", b"just text\n"])
+def test_a_file_that_is_no_model_is_refused_before_anything_starts(tmp_path: Path, content: bytes):
+    path = tmp_path / "notes.txt"
+    path.write_bytes(content)
+    with pytest.raises(ModelError, match=r"notes\.txt: no model in GGUF; fetch it again"):
+        Catalog.load().get(str(path))
+    with pytest.raises(ModelError, match="give the path of one"):
+        Catalog.load().get(str(tmp_path))

@@ -56,7 +56,7 @@ def test_a_sound_file_is_read() -> None:
         ("size_mm: 2.5", "size_mm: -1", 4, "parts.0.size_mm", "greater than 0"),
         ("size_mm: 2.5", "size_mm: .nan", 4, "parts.0.size_mm", "finite"),
         ("size_mm: 2.5", "size_mm: '2.5'", 4, "parts.0.size_mm", "number"),
-        ("size_mm: 2.5", "size: 2.5", 4, "parts.0.size", "not permitted"),
+        ("size_mm: 2.5", "size: 2.5", 4, "parts.0.size", "no such field"),
         ("  - kind: nut", "  - kind: screw", 5, "parts.1.kind", "'bolt' or 'nut'"),
         ("  - kind: nut", "  - size_mm: 1", 5, "parts.1.kind", "required"),
         ("kind: nut}", "kind: glue}", 7, "labels.red.kind", "'bolt' or 'nut'"),

@@ -54,7 +54,7 @@ def test_the_default_checkpoint_is_as_designed(world: World) -> None:
         ("lanes.NorthLane.gate", "Checkpoint", "not a gate frame"),
         ("assets.Ugv_T01.post", "Nowhere", "not a frame"),
         ("platforms.ugv.speed_mps", -1, "greater than 0"),
-        ("assets.Robot_T01.colour", "red", "Extra inputs"),
+        ("assets.Robot_T01.colour", "red", "there is no such field"),
         ("cameras.NorthCamera.gate", "Base", "not a gate frame"),
         ("cameras.NorthCamera.heading_deg", 500.0, "out of range"),
         ("cameras.NorthCamera.field_of_view_deg", 0.0, "greater than 0"),

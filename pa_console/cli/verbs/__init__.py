@@ -3,11 +3,12 @@
 from collections.abc import Generator, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
+from inspect import getdoc
 from pkgutil import resolve_name
 from typing import Any, NamedTuple, cast
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperCommand, TyperGroup, TyperOption
 from typer.main import get_group
 
 
@@ -89,7 +90,9 @@ def load_verb(name: str) -> Any:
     else:
         alone.command(name)(with_field_options(found))
     add_examples(alone, EXAMPLES)
-    return get_group(alone).commands[name]
+    command = get_group(alone).commands[name]
+    _say_types(command)
+    return command
 
 
 class _OnDemand(Mapping[str, Any]):
@@ -133,7 +136,10 @@ class Verbs(TyperGroup):
     def _unloaded(self) -> Generator[None]:
         """Let each verb be known by its line alone."""
         loading = self.commands
-        self.commands = {name: TyperCommand(name, help=verb.line) for name, verb in VERBS.items()}
+        self.commands = {
+            name: TyperCommand(name, help=verb.line, short_help=verb.line)
+            for name, verb in VERBS.items()
+        }
         try:
             yield
         finally:
@@ -198,10 +204,26 @@ EXAMPLES = {
 }
 
 
+def _say_types(command: Any) -> None:
+    """Show the value of each option below `command` as TEXT, NUMBER or PATH, not as its type."""
+    for below in getattr(command, "commands", {}).values():
+        _say_types(below)
+    for option in command.params:
+        kind = option.type_descriptor
+        if isinstance(option, TyperOption) and not (option.metavar or kind.is_choice):
+            number = kind.is_ranged or kind.annotation in (int, float)
+            option.metavar = "PATH" if kind.is_path else "NUMBER" if number else "TEXT"
+
+
 def add_examples(app: typer.Typer, examples: Mapping[str, str], above: str = "") -> None:
-    """End the help of every verb below `app` with its example, named by the verb's words."""
+    """End the help of every verb below `app` with its example, named by the verb's words.
+
+    In the list of its group it has the whole first paragraph of its help.
+    """
     for command in app.registered_commands:
         name = command.name or (command.callback.__name__ if command.callback else "")
+        help_text = command.help or getdoc(command.callback) or ""
+        command.short_help = " ".join(help_text.partition("\n\n")[0].split())
         command.epilog = _ended(command.epilog, examples.get(f"{above}{name}".strip()))
     for group in app.registered_groups:
         below = group.typer_instance

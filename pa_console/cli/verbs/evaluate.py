@@ -155,7 +155,7 @@ def _widths(table: ReportTable, width: int) -> list[int]:
 
 app = typer.Typer(
     help="Run mission sets against models and variants of the pipeline; more below.",
-    epilog="Variants: " + "; ".join(f"{name}: {about}" for name, about in ABOUT.items()) + ".",
+    epilog="\b\nVariants:\n" + "\n".join(f"  {name}\n    {about}" for name, about in ABOUT.items()),
 )
 FolderArgument = Annotated[
     Path | None, typer.Argument(help="Folder of an evaluation; the newest one when left out.")

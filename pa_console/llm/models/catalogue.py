@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
-from rapidfuzz import process
+from rapidfuzz import fuzz, process
 
 from pa_console.llm.backend import ChatFormat, ModelError, names_backend
 from pa_console.llm.models.cache import Progress, hash_file, models_folder, silent
+from pa_console.llm.models.gguf_bounds import MAGIC
 from pa_console.llm.models.preparing import (
     Preparation,
     Quantisation,
@@ -372,7 +373,9 @@ class Catalog(StrictModel):
         path = Path(name).expanduser()
         if path.suffix == ".gguf" or path.is_file():
             return _entry_from_file(path)
-        nearest = process.extractOne(name, list(known), score_cutoff=60)
+        if path.exists():
+            raise ModelError(f"{path}: no GGUF file; give the path of one, or the name of a model")
+        nearest = process.extractOne(name, list(known), scorer=fuzz.ratio, score_cutoff=60)
         hint = f" Did you mean {nearest[0]}?" if nearest else ""
         raise ModelError(
             f"unknown model {name!r}.{hint} Known: {', '.join(known)}; or give a path to a .gguf"
@@ -451,6 +454,9 @@ def find_model(
 def _entry_from_file(path: Path) -> ModelEntry:
     if not path.is_file():
         raise ModelError(f"{path}: no such model file")
+    with path.open("rb") as file:
+        if file.read(len(MAGIC)) != MAGIC:
+            raise ModelError(f"{path}: no model in GGUF; fetch it again, or take another file")
     size_mb = max(1, path.stat().st_size // 1_000_000)
     return ModelEntry.model_construct(
         name=path.stem,
