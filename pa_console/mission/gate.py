@@ -6,30 +6,27 @@ done for that reason awaits its assets. Once all of them are back, it is given a
 checked and approved as any mission is.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pa_console.fleets.fleet import Fleet
+from pa_console.language.name_linking import named
 from pa_console.mission.approval import inadmissible, not_unasked, people_needed
 from pa_console.mission.orders.standing import StandingOrders
 from pa_console.mission.rehearse import device_commands
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import Decision
+from pa_console.schema.mission import Decision, Mission, MissionStatus
 from pa_console.schema.plan import Action
 from pa_console.schema.telemetry import Picture
+from pa_console.schema.world import World
 from pa_console.session.log.writer import Journal
 
 if TYPE_CHECKING:
     from pa_console.fleets.station_authority import StationAuthority
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
-
-from pa_console.language.name_linking import named
-from pa_console.schema.mission import Mission, MissionStatus
-from pa_console.schema.world import World
 
 STILL = frozenset(("hold", "report"))
 """The commands that move nothing: no other leaves the station while everything is stopped."""

@@ -6,7 +6,7 @@ Bindings, footer, command palette and help are made from it.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Literal, get_args
+from typing import Literal, Protocol, get_args
 
 from textual.binding import Binding, BindingType, InvalidBinding
 from textual.keys import REPLACED_KEYS, Keys, key_to_character
@@ -56,6 +56,20 @@ class ActionContext:
     agents: bool = False
     """True if an agent has proposed something."""
     stopped: bool = False
+
+
+class ActionHost(Protocol):
+    """The app, as far as its screens ask it about actions."""
+
+    @property
+    def situation(self) -> ActionContext:
+        """The state that decides which actions are legal now."""
+        ...
+
+    @property
+    def keys(self) -> Mapping[str, str]:
+        """The user's own keys, by the names of the actions."""
+        ...
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, cast
+from typing import Protocol, cast
 
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 from textual.types import IgnoreReturnCallbackType
@@ -14,6 +14,7 @@ from pa_console.tui.controllers.approval import ApprovalController
 from pa_console.tui.controllers.browsing import BrowsingController
 from pa_console.tui.controllers.commands import RATES, CommandController, WhatIf, what_ifs
 from pa_console.tui.controllers.composing import ComposingController
+from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.leaving import LeavingController
 from pa_console.tui.controllers.replay import ReplayController
 from pa_console.tui.controllers.rules import RulesController
@@ -22,9 +23,6 @@ from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.widgets.assets import AssetPane
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
-
-if TYPE_CHECKING:
-    from pa_console.tui.app import ConsoleApp
 
 
 @dataclass(frozen=True)
@@ -113,6 +111,14 @@ HANDLERS: Mapping[str, Callable[[Controllers], None]] = {
 TYPICAL = ("unknown vehicle", "weather")
 """Words of the what-ifs that are offered before anything is typed."""
 
+
+class ConsoleHost(Protocol):
+    """The app, as far as the palette asks it."""
+
+    session: ConsoleSession
+    controllers: Controllers
+
+
 PaletteCommand = tuple[str, IgnoreReturnCallbackType, str, str]
 """Title, effect, help, and further search words."""
 
@@ -123,8 +129,8 @@ class ConsoleCommands(Provider):
     _what_ifs: tuple[WhatIf, ...] | None = None
 
     @property
-    def _host(self) -> "ConsoleApp":
-        return cast("ConsoleApp", self.app)
+    def _host(self) -> "ConsoleHost":
+        return cast(ConsoleHost, self.app)
 
     def _actions(self) -> Iterator[PaletteCommand]:
         now, keys = self._host.session.situation, self._host.controllers.settings.keys

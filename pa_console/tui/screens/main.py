@@ -1,7 +1,7 @@
 """The one main screen, live and in a replay: map, assets, events, trace, approval, prompt."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 from textual import events
 from textual.app import ComposeResult
@@ -15,7 +15,7 @@ from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
 from pa_console.session.state import MissionTrace, SessionState
-from pa_console.tui.actions import READING_KEYS, first_own_key
+from pa_console.tui.actions import READING_KEYS, ActionHost, first_own_key
 from pa_console.tui.approval.inputs import DECISION_KEYS
 from pa_console.tui.approval.panel import ApprovalPanel
 from pa_console.tui.approval.plan_text import PlanSchedule
@@ -35,9 +35,6 @@ from pa_console.tui.widgets.mission_prompt import (
     example_orders,
 )
 from pa_console.tui.widgets.trace_pane import NO_MISSION, TracePane
-
-if TYPE_CHECKING:
-    from pa_console.tui.app import ConsoleApp
 
 PLAY_FRAME_S = 0.1
 """The interval between two moments of a rehearsal, seconds."""
@@ -156,7 +153,7 @@ class MainScreen(Screen[None]):
     def name_keys(self) -> None:
         """Show at the prompt which of the user's keys help to write an order."""
         if not self._closed_why:
-            keys = cast("ConsoleApp", self.app).keys
+            keys = cast(ActionHost, self.app).keys
             named = (f"{first_own_key(name, keys)} {what}" for name, what in _HELPING_TO_WRITE)
             self.query_one(MissionPrompt).show_keys(" · ".join(named))
 
@@ -362,7 +359,7 @@ class MainScreen(Screen[None]):
 
     @property
     def _key_to_approval(self) -> str:
-        return first_own_key("approval", cast("ConsoleApp", self.app).keys)
+        return first_own_key("approval", cast(ActionHost, self.app).keys)
 
     def leave_field(self) -> None:
         """Leave the prompt or a field of the approval panel; nothing typed is lost."""

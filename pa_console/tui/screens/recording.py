@@ -1,42 +1,32 @@
 """A recorded session in the main screen: played, stepped and searched; it takes no command."""
 
+import asyncio
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
-from textual import events
+from textual import events, on
 from textual.app import ComposeResult
 from textual.binding import Binding
+from textual.containers import Vertical
 from textual.content import Content
-from textual.widgets import Static
+from textual.screen import ModalScreen
+from textual.widgets import Input, Static
 
 from pa_console.schema.rule import Rule
 from pa_console.schema.text import clock_text
 from pa_console.schema.world import World
 from pa_console.session.log.chain import LogError
-from pa_console.session.recording import Player
+from pa_console.session.recording import Player, Recording
 from pa_console.session.state import SessionState
 from pa_console.session.timeline import MARK_KINDS, MarkKind
-from pa_console.tui.actions import ActionContext, refused_command
+from pa_console.tui.actions import ActionContext, ActionHost, refused_command
 from pa_console.tui.kept_input import History
 from pa_console.tui.refresh import ALL_VIEWS, FRAME_S, is_open, views_of
+from pa_console.tui.rows import column
 from pa_console.tui.screens.main import MainScreen
-from pa_console.tui.status_words import QUIET, term
+from pa_console.tui.status_words import NOTE, QUIET, term
 from pa_console.tui.surroundings import SecondsClock
 from pa_console.tui.widgets.bars import Scrubber
-
-if TYPE_CHECKING:
-    from pa_console.tui.app import ConsoleApp
-
-import asyncio
-
-from textual import on
-from textual.containers import Vertical
-from textual.screen import ModalScreen
-from textual.widgets import Input
-
-from pa_console.session.recording import Recording
-from pa_console.tui.rows import column
-from pa_console.tui.status_words import NOTE
 from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.row_views import VirtualRows
 from pa_console.views.event_words import Hit, kind_in_words, search
@@ -102,7 +92,7 @@ class RecordingScreen(MainScreen):
 
     def on_key(self, event: events.Key) -> None:
         """Report that a key would have given a command in a live session."""
-        command = refused_command(event.key, cast("ConsoleApp", self.app).keys)
+        command = refused_command(event.key, cast(ActionHost, self.app).keys)
         if command:
             event.stop()
             self.notify(
@@ -142,7 +132,7 @@ class RecordingScreen(MainScreen):
         views, self._dirty = self._dirty, frozenset()
         if views and self.is_mounted and is_open(self):
             self.refresh_views(self.state, views, self.player.rate, 0.0)
-            situation = cast("ConsoleApp", self.app).situation
+            situation = cast(ActionHost, self.app).situation
             if situation != self._situation:
                 self._situation = situation
                 self.app.refresh_bindings()
