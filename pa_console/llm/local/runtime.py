@@ -6,7 +6,7 @@ keeps one sequence, cannot be interrupted, and hides the logits (measured: `logi
 
 import ctypes
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import llama_cpp
@@ -54,9 +54,15 @@ def _load_adapter(model: Any, path: str) -> Any:
 
 
 CHUNK, SHARED_CHUNK = 64, 16
-"""Tokens of a prompt, or of several continuations of one, that are evaluated at once. The cache is
-reused in whole chunks, so that every batch has the same shape as in a fresh context and an answer
-never depends on what was asked before."""
+"""Tokens of a prompt, or of several continuations of one, that are evaluated at once."""
+
+GROUP = 16
+"""The cache is used again in whole groups of so many tokens, of which a chunk has several.
+
+llama.cpp computes a token alone in another order than several, and may take up to 16 together and
+those left over in another order, too. As every batch begins at a whole group, and none has a single
+token, each token is evaluated as in a fresh context, bit for bit: an answer never depends on what
+was asked before."""
 
 ROOM = 256
 """Contexts are a multiple of this number of tokens. llama.cpp attends to so many at once: the room
@@ -220,6 +226,16 @@ class SharedContext:
         return [rows[number] for number, _, _ in pieces]
 
 
+def prompt_chunks(tokens: Sequence[int]) -> Iterator[Sequence[int]]:
+    """Yield `tokens` in chunks; none has a single token, unless there is only one."""
+    start = 0
+    while start < len(tokens):
+        left = len(tokens) - start
+        size = CHUNK - GROUP if left == CHUNK + 1 else CHUNK
+        yield tokens[start : start + size]
+        start += size
+
+
 class Runtime:
     """One model and its sequences: each has a context of its own for at most `n_ctx` tokens.
 
@@ -327,15 +343,16 @@ class Runtime:
             if old != new:
                 break
             common += 1
-        kept = common // CHUNK * CHUNK
+        kept = common // GROUP * GROUP
+        if kept == len(prompt) - 1:
+            kept -= min(kept, GROUP)
         memory = self._contexts[sequence].memory
         if not _api.llama_memory_seq_rm(memory, 0, kept, -1):
             _api.llama_memory_clear(memory, False)
             kept = 0
         self._cached[sequence] = list(prompt[:kept])
-        for start in range(kept, len(prompt), CHUNK):
-            chunk = prompt[start : start + CHUNK]
-            self._decode(sequence, start, chunk)
+        for chunk in prompt_chunks(prompt[kept:]):
+            self._decode(sequence, len(self._cached[sequence]), chunk)
             self._cached[sequence].extend(chunk)
         return self._contexts[sequence].logits(), kept
 
