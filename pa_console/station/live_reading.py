@@ -2,7 +2,8 @@
 
 Read ahead are the fixed parts, the present picture, and for a mission that is being typed the rules
 that concern its words so far, and these words. The second reader is started by the first words that
-are typed and reads them after the planner and the judge.
+are typed and reads them after the planner and the judge. While a plan is carried out whose workflow
+goes on, the picture that its rehearsal foresees is read for the next plan.
 
 In a pause a draft of the mission goes through the same steps as one that was sent, up to its
 approval. Its events are kept here and logged nowhere, no command passes its gate, and no other
@@ -35,7 +36,8 @@ from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
 from pa_console.schema.events.event import Role
 from pa_console.schema.mission import MAX_MISSION_TEXT, Decision, Mission
-from pa_console.schema.telemetry import Digest
+from pa_console.schema.rehearsal import Rehearsal
+from pa_console.schema.telemetry import Digest, Picture
 from pa_console.session.mission_trace import MissionTrace, apply_to_mission
 from pa_console.station.intake import ReadText
 from pa_console.views.waiting import reading_line
@@ -235,10 +237,16 @@ class ReadAhead:
     """Reads the beginning of coming prompts ahead; a real prompt interrupts it."""
 
     def __init__(self, services: Services, *, unasked: bool = True) -> None:
-        """`unasked`: read too what nobody has asked for yet, when a session or a mission begins."""
+        """`unasked`: read too what nobody has asked for yet.
+
+        That is done when a session or a mission begins, and while a plan is carried out.
+        """
         self._services, self._unasked = services, unasked
         self._read: dict[tuple[Engine, Role], tuple[Digest | None, str]] = {}
         self._typed = ""
+        self._rehearsals: dict[int, Rehearsal] = {}
+        """The rehearsal of each plan of the mission, by its number."""
+        self._foreseen: Picture | None = None
         self._wanted = asyncio.Event()
         self._turn = asyncio.Lock()
 
@@ -262,12 +270,39 @@ class ReadAhead:
         self._typed = text
         self._wanted.set()
 
+    def see(self, payload: ev.EventPayload) -> None:
+        """Have the picture read that the next plan of a mission will be made in.
+
+        That is known once a plan is approved after which somebody has been identified and is yet to
+        be warned: if all goes as rehearsed, it is the picture at the end of the rehearsal.
+        """
+        match payload:
+            case ev.MissionStarted():
+                self._rehearsals.clear()
+            case ev.PlanRehearsed(attempt=attempt, rehearsal=rehearsal):
+                self._rehearsals[attempt] = rehearsal
+            case ev.DecisionMade(accepted=True, attempt=attempt, decision=decision):
+                found = self._rehearsals.get(attempt) if decision.kind == "approve" else None
+                tracks = found.timeline.tracks.values() if found is not None else ()
+                due = any(t.identified_s is not None and t.warned_s is None for t in tracks)
+                if found is not None and due and self._unasked:
+                    self._foreseen = found.after
+                    self._wanted.set()
+            case _:
+                pass
+
     async def serve(self) -> None:
-        """Read the picture again whenever the operator types, until cancelled."""
+        """Read what is typed, or foreseen, whenever that changes, until cancelled."""
         while True:
             await self._wanted.wait()
             self._wanted.clear()
-            await self.read_now(self._typed)
+            foreseen, self._foreseen = self._foreseen, None
+            if foreseen is None:
+                await self.read_now(self._typed)
+            elif self._services.engine.state != "slow":
+                async with self._turn:
+                    for role in TYPING_ROLES:
+                        await self._warm(self._services.engine, role, picture=foreseen)
 
     async def read_now(self, text: str = "") -> None:
         """Read the picture as it is, and all of `text` but its last word, which may not be whole.
@@ -286,15 +321,19 @@ class ReadAhead:
             if second is not None and services.variant.read_again:
                 await self._warm(second, "judge", read)
 
-    async def _warm(self, engine: Engine, role: Role, words: str = "") -> None:
-        """Let `engine` read what a prompt of `role` begins with at present, unless it has.
+    async def _warm(
+        self, engine: Engine, role: Role, words: str = "", picture: Picture | None = None
+    ) -> None:
+        """Let `engine` read what a prompt of `role` begins with, unless it has.
+
+        The `picture` is by default the present one.
 
         In a world too large to be told whole, what is told depends on the mission.
         """
         services = self._services
         fleet = services.fleet
         whole = is_small(fleet.world)
-        digest = digest_picture(fleet.picture(), fleet.world) if whole else None
+        digest = digest_picture(picture or fleet.picture(), fleet.world) if whole else None
         if services.engine.busy or self._read.get((engine, role)) == (digest, words):
             return
         self._read[engine, role] = (digest, words)

@@ -576,6 +576,7 @@ class ControlStation:
         self._journal.append(event)
         self._record.take(event)
         self._live.see(payload)
+        self._ahead.see(payload)
         self._events.put_nowait(event)
         if isinstance(payload, ev.MissionFinished) and mission:
             self._standing.mission_ended(mission, payload)

@@ -8,7 +8,7 @@ from pa_console.llm.roles.role_model import PROMPT_FORMATS
 from pa_console.mission.approval import standing_approver
 from pa_console.mission.context import Services
 from pa_console.schema.events.event import Event, Role
-from pa_console.schema.incident import FailAsset
+from pa_console.schema.incident import FailAsset, SpawnTrack
 from pa_console.session.state import SessionState
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.world_generator import generate_world
@@ -167,3 +167,20 @@ async def test_missions_are_given_when_the_picture_was_read_if_that_is_wanted(ri
         )
         assert [trace.status for trace in traces] == ["verified", "verified"]
         assert (read[0] >= 2) == wanted
+
+
+async def test_while_a_contact_is_identified_the_picture_of_its_warning_is_read(rig: Rig) -> None:
+    identify, warn = (plan(("Robot_T01", f"{verb} WestGate")) for verb in ("identify", "warn"))
+    engine = ScriptedEngine([identify, warn])
+    engine.model = replace(engine.model, prompts="compact")
+    trace = await rig.run(
+        engine, [SpawnTrack(gate="WestGate", distance_m=60.0)], text="Inspect the vehicle."
+    )
+    assert [each.command.verb for each in trace.commands.values()] == ["identify", "warn"]
+    ahead = engine.warmed[-2:]
+    assert [role for role, _, _ in ahead] == ["planner", "judge"]
+    for role, system, user in ahead:
+        asked = next(r for r in reversed(engine.requests) if r.role == role)
+        assert asked.system == system
+        assert asked.user.startswith(user.partition("\nTrack_01: ")[0])
+        assert "Robot_T01: free robot at WestGate" in user
