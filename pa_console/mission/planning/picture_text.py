@@ -127,6 +127,8 @@ MOST_ASSETS, SPARES_PER_KIND = 24, 3
 COVERS_PER_GATE = 2
 MOST_MEANT = 6
 MOST_LOW = 3
+LESS = (0.75, 0.5, 0.25)
+"""The parts of these numbers that are tried, one after the other, until the prompt has room."""
 Pick = tuple[str, str]
 """A name and why it matters."""
 
@@ -137,28 +139,34 @@ def is_small(world: World) -> bool:
 
 
 def select(
-    picture: Picture, world: World, mission: Mission, rules: Sequence[Rule]
+    picture: Picture,
+    world: World,
+    mission: Mission,
+    rules: Sequence[Rule],
+    share: float = 1.0,
 ) -> Selection | None:
     """Return what the prompt for `mission` speaks of; None when the world is small: of all.
 
     `rules` are those retrieved for it: their tags say whether batteries matter beyond its gates.
+    With a `share` below 1 it speaks of no more than that part, in a small world too.
     """
-    if is_small(world):
+    if share == 1.0 and is_small(world):
         return None
-    tracks = _bounded(_tracks(picture, mission), MOST_TRACKS)
+    tracks = _bounded(_tracks(picture, mission), round(share * MOST_TRACKS))
     said = set(named(world.assets, mission.text)) | {mission.subject or ""}
     own = [name for name in picture.assets if name in said]
-    gates = _bounded(_gates(picture, world, mission, own, tracks), MOST_GATES)
-    spares = list(_spares(picture, world, gates))
+    gates = _bounded(_gates(picture, world, mission, own, tracks), round(share * MOST_GATES))
+    most, per_kind = round(share * MOST_ASSETS), round(share * SPARES_PER_KIND)
+    spares = list(_spares(picture, world, gates, per_kind))
     tags = {tag for rule in rules for tag in rule.tags}
     concerned = _concerned(picture, own, gates, wants_low="battery" in tags)
-    assets = _bounded(concerned, MOST_ASSETS - len(KINDS) * SPARES_PER_KIND)
-    assets = _bounded([*assets.items(), *spares], MOST_ASSETS)
+    assets = _bounded(concerned, most - len(KINDS) * per_kind)
+    assets = _bounded([*assets.items(), *spares], most)
     return Selection(
         gates=gates,
         tracks=tracks,
         assets=assets,
-        frames=_frames(world, mission, gates),
+        frames=_frames(world, mission, gates)[: round(share * MOST_FRAMES)],
         left_out={
             "gates": len(picture.gates) - len(gates),
             "tracks": len(picture.tracks) - len(tracks),
@@ -252,7 +260,7 @@ def _trouble(picture: Picture, asset: AssetTelemetry) -> str:
     return "low battery" if asset.available else "down"
 
 
-def _spares(picture: Picture, world: World, gates: Iterable[str]) -> Iterator[Pick]:
+def _spares(picture: Picture, world: World, gates: Iterable[str], per_kind: int) -> Iterator[Pick]:
     """Yield the free assets of every kind that are nearest to the concerned gates, in turns.
 
     With no gate concerned the fullest batteries come first. One that helps to cover a gate is
@@ -267,8 +275,8 @@ def _spares(picture: Picture, world: World, gates: Iterable[str]) -> Iterator[Pi
         return asset.id in covering, way, -asset.battery_pct, asset.id
 
     free = sorted((a for a in picture.assets.values() if is_free(a, sole)), key=order)
-    kinds = [[a for a in free if a.kind == kind][:SPARES_PER_KIND] for kind in KINDS]
-    for turn in range(SPARES_PER_KIND):
+    kinds = [[a for a in free if a.kind == kind][:per_kind] for kind in KINDS]
+    for turn in range(per_kind):
         for assets in kinds:
             for asset in assets[turn : turn + 1]:
                 way = f", {_least(asset.position, goals):.0f} m away" if goals else ""
@@ -283,4 +291,4 @@ def _frames(world: World, mission: Mission, gates: Iterable[str]) -> tuple[str, 
     """Return the concerned gates, the base, and posts: those that the mission means first."""
     posts = [name for name, frame in world.frames.items() if frame.kind == "post"]
     wanted = [*gates, world.base, *names_meant(posts, mission.text), *posts]
-    return tuple(dict.fromkeys(wanted))[:MOST_FRAMES]
+    return tuple(dict.fromkeys(wanted))

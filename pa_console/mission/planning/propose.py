@@ -27,7 +27,7 @@ from pa_console.llm.roles.prompts import Prompt, paper_prompt
 from pa_console.llm.roles.role_model import RoleModel, first_answer
 from pa_console.mission.context import MissionContext, Services
 from pa_console.mission.planning.choices import commands_serving
-from pa_console.mission.planning.picture_text import digest_picture, select
+from pa_console.mission.planning.picture_text import LESS, digest_picture, select
 from pa_console.mission.retrieve import RetrievedRules
 from pa_console.schema.command import Verb
 from pa_console.schema.events import event as ev
@@ -135,26 +135,37 @@ def ask_for_plan(
 ) -> PlanQuestion:
     """Return the question for a plan; `reasons` are the faults of the `previous` one.
 
-    It is for `model`, by default for the session's own.
+    It is for `model`, by default for the session's own. Of the picture it tells as much as has
+    room beside the answer.
     """
     prompt_format = model.prompt_format if model is not None else services.prompt_format
     started = perf_counter()
     picture, world, task = services.fleet.picture(), services.fleet.world, retrieved.task
     rules = [services.rulebook.get(hit.rule_id) for hit in retrieved.hits]
-    selection = select(picture, world, task, rules)
-    digest = digest_picture(picture, world, selection)
-    digested = perf_counter()
-    if services.variant.prompt == "paper":
-        prompt = paper_prompt(world, digest, rules, task)
-    else:
+
+    def tell(share: float = 1.0) -> tuple[Digest, float, Prompt]:
+        digest = digest_picture(picture, world, select(picture, world, task, rules, share))
+        digested = perf_counter()
+        if services.variant.prompt == "paper":
+            return digest, digested, paper_prompt(world, digest, rules, task)
         prompt = prompt_format.planner(world, digest, rules, task, reasons, previous)
+        return digest, digested, prompt
+
+    digest, digested, prompt = tell()
+    if model is None or model.server is None:
+        room = services.engine.model.n_ctx - prompt_format.plan_tokens
+        for share in LESS:
+            if prompt.tokens <= room:
+                break
+            digest, digested, prompt = tell(share)
     grammar, stated, asked = ANY_TEXT, (), asked_now(world, digest, retrieved.chosen)
     schema: Schema | None = None
     if prompt_format.served:
         stated = tuple(prompt_format.reason(world, digest, task.text, asked))
         grammar = begun_grammar(stated)
     elif services.variant.grammar:
-        shown = (None, None) if selection is None else (selection.assets, selection.frames)
+        told = digest.selection
+        shown = (None, None) if told is None else (told.assets, told.frames)
         if services.variant.grounded:
             stated = tuple(prompt_format.reason(world, digest, task.text, asked))
         grammar = plan_grammar(world, picture, *shown, retrieved.verbs, stated)
