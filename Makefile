@@ -7,12 +7,15 @@ ARGS ?=
 SHELL := bash
 VENV := .venv
 BIN := $(VENV)/bin
-PIP := PYTHONUNBUFFERED=1 $(BIN)/python -m pip install --disable-pip-version-check
+PIP := PYTHONUNBUFFERED=1 PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip
 LLAMA := $(shell sed -n 's/^ *"\(llama-cpp-python==[^"]*\)".*/\1/p' pyproject.toml)
 TEST_MODEL := smollm2-135m
 # What reads unclear orders again is fetched with the model; `make console READER=` leaves it out.
 READER ?= --with-second-reader
 PINS := .constraints.txt
+WHEELS := $(VENV)/wheels
+# Make would take a target with an equals sign for a variable.
+LLAMA_WHEEL := $(WHEELS)/.$(subst ==,-,$(LLAMA))
 SITE := build/site
 SBOM := build/sbom.json
 
@@ -106,8 +109,10 @@ $(BIN)/python:
 
 # llama.cpp's own switches leave out the vision library and nothing else. Half of what is still
 # compiled is its `common` library, which the package forces on and does not install; a CMake
-# file that is included after llama.cpp's `project()` switches it off again, and AMX too.
-$(VENV)/.$(LLAMA): | $(BIN)/python
+# file that is included after llama.cpp's `project()` switches it off again, and AMX too. No index
+# has a wheel that was built so: it is always compiled here.
+$(LLAMA_WHEEL): | $(BIN)/python
+	@mkdir -p $(WHEELS) && rm -f $(WHEELS)/*.whl
 	@printf '%s\n' '# Half of the build time, and not part of the package that is installed.' \
 		'set(LLAMA_BUILD_COMMON OFF)' \
 		'# On virtual machines that offer AMX, its tiles end the process: the code for it is left out.' \
@@ -116,43 +121,63 @@ $(VENV)/.$(LLAMA): | $(BIN)/python
 	@echo "Building llama.cpp, once, about 2 minutes on two cores (pip keeps it for other clones)"
 	@set -o pipefail; \
 	CMAKE_ARGS="$$CMAKE_ARGS -DLLAVA_BUILD=OFF '-DCMAKE_PROJECT_llama.cpp_INCLUDE=$(CURDIR)/$(VENV)/llama-build.cmake'" \
-	$(PIP) --verbose --no-deps --require-hashes --requirement $(VENV)/llama.txt \
+	$(PIP) wheel --verbose --no-deps --require-hashes --wheel-dir $(WHEELS) \
+		--requirement $(VENV)/llama.txt \
 		$(call calmly,$(VENV)/llama-build.log); \
 		echo "It needs a C and C++ compiler; on Debian and Ubuntu: apt install build-essential"; exit 1; }
 	@touch $@
 	@echo "llama.cpp is ready"
 
 # Libraries come in the versions and with the hashes of $(PINS), which has a section for each
-# target; only the project itself, which is a folder, can have no hash.
-$(VENV)/.installed-base: SECTIONS := console
-$(VENV)/.installed-test: SECTIONS := console test
-$(VENV)/.installed-dev: SECTIONS := console test lint
-$(VENV)/.installed-%: pyproject.toml $(PINS) $(VENV)/.$(LLAMA)
-	@echo "Installing PA Console and its libraries ($(SECTIONS)), about a minute"
-	@$(call sections,$(SECTIONS)) > $(VENV)/pins.txt
-	@set -o pipefail; { \
-		$(PIP) --require-hashes --requirement $(VENV)/pins.txt && \
-		$(PIP) --no-deps --no-build-isolation --editable .; \
-	} $(call calmly,$(VENV)/install.log); exit 1; }
+# target; only the project itself, which is a folder, can have no hash. What is imported at the
+# start is compiled to bytecode by pip, and here what pip does not see.
+$(VENV)/.libraries-base: SECTIONS := console
+$(VENV)/.libraries-test: SECTIONS := console test
+$(VENV)/.libraries-dev: SECTIONS := console test lint
+$(VENV)/.libraries-%: pyproject.toml $(PINS) | $(BIN)/python
+	@echo "Installing PA Console and its libraries ($(SECTIONS)) meanwhile, about a minute"
+	@$(call sections,$(SECTIONS)) | sed '/^$(LLAMA) /,/[^\]$$/d' > $(VENV)/pins.txt
+	@{ $(PIP) install --require-hashes --no-deps --requirement $(VENV)/pins.txt && \
+		$(PIP) install --no-deps --no-build-isolation --editable . && \
+		$(BIN)/python -m compileall -q pa_console; \
+	} > $(VENV)/install.log 2>&1 || { tail -n 25 $(VENV)/install.log; \
+		echo "The installation failed; the whole output is in $(VENV)/install.log."; exit 1; }
+	@touch $@
+
+# Fetches models as long as llama.cpp is compiled. What is missing then is fetched in sight, from
+# where this has stopped, and so is what has failed here: nobody sees that. With `set -m` the
+# fetching can be interrupted, and ends its own children then.
+.PHONY: fetched-meanwhile
+fetched-meanwhile: $(VENV)/.libraries-base
+	@set -m; \
+	$(BIN)/pa-console models pull --fetch-only $(READER) > $(VENV)/fetch.log 2>&1 < /dev/null & \
+	fetching=$$!; set +m; trap 'kill -INT $$fetching 2> /dev/null; wait $$fetching' EXIT; \
+	while [ ! -e $(LLAMA_WHEEL) ] && kill -0 $$fetching 2> /dev/null; do sleep 1; done
+
+# The compiler is busy for minutes, the network is not: both at once.
+$(VENV)/.installed-base: MEANWHILE := fetched-meanwhile
+$(VENV)/.installed-%: pyproject.toml $(PINS) | $(BIN)/python
+	@$(MAKE) --no-print-directory --jobs=3 $(LLAMA_WHEEL) $(VENV)/.libraries-$* $(MEANWHILE)
+	@$(PIP) install --quiet --no-index --no-deps $(WHEELS)/*.whl
 	@touch $@
 
 # Torch comes for the processor or the graphics card that is here, so it has no pinned hash.
 $(VENV)/.installed-train: pyproject.toml $(VENV)/.installed-base
 	@echo "Installing what trains, some minutes"
-	@set -o pipefail; $(PIP) --no-build-isolation --editable '.[train]' \
+	@set -o pipefail; $(PIP) install --no-build-isolation --editable '.[train]' \
 		$(call calmly,$(VENV)/install.log); exit 1; }
 	@touch $@
 
 $(VENV)/.installed-site: $(PINS) | $(BIN)/python
 	@echo "Installing what renders the manual"
 	@$(call sections,site) > $(VENV)/site-pins.txt
-	@set -o pipefail; $(PIP) --require-hashes --requirement $(VENV)/site-pins.txt \
+	@set -o pipefail; $(PIP) install --require-hashes --requirement $(VENV)/site-pins.txt \
 		$(call calmly,$(VENV)/install.log); exit 1; }
 	@touch $@
 
 $(VENV)/.installed-audit: $(PINS) | $(BIN)/python
 	@echo "Installing what lists and audits the libraries"
 	@$(call sections,audit) > $(VENV)/audit-pins.txt
-	@set -o pipefail; $(PIP) --require-hashes --requirement $(VENV)/audit-pins.txt \
+	@set -o pipefail; $(PIP) install --require-hashes --requirement $(VENV)/audit-pins.txt \
 		$(call calmly,$(VENV)/install.log); exit 1; }
 	@touch $@

@@ -123,6 +123,8 @@ class ConsoleApp(App[None]):
         self.error_console = PlainConsole(stderr=True)
         self._visible_lines = VisibleLines()
         self._history, self._opening = history, opening
+        self.first_painted: Callable[[], object] = lambda: None
+        """Is called once, between the first paint and the first event."""
         self.session = session = ConsoleSession(
             self, world, station, player, readonly=readonly, clock=clock, joined=joined
         )
@@ -242,6 +244,7 @@ class ConsoleApp(App[None]):
         self.push_screen(main)
 
     def _start(self) -> None:
+        self.first_painted()
         self.controllers.settings.use(self.controllers.settings.loaded)
         self.feed.start()
         self.controllers.leaving.watch_terminal()

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pa_console.cli.sessions import mission as mission_session
-from pa_console.cli.verbs import console
+from pa_console.cli.sessions import opening
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.signing import KEY_VARIABLE
 from pa_console.station.assembly import load_site
@@ -45,7 +45,7 @@ def engine(monkeypatch: pytest.MonkeyPatch) -> ScriptedEngine:
     def new_engine(_: LocalModel, **_options: bool) -> ScriptedEngine:
         return scripted
 
-    for verb in (mission_session, console):
+    for verb in (mission_session, opening):
         monkeypatch.setattr(verb, "find_model", find_model)
         monkeypatch.setattr(verb, "Engine", new_engine)
     return scripted

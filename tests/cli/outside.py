@@ -20,8 +20,7 @@ from pa_console.signing import KEY_VARIABLE
 
 PROGRAM = """
 import asyncio, sys
-from pa_console.cli.verbs import console
-from pa_console.cli.sessions import mission as mission_session
+from pa_console.cli.sessions import mission as mission_session, opening
 from pa_console.cli.main import main
 from tests.scripted import ScriptedEngine, plan
 
@@ -30,7 +29,7 @@ moved = plan(("Drone_T04", "move_to EastGate"))
 engine = ScriptedEngine([moved if answer == "plan" else None])
 if answer == "never-closed":
     engine.close = asyncio.Event().wait
-verbs = [console, mission_session]
+verbs = [opening, mission_session]
 if "serve" in sys.argv:
     from pa_console.cli.sessions import served as serve_session
     verbs.append(serve_session)
@@ -134,7 +133,7 @@ class Outside:
 
     def until(self, kind: str, meanwhile: Callable[[], object] = lambda: None) -> None:
         """Wait until the log tells of `kind`, and do something again and again meanwhile."""
-        self._until(lambda: kind in self.kinds, meanwhile)
+        self.until_true(lambda: kind in self.kinds, meanwhile)
 
     def until_shown(self, text: str) -> None:
         """Wait until `text` is on the terminal."""
@@ -142,7 +141,7 @@ class Outside:
 
     def until_shown_times(self, text: str, times: int) -> None:
         """Wait until `text` has come to the terminal so many times."""
-        self._until(lambda: self.shown.count(text) >= times, lambda: None)
+        self.until_true(lambda: self.shown.count(text) >= times)
 
     def until_new(self, log: Path) -> None:
         """Wait until another log than `log` tells of telemetry."""
@@ -151,9 +150,12 @@ class Outside:
             others = set(self.logs.glob("*.jsonl")) - {log}
             return any(b'"kind":"telemetry"' in other.read_bytes() for other in others)
 
-        self._until(told, lambda: None)
+        self.until_true(told)
 
-    def _until(self, done: Callable[[], bool], meanwhile: Callable[[], object]) -> None:
+    def until_true(
+        self, done: Callable[[], bool], meanwhile: Callable[[], object] = lambda: None
+    ) -> None:
+        """Wait until something is `done`, and do something again and again meanwhile."""
         end = time.monotonic() + WITHIN_S
         while not done():
             assert self.process.poll() is None, self.shown

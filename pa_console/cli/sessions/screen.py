@@ -9,17 +9,20 @@ from pa_console.cli.sessions.log import tell_of_witness, usual_file
 from pa_console.observability import Observer
 from pa_console.session.log.chain import LogError
 from pa_console.settings.sources import LoadedSettings
+from pa_console.terminal.opening_frame import OpeningFrame
 from pa_console.terminal.output import out
 from pa_console.tui.app import ConsoleApp
+from pa_console.tui.over_frame import keep_first, take_over
 from pa_console.views.waiting import load_usual, save_usual
 
 
 def run_screen(
-    opened: LiveSession, settings: LoadedSettings, observer: Observer
+    opened: LiveSession, settings: LoadedSettings, observer: Observer, frame: OpeningFrame
 ) -> Callable[[Runner], int]:
     """Open the log; return what runs the screen and returns the signal that ended it, 0 for none.
 
-    Raises LogError when the log cannot be opened.
+    The screen begins where `frame` covers the terminal. Raises LogError when the log cannot be
+    opened.
     """
     site, station, model = opened.site, opened.station, opened.engine.model.sha256
 
@@ -38,9 +41,11 @@ def run_screen(
         usual=load_usual(usual_file(), model),
     )
     app.feed.observer = observer
+    app.first_painted = lambda: keep_first(app, frame)
 
     def run(loop: Runner) -> int:
         leaving = app.controllers.leaving
+        take_over(app, frame)
         with opened.logged(writer, leaving.end):
             keep_loaded()
             loop.run(app.run_async(mouse=settings.values.mouse))

@@ -73,6 +73,13 @@ def pull(
             help="Fetch too the model that reads an order again of which this one is unsure.",
         ),
     ] = False,
+    fetch_only: Annotated[
+        bool,
+        typer.Option(
+            "--fetch-only",
+            help="Leave weights as they came; the next pull or the console converts them.",
+        ),
+    ] = False,
     json: JsonOption = False,
 ) -> None:
     """Fetch a model into the user's cache: resumable, and kept only if its hash is right.
@@ -83,9 +90,8 @@ def pull(
     entry = catalog.get(name or catalog.default)
     if with_reader and not entry.second_reader:
         raise ValueError(f"{entry.name} has no second reader; leave out --with-second-reader")
-    fetched = [_fetch(entry)]
-    if with_reader:
-        fetched.append(_fetch(catalog.get(entry.second_reader)))
+    entries = [entry, catalog.get(entry.second_reader)] if with_reader else [entry]
+    fetched = [_fetch(one, prepare=not fetch_only) for one in entries]
     if json:
         print_json(fetched[0].told if len(fetched) == 1 else [one.told for one in fetched])
         return
@@ -103,8 +109,8 @@ class _ReadyModel(NamedTuple):
     told: dict[str, Any]
 
 
-def _fetch(entry: ModelEntry) -> _ReadyModel:
-    """Fetch and prepare `entry`, with a progress bar."""
+def _fetch(entry: ModelEntry, *, prepare: bool) -> _ReadyModel:
+    """Fetch `entry` and, if asked to, prepare its weights, with a progress bar."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -122,7 +128,9 @@ def _fetch(entry: ModelEntry) -> _ReadyModel:
 
         fetched = fetch(entry, progress)
         hash_note = told if entry.sha256 is None else ""
-        path, sha256 = entry.ready_file(fetched, progress)
+        path, sha256 = fetched, entry.sha256
+        if prepare:
+            path, sha256 = entry.ready_file(fetched, progress)
         size = path.stat().st_size
         bar.update(task, completed=size, total=size, description=f"{entry.name} is ready")
     pinned = {"source_path": str(fetched), "source_sha256": entry.sha256}

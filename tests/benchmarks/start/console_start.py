@@ -15,6 +15,10 @@ from time import perf_counter
 from typing import Self
 
 COMMAND = (sys.executable, "-P", "-m", "pa_console")
+COMPILED = {"PYTHONDONTWRITEBYTECODE": ""}
+"""The environment in which Python keeps what it has compiled, as it does for users. Without that
+every start would compile all modules again."""
+
 SIZE = (36, 120)
 """Rows and columns of the terminal."""
 
@@ -49,7 +53,7 @@ class ConsoleStart:
                 stdin=its,
                 stdout=its,
                 stderr=its,
-                env={**os.environ, "TERM": "xterm-256color", **environment},
+                env={**os.environ, **COMPILED, "TERM": "xterm-256color", **environment},
                 start_new_session=True,
             )
         except BaseException:

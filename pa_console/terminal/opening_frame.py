@@ -1,0 +1,182 @@
+"""The frame that a console shows while it opens: the screen as its last start painted it first.
+
+To import and open everything takes a second; the frame takes a tenth of it. It is kept before the
+first event of a session, so nothing in it can be taken for the present picture. Keys that are typed
+meanwhile stay in the terminal's queue, for the screen. Whatever is written to the standard streams
+uncovers the terminal first: a warning, an error, a question. No key that was typed for the screen
+answers that question.
+"""
+
+import hashlib
+import os
+import re
+import signal
+import sys
+import termios
+from collections.abc import Callable, Generator, Sequence
+from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout, suppress
+from pathlib import Path
+from typing import IO, Any, Self, cast
+
+from platformdirs import user_state_path
+
+from pa_console.end_signals import end_signals, exit_code_of
+from pa_console.private_files import make_private_folder, read_private, replace_private
+from pa_console.terminal.output import DRIVER
+
+ENTER_SCREEN, LEAVE_SCREEN = "\x1b[?1049h", "\x1b[0m\x1b[?25h\x1b[?1049l"
+MOST_BYTES = 1_000_000
+KEPT = 8
+"""Frames that are kept: one for each size of the terminal and each choice of options."""
+
+_DRAWN = re.compile(r"(?:[^\x00-\x1f\x7f-\x9f]|\x1b\[[\d;]*m|\n)*")
+"""Text and its colours, without anything else that a terminal obeys."""
+
+_LOOKS = ("TERM", "COLORTERM", "NO_COLOR", "TEXTUAL_COLOR_SYSTEM", "TERM_PROGRAM")
+"""The variables on which the colours of the screen depend."""
+
+
+def frame_file(*options: object) -> Path | None:
+    """Return the file of the frame for this terminal and these `options` of the screen.
+
+    None if there is no terminal, or Textual draws on something else.
+    """
+    if DRIVER in os.environ:
+        return None
+    try:
+        if not (sys.stdin.isatty() and sys.stderr.isatty()):
+            return None
+        size = os.get_terminal_size(sys.stderr.fileno())
+    except (OSError, ValueError):  # a stream without a descriptor
+        return None
+    looks = [os.environ.get(name, "") for name in _LOOKS]
+    named = hashlib.sha256(repr((*size, *looks, *options)).encode()).hexdigest()[:32]
+    return user_state_path("pa-console") / "frames" / f"{named}.ansi"
+
+
+def keep_frame(file: Path, lines: Sequence[str]) -> None:
+    """Keep the screen's `lines` for the next start; a disk that refuses is no error."""
+    content = "\n".join(lines).encode("utf-8", "replace")
+    with suppress(OSError):
+        make_private_folder(file.parent)
+        if not file.exists() or file.read_bytes() != content:
+            replace_private(file, content)
+        newest = sorted(file.parent.glob("*.ansi"), key=lambda one: one.stat().st_mtime)
+        for old in newest[:-KEPT]:
+            old.unlink(missing_ok=True)
+
+
+def load_frame(file: Path) -> list[str] | None:
+    """Return the lines of a kept frame; None without one, or if it does more than draw."""
+    try:
+        content = read_private(file)
+        text = content.decode() if len(content) <= MOST_BYTES else "\x1b"
+    except (OSError, UnicodeDecodeError):
+        return None
+    return text.split("\n") if _DRAWN.fullmatch(text) else None
+
+
+class _UncoveringStream:
+    """A standard stream that uncovers the terminal before anything is written."""
+
+    def __init__(self, stream: IO[str], uncover: Callable[[], None]) -> None:
+        self._stream, self._uncover = stream, uncover
+
+    def write(self, text: str) -> int:
+        """Write `text` where it can be seen."""
+        self._uncover()
+        return self._stream.write(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+class OpeningFrame:
+    """Covers the terminal with the frame of `file`, if there is one, until the screen takes over.
+
+    In a context: at its end the terminal is as it was, unless the screen has it.
+    """
+
+    def __init__(self, file: Path | None) -> None:
+        self.file = file
+        self.shown = False
+        self._modes: list[Any] = []
+        """The terminal's modes before."""
+        self._heeding = ExitStack()
+        """Takes the standard streams and the signals back."""
+        self._covered: list[IO[str]] = []
+        """Kept: a `print` that uncovers goes on with a stream that is no standard stream by then,
+        and holds no reference to it."""
+
+    def __enter__(self) -> Self:
+        """Show the frame; without one the terminal stays as it is."""
+        lines = load_frame(self.file) if self.file is not None else None
+        if lines is not None:
+            self._show(lines)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.uncover()
+
+    def _show(self, lines: Sequence[str]) -> None:
+        terminal = sys.stdin.fileno()
+        self._modes = termios.tcgetattr(terminal)
+        rows = "".join(f"\x1b[{number};1H{line}" for number, line in enumerate(lines, start=1))
+        self._heeding.enter_context(end_signals(_end))
+        self._heeding.callback(signal.signal, signal.SIGTSTP, signal.getsignal(signal.SIGTSTP))
+        signal.signal(signal.SIGTSTP, signal.SIG_IGN)
+        self.shown = True
+        termios.tcsetattr(terminal, termios.TCSANOW, _raw(self._modes))
+        sys.stderr.write(f"{ENTER_SCREEN}\x1b[?25l\x1b[?7l{rows}\x1b[0m\x1b[?7h")
+        sys.stderr.flush()
+        covered = [_UncoveringStream(each, self.uncover) for each in (sys.stdout, sys.stderr)]
+        self._covered = cast(list[IO[str]], covered)
+        self._heeding.enter_context(redirect_stdout(self._covered[0]))
+        self._heeding.enter_context(redirect_stderr(self._covered[1]))
+
+    def uncover(self) -> None:
+        """Show what was on the terminal before; keys that were typed for the screen are lost."""
+        self.release()
+        if self.shown:
+            self.shown = False
+            sys.stderr.write(LEAVE_SCREEN)
+            sys.stderr.flush()
+            with suppress(termios.error):  # the terminal is gone
+                termios.tcsetattr(sys.stdin.fileno(), termios.TCSAFLUSH, self._modes)
+
+    def release(self) -> None:
+        """Give streams and signals back to whoever runs the screen; the frame stays."""
+        self._heeding.close()
+
+    def hand_over(self) -> list[Any]:
+        """Leave the covered terminal to the screen; return the modes that it had before."""
+        self.shown = False
+        return self._modes
+
+    @contextmanager
+    def telling(self, what: str) -> Generator[None]:
+        """Show the present step in a line that is gone afterwards, where no frame is shown."""
+        seen = not self.shown and sys.stderr.isatty()
+        if seen:
+            sys.stderr.write(what)
+            sys.stderr.flush()
+        try:
+            yield
+        finally:
+            if seen:
+                sys.stderr.write(f"\r{' ' * len(what)}\r")
+                sys.stderr.flush()
+
+
+def _end(number: int) -> None:
+    raise SystemExit(exit_code_of(number))
+
+
+def _raw(modes: Sequence[Any]) -> list[Any]:
+    """Return the terminal's `modes` with keys unchanged and not echoed; ^C still interrupts."""
+    raw = list(modes)
+    raw[0] &= ~(termios.IXON | termios.IXOFF | termios.ICRNL | termios.INLCR | termios.IGNCR)
+    raw[3] &= ~(termios.ECHO | termios.ICANON | termios.IEXTEN)
+    raw[6] = list(raw[6])
+    raw[6][termios.VMIN], raw[6][termios.VTIME] = 1, 0
+    return raw
