@@ -157,7 +157,7 @@ fetched-meanwhile: $(VENV)/.libraries-base
 # The compiler is busy for minutes, the network is not: both at once.
 $(VENV)/.installed-base: MEANWHILE := fetched-meanwhile
 $(VENV)/.installed-%: pyproject.toml $(PINS) | $(BIN)/python
-	@$(MAKE) --no-print-directory --jobs=3 $(LLAMA_WHEEL) $(VENV)/.libraries-$* $(MEANWHILE)
+	@$(MAKE) --no-print-directory --silent --jobs=3 $(LLAMA_WHEEL) $(VENV)/.libraries-$* $(MEANWHILE)
 	@$(PIP) install --quiet --no-index --no-deps $(WHEELS)/*.whl
 	@touch $@
 

@@ -13,7 +13,7 @@ from typer.main import get_command
 
 from pa_console import __version__
 from pa_console.cli.main import app
-from pa_console.cli.verbs import EXAMPLES, VERBS, load_verb
+from pa_console.cli.verbs import EXAMPLES, VERBS, load_verb, models
 from tests.cli.inside import Call
 from tests.cli.parsing import left_over
 
@@ -112,6 +112,20 @@ def test_a_list_of_verbs_says_each_line_to_its_end_and_values_in_plain_words(cal
 @pytest.mark.parametrize("example", EXAMPLES.values())
 def test_every_example_is_a_call_that_the_verb_takes(example: str) -> None:
     assert not left_over(example)
+
+
+def test_a_model_can_be_fetched_and_prepared_later(
+    call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fetched = tmp_path / "fetched.gguf"
+    fetched.write_bytes(b"no weights that could be prepared")
+
+    def fetch(_entry: object, _progress: object) -> Path:
+        return fetched
+
+    monkeypatch.setattr(models, "fetch", fetch)
+    done = call("models", "pull", "--fetch-only")
+    assert (done.code, done.out) == (0, f"{fetched}\n")
 
 
 def test_the_shell_is_told_what_verbs_there_are() -> None:
