@@ -33,6 +33,22 @@ RATE = 8.0
 LIMIT_S = 120.0
 
 
+def patient(world: World) -> World:
+    """Return `world` with RATE times the patience for assets that are silent.
+
+    On a site that runs RATE times faster, a process that waits half a second for a processor would
+    count as an asset that is lost, and end a mission.
+    """
+    update = {"stale_s": RATE * world.stale_s, "link_lost_s": RATE * world.link_lost_s}
+    return world.model_copy(update=update)
+
+
+@pytest.fixture(scope="module", name="world")
+def patient_world(world: World) -> World:
+    """The world of the folder, with patience."""
+    return patient(world)
+
+
 def messages(site: Site) -> tuple[str, ...]:
     """What everybody goes by: `block` takes two people."""
     rules = {site.rulebook.seal.content_sha256: auth.EnrolledRules("two", {"block": 2})}

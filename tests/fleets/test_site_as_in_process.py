@@ -1,10 +1,16 @@
 """What a station sees of a site on a bus is what it sees of the same simulation in its process."""
 
+from datetime import datetime, timedelta
+from itertools import pairwise
+from math import dist
+
 import pytest
 
 from pa_console.fleets.fleet import Fleet, Simulated
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.fleets.vda5050.broker import BrokerAddress
+from pa_console.fleets.vda5050 import simulated_site
+from pa_console.fleets.vda5050.broker import LOOPBACK, BrokerAddress
+from pa_console.fleets.vda5050.simulated_site import SimulatedSite, SiteOptions
 from pa_console.schema.command import DeviceCommand, Verb
 from pa_console.schema.incident import (
     FailAsset,
@@ -17,8 +23,11 @@ from pa_console.schema.incident import (
     SetWeather,
     SpawnTrack,
 )
+from pa_console.schema.telemetry import AssetTelemetry
 from pa_console.schema.world import World
+from pa_console.sim.checkpoint import Checkpoint
 from tests.fleets.conftest import joined, running
+from tests.fleets.scripted_link import EPOCH
 
 STEPS = 300
 Script = dict[int, DeviceCommand | Incident]
@@ -108,3 +117,35 @@ def test_replies_and_picture_are_the_same(name: str, world: World, address: Brok
         assert (fleet.seed, fleet.tick) == (1, 0)
         assert play(fleet, script) == play(twin, script)
         assert fleet.picture() == twin.picture()
+
+
+def test_steps_that_are_made_late_have_the_times_at_which_they_were_due(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A site held up for a second catches up at once, and no asset seems to race meanwhile."""
+    rate, checkpoint = 2.0, Checkpoint(world, 1)
+    checkpoint.send(command(1, "Drone_T04", "move_to", "WestGate"))
+    for _ in range(30):
+        checkpoint.step()
+    site = SimulatedSite(checkpoint, BrokerAddress(LOOPBACK, 1), SiteOptions("0" * 64, rate=rate))
+    reports = list[tuple[datetime, tuple[float, float]]]()
+
+    def reported(said: AssetTelemetry, sent: datetime) -> None:
+        reports.append((sent, said.position))
+
+    monkeypatch.setattr(site.robots["Drone_T04"], "report", reported)
+    now = [EPOCH]
+
+    def each_look_takes_time() -> datetime:
+        now[0] += timedelta(seconds=0.01)
+        return now[0]
+
+    monkeypatch.setattr(simulated_site, "utc_now", each_look_takes_time)
+    made = now[0]
+    for held_up_s in (1.0, 0.1, 0.4, 0.0, 3.0):
+        now[0] += timedelta(seconds=held_up_s)
+        made = site._catch_up(made)  # pyright: ignore[reportPrivateUsage]
+    assert len(reports) > 8
+    most_mps = rate * world.platforms["uav"].speed_mps
+    for (sent, at), (later, there) in pairwise(reports):
+        assert dist(at, there) <= 1.1 * most_mps * (later - sent).total_seconds() + 1.0

@@ -33,13 +33,26 @@ from pa_console.station.shared_log import HEARD, SharedLog, read_so_far
 from pa_console.station.station import ControlStation
 from tests.fleets.conftest import joined, running
 from tests.fleets.keyring import KEYS, PUBLIC, TO_NORTH
-from tests.fleets.test_shared_session import RATE, Watched, messages, two_people, until
+from tests.fleets.test_shared_session import (
+    RATE,
+    Watched,
+    messages,
+    patient,
+    two_people,
+    until,
+)
 from tests.scripted import ScriptedEngine, plan
 
 SENT = datetime(2026, 1, 1, tzinfo=UTC)
 MOVE = plan(("Drone_T04", "move_to EastGate"))
 TEXT = "Move Drone_T04 to the east gate."
 NEXT = "Send Drone_T04 to the north gate."
+
+
+@pytest.fixture(scope="module", name="world")
+def patient_world(world: World) -> World:
+    """The world of the folder, with patience."""
+    return patient(world)
 
 
 def keys(station: str, person: str, site: Site) -> Keys:

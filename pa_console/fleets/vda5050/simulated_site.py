@@ -40,7 +40,6 @@ from pa_console.fleets.vda5050.wire import Header, Numbers, Topic, UnreadableErr
 from pa_console.schema.events.event import IncidentHappened, Noticed
 from pa_console.schema.incident import Incident
 from pa_console.schema.telemetry import AssetTelemetry, Weather
-from pa_console.sim import picture as station_side
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.sensing_state import Detection
 
@@ -75,8 +74,11 @@ class SimulatedSite:
     ) -> None:
         self.checkpoint, self._options = checkpoint, options
         self._world = checkpoint.world
-        self._period = station_side.period_ticks(self._world)
         self._numbers, self._epoch = Numbers(), in_milliseconds(datetime.now(UTC))
+        self._step_time = timedelta(seconds=self._world.dt_s / options.rate)
+        """The real time from one step to the next of a site that is not paced."""
+        self._due: datetime | None = None
+        """The time at which the step that is being made was due, None between steps."""
         self._news = asyncio.Event()
         self._asked: list[Header] = []
         self._weather: Weather = checkpoint.picture().weather
@@ -130,25 +132,34 @@ class SimulatedSite:
 
     async def _serve(self) -> None:
         """Answer the station, and move the world on unless the station does."""
-        owed, last = 0.0, perf_counter()
-        pause_s = self._world.dt_s / max(self._options.rate, 1.0)
+        made = utc_now()
+        pause_s = min(self._step_time.total_seconds(), self._world.dt_s)
         while True:
             if self._options.paced:
                 await self._news.wait()
             else:
                 await asyncio.sleep(pause_s)
-                now = perf_counter()
-                owed += (now - last) * self._options.rate / self._world.dt_s
-                last = now
             self._news.clear()
             asked, self._asked = self._asked, []
             for message in asked:
                 await self._answer(message)
             if not self._options.paced:
-                steps = min(int(owed), MOST_STEPS_AT_ONCE)
-                owed = min(owed - steps, 1.0)
-                for _ in range(steps):
-                    self._step()
+                made = self._catch_up(made)
+
+    def _catch_up(self, made: datetime) -> datetime:
+        """Make the steps that are due since the one `made` last; return when the last was due.
+
+        Steps that a busy machine makes late, several at once, have the times at which they were
+        due: else an asset would seem to come farther than it can in that moment. Those beyond
+        MOST_STEPS_AT_ONCE are left out, and the site has stood still for as long.
+        """
+        now = utc_now()
+        made = max(min(made, now), now - (MOST_STEPS_AT_ONCE + 1) * self._step_time)
+        while made + self._step_time <= now:
+            made = self._due = made + self._step_time
+            self._step()
+        self._due = None
+        return made
 
     async def _answer(self, message: Header) -> None:
         match message:
@@ -305,11 +316,15 @@ class SimulatedSite:
         self._news.set()
 
     def _time_of(self, tick: int) -> datetime:
-        """Return the time of a tick: by the site's clock, or that long before now."""
+        """Return the time of a tick: by the site's clock, or that long before the present step."""
         if self._options.paced:
             return self._epoch + timedelta(seconds=tick * self._world.dt_s)
-        ago_s = (self.checkpoint.tick - tick) * self._world.dt_s / self._options.rate
-        return datetime.now(UTC) - timedelta(seconds=ago_s)
+        return (self._due or utc_now()) - (self.checkpoint.tick - tick) * self._step_time
+
+
+def utc_now() -> datetime:
+    """Return the time of the machine (UTC)."""
+    return datetime.now(UTC)
 
 
 class _SiteSpeaker(Speaker):
