@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.cli.sessions.links import survey
 from pa_console.fleets import link as links
 from pa_console.fleets.link import GROUP, FoundRobot
+from pa_console.fleets.newcomers import survey
 from pa_console.schema.incident import Scenario
 from pa_console.schema.world import World
 from pa_console.settings.schema import Settings

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.cli.sessions.links import survey
 from pa_console.fleets import link as links
 from pa_console.fleets.link import GROUP, open_link
 from pa_console.fleets.linked_fleet import LinkedFleet
+from pa_console.fleets.newcomers import survey
 from pa_console.schema.command import CommandReply, DeviceCommand, Verb
 from pa_console.schema.world import World
 from pa_console.settings.schema import Settings

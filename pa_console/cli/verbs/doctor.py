@@ -12,7 +12,6 @@ from rich.table import Table
 from rich.text import Text
 
 from pa_console.cli.options import JsonOption
-from pa_console.cli.sessions.links import LOOK_S
 from pa_console.cli.verbs.doctor_checks import (
     Check,
     check_broker,
@@ -29,6 +28,7 @@ from pa_console.cli.verbs.doctor_checks import (
     check_terminal,
     load_or_default,
 )
+from pa_console.fleets.newcomers import LOOK_S
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.llm.backend import (
     BackendOptions,

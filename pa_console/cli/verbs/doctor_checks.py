@@ -17,8 +17,8 @@ from typing import Literal
 from rich.console import Console
 
 from pa_console.child_processes import python_command
-from pa_console.cli.sessions.links import survey
 from pa_console.fleets.link import OWN, link_schemes
+from pa_console.fleets.newcomers import survey
 from pa_console.fleets.vda5050.site_files import CONFIGURATION, unbound
 from pa_console.llm.backend import ModelError
 from pa_console.llm.local.confinement import REMEDY, Restriction, try_out

@@ -78,8 +78,8 @@ def from_robots(
     force: ForceOption = False,
 ) -> None:
     """Write a world with the robots that are on these links, and their map as its background."""
-    from pa_console.cli.sessions.links import survey  # noqa: PLC0415 - with robots only
     from pa_console.fleets import newcomers  # noqa: PLC0415
+    from pa_console.fleets.newcomers import survey  # noqa: PLC0415 - with robots only
     from pa_console.sim.worlds.occupancy_map import read_occupancy_map  # noqa: PLC0415
 
     _refuse_existing(output, force=force)
