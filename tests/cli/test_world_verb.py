@@ -163,7 +163,7 @@ def test_who_comes_and_what_becomes_of_it_is_told_plainly(call: Call, tmp_path: 
         ("{at_s: -1, do: {kind: worker}}", "events.0.at_s", "greater than or equal to 0"),
         ("{do: {kind: worker}}", "events.0", "exactly one of at_s and when"),
         ("{at_s: 1, do: {kind: explode}}", "events.0.do", "explode"),
-        ("{at_s: 1, soon: yes, do: {kind: worker}}", "events.0.soon", "not permitted"),
+        ("{at_s: 1, soon: yes, do: {kind: worker}}", "events.0.soon", "no such field"),
         ("{when: {track: Nobody, state: gone}, do: {kind: worker}}", "events.0", "Nobody"),
     ],
 )
