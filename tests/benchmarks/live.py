@@ -20,7 +20,7 @@ from pa_console.cli.options import ModelOption
 from pa_console.evaluation.jobs import load_missions
 from pa_console.evaluation.run_record import describe_machine
 from pa_console.llm.local.engine import Engine
-from pa_console.llm.models.catalogue import find_model
+from pa_console.llm.models.catalogue import NO_READER, find_model
 from pa_console.resources import data_folder
 from pa_console.schema.base import StrictModel
 from pa_console.schema.evaluation import MissionCase
@@ -127,10 +127,14 @@ async def _until_decided(station: ControlStation) -> tuple[float, float]:
 def live(
     model: ModelOption = None,
     missions: Annotated[str, typer.Option(help="The mission set of the checkpoint.")] = "paper",
+    second_reader: Annotated[
+        bool, typer.Option("--second-reader", help="Read orders in doubt again, as sessions do.")
+    ] = False,
     json: JsonFileOption = None,
 ) -> None:
     """Measure how soon after Enter a decision waits, with what was read while typing."""
-    site, found = load_site("checkpoint", "checkpoint"), find_model(model)
+    site = load_site("checkpoint", "checkpoint")
+    found = find_model(model, second_reader="" if second_reader else NO_READER)
     path = data_folder() / "worlds" / "checkpoint" / "missions" / f"{missions}.yaml"
     cases = load_missions(path, site.world).missions
     machine = describe_machine()
