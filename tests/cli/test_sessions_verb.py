@@ -22,6 +22,9 @@ def test_a_session_is_listed_shown_and_verified_by_its_name(call: Call, tmp_path
     assert listed["session"] in call(*logs, "sessions").said
     shown = call(*logs, "sessions", "last")
     assert f"pa-console replay {listed['session']}" in shown.said
+    copy = tmp_path / "a copy.jsonl"
+    copy.write_bytes(Path(listed["log"]).read_bytes())
+    assert f"pa-console replay '{copy}'" in call(*logs, "sessions", str(copy)).said
     assert call(*logs, "sessions", listed["session"], "--json").json == listed
     for named in (["--last"], [listed["session"]], [listed["log"]]):
         again = call(*logs, "replay", *named, "--verify", "--chain-only", "--json")

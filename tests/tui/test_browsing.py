@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from textual.widgets import Input, OptionList, Select
+from textual.widgets import Footer, Input, OptionList, Select
 
 from pa_console.schema.incident import SpawnTrack
 from pa_console.schema.rule import RuleExample
@@ -80,7 +80,8 @@ async def test_the_palette_offers_only_what_is_legal(show: Show) -> None:
         while results.option_count < 10:
             await pilot.pause()
         offered = " ".join(str(option.prompt) for option in results.options)
-        assert "Browse and search the rules" in offered
+        assert "Browse and search the rules  (F6" in offered
+        assert "Stop: every asset holds" in offered
         assert "Cancel the active mission" not in offered
         assert "Play or pause" not in offered
 
@@ -187,3 +188,20 @@ async def test_an_interrupt_while_a_mission_is_planned_leaves_it_be(show: Show) 
         await pilot.press("ctrl+q")
         await settle(pilot)
         assert isinstance(app.screen, Confirm)
+
+
+async def test_the_footer_leaves_out_a_key_rather_than_cut_it(show: Show) -> None:
+    async with show(story.told("approval"), size=(120, 24)) as (app, pilot, _, _):
+        await pilot.press("f7")
+        await settle(pilot)
+        footer = app.screen.query_one(Footer)
+        wide = [key for key in footer.children if key.visible]
+        assert wide == [*footer.children]
+        ends = wide[-1].region.right
+        await pilot.resize_terminal(ends - 1, 24)
+        await settle(pilot)
+        narrow = [key for key in footer.children if key.visible]
+        assert narrow == wide[:-1]
+        await pilot.resize_terminal(ends, 24)
+        await settle(pilot)
+        assert [key for key in footer.children if key.visible] == wide

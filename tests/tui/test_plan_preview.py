@@ -363,7 +363,7 @@ async def test_panel_and_header_name_the_same_phase(show: Show) -> None:
         station.emit(living.move(3))
         await settle(pilot, station)
         said = app.screen.query_one("#approval-text", TextRows).render().plain
-        assert "phase escalate of Track_01, planned for warn" in " ".join(said.split())
+        assert "phase escalate of Track_01; the plan was made for warn" in " ".join(said.split())
 
 
 @pytest.mark.parametrize("size", [SIZE, (160, 50), (200, 60)])

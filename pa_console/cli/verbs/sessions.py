@@ -1,6 +1,7 @@
 """`pa-console sessions`: the sessions that were recorded on this machine."""
 
 from pathlib import Path
+from shlex import quote
 from typing import Annotated, Any
 
 import typer
@@ -47,7 +48,8 @@ def sessions(
     """List the recorded sessions: what each was about, how it ended, whether its log is sound."""
     folder = settings_of(context).values.logs or default_folder()
     if session is not None:
-        _show(find_session(folder, session), json)
+        log = find_session(folder, session)
+        _show(log, log.stem if log in newest_logs(folder) else quote(str(log)), json)
         return
     with errors.status("reading the session logs"):
         found = past_sessions(folder, None if everything else most)
@@ -91,8 +93,8 @@ def _title(summary: SessionSummary) -> Text:
     return title
 
 
-def _show(log: Path, json: bool) -> None:
-    """Show one session: where and when it was, every mission and its end, and its log."""
+def _show(log: Path, reference: str, json: bool) -> None:
+    """Show a session, `reference` to other verbs: where and when it was, its missions, its log."""
     with errors.status("reading the session log"):
         summary, standing = summarise(log), soundness(log)
     if json:
@@ -126,7 +128,7 @@ def _show(log: Path, json: bool) -> None:
         missions.add_row(mission.id, Text(told.text, COLOURS[told.tone]), text)
     if summary.missions:
         out.print(missions)
-    out.print_line(f"\nPlay it back: pa-console replay {log.stem}")
+    out.print_line(f"\nPlay it back: pa-console replay {reference}")
 
 
 def _document(summary: SessionSummary, standing: Soundness) -> dict[str, Any]:

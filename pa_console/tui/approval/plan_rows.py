@@ -247,7 +247,7 @@ def _phase(trace: MissionTrace, attempt: Attempt | None) -> Iterator[WrappedRow]
     now = next((m for m in trace.standings.values() if 0 <= m.phase < len(m.phases)), None)
     if now is not None:
         name = now.phases[now.phase]
-        moved = f", planned for {planned}" if planned not in ("", name) else ""
+        moved = f"; the plan was made for {planned}" if planned not in ("", name) else ""
         yield row(("▶ ", NOTE), (f"phase {name} of {now.track}", NOTE), moved)
     elif planned:
         yield row(("▶ ", NOTE), (f"phase {planned}", NOTE), ", which is over")

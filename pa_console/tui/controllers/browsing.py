@@ -130,7 +130,7 @@ class BrowsingController:
         if newest is not None:
             show(newest)
         else:
-            question = f"No evaluation below {below} yet: pa-console eval makes one.\nElsewhere?"
+            question = f"No evaluation in {below}; pa-console eval makes one.\nAnother folder"
             self._app.push_screen(AskFolder(question), show)
 
     # Copies

@@ -138,7 +138,7 @@ class ConsoleCommands(Provider):
             if action.palette and not action.refusal(now):
                 run = partial(self.app.run_action, f"app.{action.action}")
                 yield (
-                    f"{action.help}  [{shown_keys(action, keys)}]",
+                    f"{action.help}  ({shown_keys(action, keys)})",
                     run,
                     action.group,
                     action.words,

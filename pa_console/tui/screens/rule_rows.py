@@ -46,7 +46,7 @@ def rule_line(rule: Rule, score: float | None, *, draft: bool) -> Content:
 
 
 def rule_rows(rule: Rule, hit: RuleHit | None) -> list[WrappedRow]:
-    """Return everything there is to know of one rule."""
+    """Return everything there is to know of one rule, its expressions at the end."""
     urgency = term("priority", rule.priority)
     mode = term("rule", "checked" if rule.decidable else "judged")
     rows = [
@@ -66,17 +66,8 @@ def rule_rows(rule: Rule, hit: RuleHit | None) -> list[WrappedRow]:
     if hit is not None:
         parts = "  ".join(f"{name} {value:.3f}" for name, value in hit.components.items())
         rows.append(row(column("score", 9, QUIET), (f"{hit.score:.3f}  ", NOTE), (parts, QUIET)))
-    for name, value in (
-        ("applies", rule.applies),
-        ("check", rule.check),
-        ("message", rule.message),
-    ):
-        if value:
-            rows += [row(""), row("", (name, f"bold {NOTE}")), row("  ", value.strip())]
-    for order in rule.order:
-        rows += [row(""), row("", (_ordering(order), f"bold {NOTE}"))]
-        rows += [row("  ", part.strip()) for part in (order.event, order.other)]
-        rows.append(row("  ", (order.message, QUIET)))
+    if rule.message:
+        rows += [row(""), row("", ("message", f"bold {NOTE}")), row("  ", rule.message.strip())]
     if rule.examples:
         rows += [row(""), row("", (f"examples ({len(rule.examples)})", f"bold {NOTE}"))]
     for example in rule.examples:
@@ -88,6 +79,16 @@ def rule_rows(rule: Rule, hit: RuleHit | None) -> list[WrappedRow]:
         if example.given:
             rows.append(row("      given ", (_as_written(example.given), QUIET)))
         rows += [row("      then ", (_as_written(change), QUIET)) for change in example.moments]
+    for name, value in (
+        ("applies", rule.applies),
+        ("check", rule.check),
+    ):
+        if value:
+            rows += [row(""), row("", (name, f"bold {NOTE}")), row("  ", value.strip())]
+    for order in rule.order:
+        rows += [row(""), row("", (_ordering(order), f"bold {NOTE}"))]
+        rows += [row("  ", part.strip()) for part in (order.event, order.other)]
+        rows.append(row("  ", (order.message, QUIET)))
     return rows
 
 

@@ -257,3 +257,16 @@ class KeyFooter(Footer):
         if shown != self._shown:
             self._shown = shown
             await super().recompose()
+            self.call_after_refresh(self._leave_out_cut)
+
+    def on_resize(self) -> None:
+        """Show the keys that have room now."""
+        self.call_after_refresh(self._leave_out_cut)
+
+    def _leave_out_cut(self) -> None:
+        """Leave out the keys that would be cut by the end of the line."""
+        end = 0
+        for key in self.children:
+            end += key.get_content_width(self.size, self.size) + key.gutter.width
+            key.visible = end <= self.size.width
+            end += key.styles.margin.right
