@@ -12,7 +12,7 @@ from threading import Condition, Event, Thread
 
 from mavsdk import ComponentType, Configuration, Mavsdk
 from mavsdk.cmavsdk_loader import _cmavsdk_lib  # pyright: ignore[reportPrivateUsage]
-from mavsdk.connection_result import ConnectionResult
+from mavsdk.exceptions import ConnectionError as CannotConnect
 from mavsdk.logging import LogCallback
 from mavsdk.plugins.arm_authorizer_server import (
     ArmAuthorizerServer,
@@ -137,14 +137,15 @@ class MavlinkLink:
         self._mavsdk = Mavsdk(
             Configuration.create_with_component_type(ComponentType.GROUND_STATION)
         )
-        result = self._mavsdk.add_any_connection(url)
-        if result != ConnectionResult.SUCCESS:
+        try:
+            self._connection = self._mavsdk.add_any_connection_with_handle(url)
+        except CannotConnect as error:
             self._mavsdk.destroy()
-            word = result.name.lower().replace("_", " ")
+            word = str(error).rpartition(": ")[2].lower().replace("_", " ")
             raise ValueError(
                 f"--fleet mavlink:{url} cannot be opened ({word}): check the address, and whether "
                 "another program has the port"
-            )
+            ) from None
         self._authorizer = ArmAuthorizerServer(self._mavsdk.server_component(0))
         self._authorizer.subscribe_arm_authorization(self._asked_to_arm)
         self._mavsdk.subscribe_on_new_system(lambda _data: self._post(self._look_round))
@@ -196,6 +197,9 @@ class MavlinkLink:
             self._closed = True
             self._awake.notify()
         self._thread.join()
+        # No message may come in while mavsdk takes its plugins down: it hands them to these plugins
+        # in threads of its own.
+        self._mavsdk.remove_connection(self._connection)
         self._mavsdk.destroy()
 
     def discover(self) -> Sequence[FoundRobot]:
