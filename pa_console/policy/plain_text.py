@@ -36,6 +36,8 @@ _APART = re.compile(r"(?<![^\W_])[^\W_](?:[\s.*_/·-]+[^\W_](?![^\W_])){2,}")
 _SIGNS_BETWEEN = re.compile(r"(?<![^\W_])[^\W_](?:[.*_/·-]+[^\W_](?![^\W_])){2,}")
 """Letters with signs and no spaces between them; they are joined first, a word at a time."""
 _DRAWN = re.compile(r"([a-z])\1{2,}")
+_JUNK = re.compile(r"(?<![^\W_])(?:([^\W_])\1{3,}|[^\W_]{40,})(?![^\W_])\s*")
+"""What is no word: one letter again and again, or a row of letters longer than any word."""
 _MARKUP = re.compile(r"[<>()\[\]{}`~#^\\]+|(?<![^\W_])[_*]+|[_*]+(?![^\W_])")
 """The signs with which a text is marked up: `__stop__`, `<stop>`. Within a name they are none."""
 _WITHIN = re.compile(r"(?<=[a-z])[-*·/.+~_]+(?=[a-z])(?!t\d)")
@@ -59,7 +61,7 @@ def foldings(words: str) -> Iterator[str]:
     """Yield the plain `words` as they may be read besides, most often none."""
     known = {words}
     latin = _in_latin(words)
-    bare = " ".join(_MARKUP.sub(" ", latin).split())
+    bare = " ".join(_MARKUP.sub(" ", _JUNK.sub("", latin)).split())
     for text in (latin, bare, *_as_letters(bare)):
         for found in (text, *_together(text)):
             if found not in known:
