@@ -135,7 +135,7 @@ class OpeningFrame:
         self._heeding.enter_context(redirect_stderr(self._covered[1]))
 
     def uncover(self) -> None:
-        """Show what was on the terminal before; keys that were typed for the screen are lost."""
+        """Restore the terminal as it was; keys that were typed for the screen are dropped."""
         self.release()
         if self.shown:
             self.shown = False
@@ -145,7 +145,7 @@ class OpeningFrame:
                 termios.tcsetattr(sys.stdin.fileno(), termios.TCSAFLUSH, self._modes)
 
     def release(self) -> None:
-        """Give streams and signals back to whoever runs the screen; the frame stays."""
+        """Restore the standard streams and the signals; the frame stays."""
         self._heeding.close()
 
     def hand_over(self) -> list[Any]:

@@ -87,8 +87,8 @@ def console(
                 taken = replace(options, fleet=[join])
                 open_console(taken, settings, frame, plain=plain, joined=joined)
         return
-    shown = (__version__, options.world, options.readonly, settings.values.theme)
-    with OpeningFrame(None if plain else frame_file(*shown)) as frame:
+    drawn = (options.world, options.fleet, options.readonly, settings.values.theme)
+    with OpeningFrame(None if plain else frame_file(__version__, *drawn)) as frame:
         from pa_console.cli.sessions.opening import open_console  # noqa: PLC0415 - behind the frame
 
         open_console(options, settings, frame, plain=plain)
