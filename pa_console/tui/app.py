@@ -150,6 +150,8 @@ class ConsoleApp(App[None]):
             leaving=LeavingController(session, user),
         )
         user.use_theme()
+        self._first_colours: dict[str, str] | None = self.get_css_variables()
+        self.stylesheet.set_variables(self._first_colours)
 
     # What Textual asks of an app
 
@@ -169,6 +171,16 @@ class ConsoleApp(App[None]):
             given = super().get_css_variables()
             self._readable[key] = readable(given, dark=theme.dark, ansi=theme.ansi)
         return self._readable[key]
+
+    def refresh_css(self, animate: bool = True) -> None:
+        """Read all style sheets again, as for another theme.
+
+        The theme that the console starts with has been set before they were read first; to read
+        them twice would be a tenth of what the first paint needs.
+        """
+        first, self._first_colours = self._first_colours, None
+        if first != self.get_css_variables():
+            super().refresh_css(animate)
 
     def get_key_display(self, binding: Binding) -> str:
         """Write keys the same way in the footer and in the help."""

@@ -82,7 +82,8 @@ class MainScreen(Screen[None]):
         `mode` is LIVE, READ-ONLY, REPLAY or JOINED with the name of the station whose session is
         shown, which is that of `joined`.
         """
-        super().__init__()
+        # The class of the view that is shown first: on a mounted screen it would style all anew.
+        super().__init__(classes="-view-map")
         self._joined = joined
         self._decides = bool(joined.signer) if joined is not None else not closed
         self._world, self.rules, self._history = world, rules, history
