@@ -47,9 +47,10 @@ class Traffic:
     ) -> None:
         """Search `assets` within the distances for standing and for moving neighbours.
 
-        They are close within `close_m`.
+        They are close within `close_m`. One that stands comes no nearer by itself, so it has half
+        of what is to spare.
         """
-        self._standing_m, self._moving_m = standing_m + _SPARE_M, moving_m + _SPARE_M
+        self._standing_m, self._moving_m = standing_m + _SPARE_M / 2, moving_m + _SPARE_M
         self._close_m = close_m + _SPARE_M
         self._cell_m = max(self._moving_m, self._close_m) + _SPARE_M
         self._moving: set[str] = set()

@@ -156,7 +156,8 @@ def _concluded(
     An asset that was `taken` is under manual control by the station's own record.
     """
     stale, lost, missing = silence
-    comms: CommsStatus = "lost" if lost else comms_of(heard, missing)
+    whole = heard.marks == _ALL and not missing
+    comms: CommsStatus = "lost" if lost else "ok" if whole else comms_of(heard, missing)
     said, suspect = heard.telemetry, heard.trust.suspect
     manual = taken or said.like.manual
     if comms == "ok" and not stale and not suspect and manual == said.like.manual:

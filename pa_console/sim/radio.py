@@ -107,10 +107,11 @@ def send_reply(scene: Scene, reply: CommandReply, dt_s: float) -> None:
     scene.link.replies = (*scene.link.replies, (due, scene.link.sent, reply))
 
 
-def send_report(scene: Scene, report: Report, dt_s: float) -> None:
-    """Put a report that its asset's link has not lost on its way; a later one may overtake it."""
-    due = scene.tick + delay(scene, scene.assets[report.agent], dt_s)
-    scene.link.reports.setdefault(due, []).append(report)
+def send_report(scene: Scene, asset: AssetState, report: Report, dt_s: float) -> None:
+    """Put the report of `asset` on its way unless it is lost; a later one may overtake it."""
+    if not loses(scene, asset):
+        due = scene.tick + delay(scene, asset, dt_s)
+        scene.link.reports.setdefault(due, []).append(report)
 
 
 def take_commands(scene: Scene) -> list[DeviceCommand]:

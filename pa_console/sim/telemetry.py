@@ -36,8 +36,7 @@ def send(terrain: Terrain, scene: Scene) -> dict[str, tuple[Detection, ...]]:
             report = Report(asset.id, scene.tick, said, found.get(asset.id, ()))
         else:
             continue
-        if not radio.loses(scene, asset):
-            radio.send_report(scene, report, world.dt_s)
+        radio.send_report(scene, asset, report, world.dt_s)
     wired = {sensor: seen for sensor, seen in found.items() if sensor not in scene.assets}
     for sensor, detections in wired.items():
         tracker.receive(terrain, scene, sensor, scene.tick, detections)

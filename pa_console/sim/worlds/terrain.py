@@ -150,10 +150,14 @@ class Terrain:
         self._near: dict[tuple[int, int], tuple[Wall, ...]] = {}
         self._frames = _by_cell(world.frames)
         self._places: dict[tuple[str, AssetKind], tuple[Point, ...]] = {}
+        self._latest = (0, 0.0)
 
     def seconds(self, ticks: int) -> float:
         """Return how long `ticks` steps last, free of the noise of binary fractions."""
-        return round(ticks * self.world.dt_s, 6)
+        latest = self._latest
+        if latest[0] != ticks:
+            latest = self._latest = (ticks, round(ticks * self.world.dt_s, 6))
+        return latest[1]
 
     def frame_at(self, x: float, y: float) -> str | None:
         """Return the nearest frame within whose radius the point lies."""
