@@ -2,6 +2,7 @@
 
 from itertools import pairwise
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -107,3 +108,12 @@ def test_only_changed_rows_are_painted_again() -> None:
     before, after = SCENE.draw(first, 80, 30), SCENE.draw(second, 80, 30)
     changed = [row for row in range(30) if before.runs(row) != after.runs(row)]
     assert 1 <= len(changed) <= 3
+
+
+@pytest.mark.parametrize(("width", "height"), [(80, 6), (80, 7), (60, 9), (40, 12), (110, 36)])
+def test_a_place_s_name_stands_there_whole_or_not_at_all(width: int, height: int) -> None:
+    canvas = SCENE.draw(picture(), width, height)
+    for row in range(height):
+        for text, role in canvas.runs(row):
+            if role == "label":
+                assert set(text.split()) <= set(WORLD.frames), text

@@ -72,6 +72,10 @@ class Canvas:
         for offset, glyph in enumerate(text):
             self.put((cell[0] + offset, cell[1]), glyph, role)
 
+    def at(self, cell: Cell) -> Run:
+        """Return the glyph and the role of a cell."""
+        return self.glyphs[cell[1]][cell[0]], self.roles[cell[1]][cell[0]]
+
     def role(self, cell: Cell) -> str:
         """Return the role of a cell."""
         return self.roles[cell[1]][cell[0]]

@@ -110,6 +110,14 @@ _ADJOINING = 2.0
 """The discount of a place right beside a marker, if it hides nothing."""
 
 
+class _LooseName(NamedTuple):
+    """A frame's name that may be hidden: each cell, its glyph, and what is beneath it."""
+
+    frame: Frame
+    run: Run
+    written: list[tuple[Cell, str, Run]]
+
+
 class Frames:
     """Draws the frames of a picture; a gate shows whether it is covered, uncovered or unknown.
 
@@ -128,6 +136,7 @@ class Frames:
         self._canvas, self._labels, self._view = canvas, labels, view
         self._covers, self._involved = picture.gates, involved
         self._displaced: list[tuple[Frame, Run]] = []
+        self._loose: list[_LooseName] = []
 
     def draw(self, frames: Mapping[str, Frame], places: Mapping[str, Cell]) -> None:
         """Draw signs, and those names that must be seen or have no marker in their way."""
@@ -145,7 +154,11 @@ class Frames:
                 self._canvas.put(cell, *sign)
                 self._labels.keep(cell)
             start = at and (at[0] + 1 - len(line), at[1])
-            if start and self._labels.write(start, line, keep=name in self._covers):
+            kept = name in self._covers
+            loose = None if start is None or kept else self._loose_name(frame, start, line)
+            if start and self._labels.write(start, line, keep=kept):
+                if loose is not None:
+                    self._loose.append(loose)
                 continue
             if urgent:
                 _ = self._place(frame, line) or self._place(frame, line[:1])
@@ -154,10 +167,37 @@ class Frames:
                 if len(line) > 1:
                     self._place(frame, line[:1], most=_ADJOINING)
 
+    def erase_hidden(self) -> None:
+        """Take away what is left of a name that another one hides in part; nobody could read it."""
+        for frame, run, written in self._loose:
+            canvas, role = self._canvas, run[1]
+            left = [
+                (cell, beneath)
+                for cell, glyph, beneath in written
+                if canvas.at(cell) == (glyph, role)
+            ]
+            if len(left) == len(written):
+                continue
+            for cell, (glyph, below) in left:
+                canvas.put(cell, glyph, below)
+            self._displaced.append((frame, run))
+
     def name_displaced(self) -> None:
         """Write the other names where assets have left room for them."""
         for frame, name in self._displaced:
             self._place(frame, [name])
+
+    def _loose_name(self, frame: Frame, start: Cell, line: list[Run]) -> "_LooseName":
+        """Return the name at the end of `line`, and what is beneath it; it is not written yet."""
+        name, before = line[-1][0], sum(len(text) for text, _ in line[:-1])
+        cells = [(start[0] + before + n, start[1]) for n in range(len(name))]
+        canvas = self._canvas
+        written = [
+            (cell, glyph, canvas.at(cell))
+            for cell, glyph in zip(cells, name, strict=True)
+            if canvas.holds(cell)
+        ]
+        return _LooseName(frame, line[-1], written)
 
     def _urgent(self, name: str) -> bool:
         return name in self._covers and not self._covers[name].covered
@@ -370,6 +410,7 @@ class MapScene:
             plan.write(labels, ground, self.world)
         markers.name(canvas, labels, first, crowded=crowded)
         self._name_cameras(canvas, labels, ground.view, picture, look)
+        frames.erase_hidden()
         if not crowded:
             frames.name_displaced()
         reported.draw(canvas, None if crowded else labels)
