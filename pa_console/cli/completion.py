@@ -31,6 +31,14 @@ def scenarios(context: typer.Context, incomplete: str) -> list[str]:
     return _beginning(incomplete, sorted(file.stem for file in folder.glob("*.yaml")))
 
 
+def mission_sets(context: typer.Context, incomplete: str) -> list[str]:
+    """Return the mission sets beside the world on the line."""
+    from pa_console.evaluation.jobs import MISSION_SETS  # noqa: PLC0415
+
+    folder = _world_file(context).parent / MISSION_SETS
+    return _beginning(incomplete, sorted(file.stem for file in folder.glob("*.yaml")))
+
+
 def words_of_mission(context: typer.Context, incomplete: str) -> list[str]:
     """Return the mission so far, its last word completed to an asset or a place of the world."""
     from pa_console.schema.document import DocumentError  # noqa: PLC0415

@@ -22,6 +22,8 @@ from tests.cli.inside import Call
         (["world", "check", "ch"], "checkpoint"),
         (["rules", "check", "ch"], "checkpoint"),
         (["models", "pull", "pa-5"], "pa-500m"),
+        (["eval", "--missions", "fi"], "field"),
+        (["eval", "--model", "pa-5"], "pa-500m"),
         (["manual", "standing"], "standing-orders"),
         (["settings", "set", "them"], "theme"),
         (["replay", "la"], "last"),

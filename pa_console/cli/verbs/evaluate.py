@@ -22,6 +22,7 @@ from rich.table import Table as RichTable
 from rich.text import Text
 
 from pa_console import __version__
+from pa_console.cli import completion
 from pa_console.cli.options import (
     JsonOption,
     RulesOption,
@@ -167,11 +168,18 @@ def evaluate(
     context: typer.Context,
     missions: Annotated[
         list[str] | None,
-        typer.Option(help="A mission set: a file, or a name beside the world; repeatable."),
+        typer.Option(
+            help="A mission set: a file, or a name beside the world; repeatable.",
+            autocompletion=completion.mission_sets,
+        ),
     ] = None,
     model: Annotated[
         list[str] | None,
-        typer.Option("--model", help="A model of the catalogue, or a GGUF file; repeatable."),
+        typer.Option(
+            "--model",
+            help="A model of the catalogue, or a GGUF file; repeatable.",
+            autocompletion=completion.models,
+        ),
     ] = None,
     variant: Annotated[
         list[str] | None, typer.Option(help="A variant of the pipeline; repeatable.")
