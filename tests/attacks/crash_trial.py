@@ -253,7 +253,12 @@ class SessionTrial:
 
         `kept` are the lengths that were on the disk before.
         """
-        kept |= {fact["synced"]: fact["size"] for fact in facts if "synced" in fact}
+        synced: dict[str, int] = {}
+        for fact in facts:
+            if "synced" in fact:
+                # Two threads wait for one disk: the one that began first may be the last to tell.
+                synced[fact["synced"]] = max(fact["size"], synced.get(fact["synced"], 0))
+        kept |= synced
         for path in self._growing():
             size = path.stat().st_size
             least = min(size, kept.get(str(path), 0))
