@@ -369,8 +369,9 @@ def check_schemes() -> Iterator[Check]:
         try:
             point.load()
         except ModuleNotFoundError as error:
-            remedy = f", for pip install 'pa-console[{scheme}]'" if point in OWN else ""
-            found = f"not installed{remedy}: {error.name} is missing"
+            found = f"not installed ({error.name} is missing)"
+            if point in OWN:
+                found += f"; pip install 'pa-console[{scheme}]' adds it"
             yield Check(f"link {scheme}", "ok" if point in OWN else "warning", found)
         except Exception as error:  # whatever a package of somebody else raises when it is loaded
             found = f"{point.value} cannot be loaded: {type(error).__name__}: {error}"
