@@ -26,7 +26,7 @@ from pa_console.language.clock_words import TIME_UNITS
 from pa_console.language.lexicon import find_verbs
 from pa_console.language.mentions import find_mentions, speaks_of_site
 from pa_console.language.name_linking import KIND_WORDS, NEARLY, WORD, link_names
-from pa_console.policy.plain_text import foldings, plain_words
+from pa_console.policy.plain_text import compatible_form, foldings, plain_words
 from pa_console.policy.related_words import default_vocabulary
 from pa_console.policy.rulebook import Rulebook
 from pa_console.resources import data_folder
@@ -263,7 +263,8 @@ def question_back(typed: str, read: str, world: World, rulebook: Rulebook) -> st
     if hidden or known.share >= _MOST_STRANGE:
         strange = ", ".join(known.strange)
         return f"not known in English: {strange}. What is to be done, in English?"
-    if (found := _ENCODED.search(_without_names(typed, world))) is not None:
+    shown = compatible_form(_without_names(typed, world))
+    if (found := _ENCODED.search(shown)) is not None:
         return f"nobody can read {found[0][:20]}... in it. What is to be done, in words?"
     words = plain_words(typed)
     if any(_DECODE.search(reading) for reading in (words, *foldings(words))):
@@ -276,7 +277,7 @@ def question_back(typed: str, read: str, world: World, rulebook: Rulebook) -> st
 
 
 _ENCODED = re.compile(
-    r"(?=[\w+/]*[a-z])(?=[\w+/]*[A-Z])(?=[\w+/]*\d)\b[A-Za-z0-9+/]{32,}"
+    r"(?=\S*[a-z])(?=\S*[A-Z])(?=\S*\d)[^\s,;:_\"'()]{32,}"
     r"|(?:%[0-9A-Fa-f]{2,4}|&#?\w{1,8};|\\[ux][0-9A-Fa-f]{2,4}){3,}"
 )
 """Letters and digits in one long row, as in base64, or letters by numbers: an order may hide there.
