@@ -203,11 +203,22 @@ def test_what_was_cut_off_the_index_stays_known_when_the_next_session_comes(
 def test_a_torn_line_keeps_no_session_from_its_log(folder: Path, signer: Signer) -> None:
     with (folder / INDEX_NAME).open("ab") as file:
         file.write(b'{"ended":fal')
+    assert checked(folder, signer).problems == (), "power failed while it was written"
     write(folder, "S8", signer)
     report = checked(folder, signer)
     assert [found.log for found in report.sessions][-1] == "S8.jsonl"
-    assert len(report.problems) == 1
-    assert "not a line of an index" in report.problems[0]
+    assert report.problems == ()
+    assert (folder / f"{INDEX_NAME}.torn").read_bytes() == b'{"ended":fal\n'
+
+
+def test_a_line_that_was_written_and_then_cut_in_two_is_missed(
+    folder: Path, signer: Signer
+) -> None:
+    index = folder / INDEX_NAME
+    index.write_bytes(index.read_bytes()[:-9])
+    assert "its last line that this machine wrote is gone" in checked(folder, signer).problems[0]
+    write(folder, "S8", signer)
+    assert "lines 6 to 6 of the index are gone" in checked(folder, signer).problems[0]
 
 
 def test_a_session_before_its_first_event_is_not_in_the_index(

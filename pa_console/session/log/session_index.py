@@ -82,8 +82,10 @@ class SessionIndex:
             _lock(file)
             with open(file, "rb", closefd=False) as stream:
                 content = stream.read()
-            lines = content.splitlines(keepends=True)
-            torn = b"" if not lines or lines[-1].endswith(b"\n") else b"\n"
+            lines, torn = _whole_lines(content)
+            if torn:
+                self._set_aside(torn)
+                os.ftruncate(file, len(content) - len(torn))
             seq, prev = _end(lines, read_anchor(self._folder))
             line = IndexLine.signed(
                 self._signer,
@@ -95,7 +97,7 @@ class SessionIndex:
                 seq=seq + 1,
                 session=encodable(session),
             ).line
-            write_all(file, torn + line)
+            write_all(file, line)
             # The line is on the disk before its anchor: else a crash would look like a cut index.
             os.fsync(file)
             replace_private(anchor, line)
@@ -103,6 +105,21 @@ class SessionIndex:
                 sync_folder(self._folder)
         finally:
             os.close(file)
+
+    def _set_aside(self, torn: bytes) -> None:
+        """Move the beginning of a line that a crash cut short to a file beside the index."""
+        aside = self._folder / f"{INDEX_NAME}.torn"
+        with os.fdopen(open_private(aside, os.O_WRONLY | os.O_CREAT | os.O_APPEND), "ab") as stream:
+            stream.write(torn + b"\n")
+
+
+def _whole_lines(content: bytes) -> tuple[list[bytes], bytes]:
+    """Return the lines of an index, and the beginning of a last one that has no end.
+
+    A line without its end was never on the disk, nor its anchor: power failed while it was written.
+    """
+    end = content.rfind(b"\n") + 1
+    return content[:end].splitlines(keepends=True), content[end:]
 
 
 def line_hash(line: bytes) -> str:
@@ -216,7 +233,7 @@ def _chain(
 ) -> Iterator[str]:
     """Follow the lines to their end; add the sound ones to `entries` and yield the problems."""
     seq, prev, sound = 0, GENESIS, True
-    for number, line in enumerate(content.splitlines(keepends=True), start=1):
+    for number, line in enumerate(_whole_lines(content)[0], start=1):
         try:
             entry = IndexLine.parse(line)
         except ValueError as error:
