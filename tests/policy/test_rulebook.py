@@ -37,7 +37,7 @@ def test_a_rule_that_is_not_in_force_is_a_key_error() -> None:
 @pytest.mark.parametrize(
     ("rule", "field", "problem"),
     [
-        ({"weight": 3}, "rules.0.weight", "not permitted"),
+        ({"weight": 3}, "rules.0.weight", "no such field"),
         ({"priority": "urgent"}, "rules.0.priority", "critical"),
         ({"id": "roe1"}, "rules.0.id", "pattern"),
         ({"id": "WF-01"}, "rules.0", "does not start with its domain"),
