@@ -125,11 +125,11 @@ class SimulatedLinkFleet(LinkedFleet):
 
     def __init__(self, checkpoint: Checkpoint) -> None:
         self.checkpoint, self._over = checkpoint, SimulatedLink(checkpoint)
-        dt_s = checkpoint.world.dt_s
+        self._tick, dt_s = 0, checkpoint.world.dt_s  # the clock is read before a step is simulated
         super().__init__(
             checkpoint.world,
             [self._over],
-            now=lambda: EPOCH + timedelta(seconds=checkpoint.tick * dt_s),
+            now=lambda: EPOCH + timedelta(seconds=self._tick * dt_s),
         )
 
     @property

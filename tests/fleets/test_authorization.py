@@ -330,7 +330,7 @@ def test_a_time_that_is_none_is_refused(limit: object) -> None:
 def test_a_vehicle_needs_no_other_part_of_the_console() -> None:
     run = subprocess.run([sys.executable, "-c", ALONE], capture_output=True, text=True, check=True)
     ours, others = (set(line.split()) for line in run.stdout.splitlines())
-    parts = ("messages", "trust", "memory", "verifier")
+    parts = ("messages", "trust", "verifier")
     own = {f"pa_console.fleets.authorization.{part}" for part in parts}
     assert ours == {"pa_console", "pa_console.fleets", "pa_console.fleets.authorization"} | own
     public = {name for name in others if not name.startswith("_")}

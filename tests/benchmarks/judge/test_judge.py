@@ -87,7 +87,7 @@ def test_a_model_that_cannot_be_loaded_is_an_error_and_no_finding(
     path = runs / "broken.gguf"
     path.write_bytes(b"not a model at all")
     done = bench("judge", str(runs), "--model", str(path))
-    assert (done.code, done.out) == (1, "")
+    assert (done.code, done.out) == (2, "")
     assert "broken" in done.err
 
 
