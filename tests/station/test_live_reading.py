@@ -388,7 +388,7 @@ def told(console: Console) -> list[tuple[Any, ...]]:
     ]
 
 
-OFTEN = ("telemetry", "text_streamed")
+OFTEN = ("telemetry", "text_streamed", "worker")
 """How often they come is a matter of time."""
 
 
