@@ -381,14 +381,18 @@ async def happen(console: Console, step: Step, text: str) -> str:
 def told(console: Console) -> list[tuple[Any, ...]]:
     """Return the log without times and costs: what came, what was decided, and what was sent."""
     session = console.station.session[-4:]
-    events = (each for each in console.events if each.data.kind not in OFTEN)
+    events = [each for each in console.events if each.data.kind not in OFTEN]
+    # The beginning of a prompt is read ahead in either case, perhaps not before the session ends,
+    # and whoever reads it is told to be ready once more: only the model's changes are compared.
+    ready = next(each for each in events if each.data.kind == "worker")
     return [
         (event.data.kind, (event.mission or "").removesuffix(session), *_decisive(event.data))
         for event in events
+        if event is ready or event.data != ready.data
     ]
 
 
-OFTEN = ("telemetry", "text_streamed", "worker")
+OFTEN = ("telemetry", "text_streamed")
 """How often they come is a matter of time."""
 
 
