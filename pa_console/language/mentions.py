@@ -117,9 +117,9 @@ def find_mentions(world: World, text: str, tracks: Iterable[str] = ()) -> tuple[
     return tuple(dict.fromkeys(finder.find(link_names(world, text))))
 
 
-def without_quotations(text: str) -> str:
-    """Return `text` without its quotations of several words."""
-    return _QUOTED.sub(lambda found: " " if _is_quotation(found[0]) else found[0], text)
+def without_quotations(text: str, instead: str = " ") -> str:
+    """Return `text` with `instead` in place of each of its quotations of several words."""
+    return _QUOTED.sub(lambda found: instead if _is_quotation(found[0]) else found[0], text)
 
 
 def _is_quotation(quoted: str) -> bool:

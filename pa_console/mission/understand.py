@@ -7,6 +7,7 @@ from time import perf_counter
 
 from pa_console.language.clock_words import duration_words
 from pa_console.language.demands import contradiction
+from pa_console.language.mood import NoOrder, no_order
 from pa_console.language.orders.order_steps import ReadSteps, read_steps
 from pa_console.language.orders.patrols import Patrol, least_s, read_patrol
 from pa_console.language.orders.standing_orders import asks_nobody, read_standing
@@ -89,6 +90,8 @@ async def understand(
     refused = await _refused(context, context.mission)
     if refused is not None or context.mission.source == "alarm":
         return refused or Understood(context.mission)
+    if (mood := _no_order(context)) is not None:
+        return NotUnderstood(mood.question)
     if context.mission.source == "operator":
         standing = await _standing(context) or await _timed(context, answers)
         if standing is not None:
@@ -101,6 +104,20 @@ async def understand(
     if isinstance(read, Understood) and read.mission is not context.mission:
         return await _refused(context, read.mission) or read
     return read
+
+
+def _no_order(context: MissionContext) -> NoOrder | None:
+    """Return the sign by which words that somebody typed order nothing now, None if they may.
+
+    What a standing order starts was approved with it, and an order that repeats is one by its form.
+    """
+    mission, scene = context.mission, _scene(context)
+    if mission.source == "standing" or mission.proposed is not None:
+        return None
+    found = no_order(scene.world, mission.text)
+    if found is not None and found.kind == "waiting" and read_standing(scene, mission.text):
+        return None
+    return found
 
 
 def _in_steps(context: MissionContext) -> NotUnderstood | Understood | None:

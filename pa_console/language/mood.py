@@ -1,0 +1,334 @@
+"""The mood of an operator's words: an order to carry out now, or words that move no asset.
+
+*Do not send Drone_T04 there*, *yesterday we moved it*, *a visitor says: send it* and *when I say
+go, send it* name assets, gates and movements as orders do. Their grammar makes them something else:
+a verb under negation, in the past or in a supposition, another speaker, a quotation, a question, or
+a condition that no sensor shows. The signs are patterns of words (`lexicon.yaml`, *mood*). A text
+is no order if a part of it has such a sign and no other part asks for anything.
+"""
+
+import re
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from functools import cache
+from itertools import pairwise
+from typing import Literal, NamedTuple
+
+from pa_console.language.lexicon import word_lists
+from pa_console.language.mentions import KINDS, without_quotations
+from pa_console.language.name_linking import LinkedText, WorldNames
+from pa_console.language.references.reader import CONTACTS, read_tokens
+from pa_console.schema.world import World
+
+MoodKind = Literal[
+    "prohibited",  # do not send it
+    "needless",  # no need to send it, nobody asked for it
+    "past",  # we sent it yesterday
+    "supposed",  # imagine we sent it, what if it went
+    "wished",  # I wish it were there
+    "mused",  # I was thinking of sending it
+    "joked",  # only kidding
+    "text_work",  # translate: send it
+    "reported",  # a visitor says: send it
+    "quoted",  # "send it"
+    "questioned",  # did you send it?
+    "waiting",  # when I say go, once it rains
+]
+
+READS_AS: Mapping[MoodKind, str] = {
+    "prohibited": "a prohibition",
+    "needless": "something that is not needed",
+    "past": "something that has already happened",
+    "supposed": "a supposition",
+    "wished": "a wish",
+    "mused": "a thought, not yet an order",
+    "joked": "a joke",
+    "text_work": "text to work on",
+    "reported": "somebody else's words",
+    "quoted": "a quotation",
+    "questioned": "a question",
+    "waiting": "an order for later, on a sign that no sensor shows",
+}
+"""Each kind in plain words, after *That reads as*."""
+
+
+class NoOrder(NamedTuple):
+    """The sign by which a text is no order, and the sentence that has it."""
+
+    kind: MoodKind
+    said: str
+
+    @property
+    def question(self) -> str:
+        """The question back to the operator, in one or two sentences."""
+        return f"that reads as {READS_AS[self.kind]}. Nothing will move. {_INSTEAD[self.kind]}"
+
+
+_SAY_IT = "To have it done, say who is to do what, and where."
+_INSTEAD: defaultdict[str, str] = defaultdict(
+    lambda: _SAY_IT,
+    prohibited="Did you mean that an asset is to stay, or to go somewhere else?",
+    questioned="Ask for a report, or say who is to do what, and where.",
+    waiting="Give the order when the time has come, or name a time or a state that sensors show.",
+)
+
+
+class _Sign(NamedTuple):
+    """A sign in the words of a sentence, and the characters that it takes up."""
+
+    kind: MoodKind
+    start: int
+    end: int
+
+
+class _Sentence(NamedTuple):
+    """A sentence as the patterns see it, and as it was written."""
+
+    words: str
+    """Words and stops, parted by single blanks; names are ASSET, PLACE and KIND."""
+    said: str
+
+
+_WHOLE: frozenset[MoodKind] = frozenset(("waiting", "wished"))
+"""The signs under which the whole sentence stands, wherever they are in it."""
+_ONWARDS: frozenset[MoodKind] = frozenset(("supposed", "mused", "text_work", "questioned"))
+"""The signs under which the rest of the sentence stands."""
+_PLAIN: tuple[MoodKind, ...] = ("text_work", "supposed", "wished", "mused", "needless")
+"""The signs that a pattern alone shows."""
+_PART = re.compile(r"(?:(?! [,;:–—] | - | (?:but|instead|rather|so) ).)+.?")
+_END = frozenset((".", "!", "?"))
+_ORDERED: tuple[MoodKind, ...] = (
+    "text_work", "supposed", "wished", "questioned", "reported", "mused", "waiting",
+    "needless", "prohibited", "past",
+)  # fmt: skip
+"""The kinds in the order in which a sentence with several signs is described."""
+
+
+def no_order(world: World, text: str) -> NoOrder | None:
+    """Return the sign by which `text` orders nothing now, None if it may be an order."""
+    unquoted = without_quotations(text, f" {_QUOTE} ")
+    sentences = [*_sentences(world, unquoted)]
+    joke = next((one for one in sentences if _pattern("joked").search(one.words)), None)
+    if joke is not None:
+        return NoOrder("joked", joke.said)
+    found: NoOrder | None = None
+    for sentence in sentences:
+        sign, directs = _read(sentence)
+        if directs:
+            return None
+        found = found or sign
+        if sign is not None and (sign.kind == "text_work" or sentence.words.endswith(":")):
+            break
+    if found is None and unquoted != text and re.search(r"[\"“`]|: '", text):
+        quoted = any(_directs(part.words, bare=True) for part in _sentences(world, text))
+        return NoOrder("quoted", text) if quoted else None
+    return found
+
+
+def _sentences(world: World, text: str) -> Iterator[_Sentence]:
+    """Yield the sentences of `text` with names and kinds of machines under common words."""
+    linked = LinkedText.of(world, text)
+    assets = {name.lower() for name in world.assets}
+    places = {name.lower() for name in (*world.frames, *world.zones)} | {"base", "home"}
+    names = WorldNames.of(world)
+    words, start, end = list[str](), 0, 0
+    for token in read_tokens(linked.text):
+        word = token.word
+        if word in assets or _ASSET_NAME.fullmatch(token.said):
+            word = "ASSET"
+        elif word in places or names.gate_with(word):
+            word = "PLACE"
+        elif (single := word.removesuffix("s")) in _MACHINES or (
+            single.isalpha() and names.team(word) in (word, single)
+        ):
+            word = "KIND"
+        words.append(word)
+        end = token.end
+        if word in _END:
+            yield _Sentence(" ".join(words), linked.said(start, end).strip())
+            words, start = [], end
+    if words:
+        yield _Sentence(" ".join(words), linked.said(start, end).strip())
+
+
+_MACHINES = KINDS.keys() | {"asset", "unit"}
+_QUOTE = "quotedwords"
+"""The word in place of a quotation."""
+_ASSET_NAME = re.compile(r"[A-Za-z]+_?T?\d+", re.ASCII)
+
+
+def _read(sentence: _Sentence) -> tuple[NoOrder | None, bool]:
+    """Return the sign of a sentence, and whether a part without one asks for anything."""
+    signs = [*_signs(sentence.words)]
+    spans = [_reach(sign, len(sentence.words)) for sign in signs]
+    directs, bare = False, True
+    for part in _PART.finditer(sentence.words):
+        if any(start < part.end() - 1 and part.start() < end for start, end in spans):
+            bare = False
+        else:
+            directs = directs or _directs(part[0], bare=bare)
+    if not signs:
+        return None, directs
+    first = min(signs, key=lambda sign: _ORDERED.index(sign.kind))
+    return NoOrder(first.kind, sentence.said), directs
+
+
+def _reach(sign: _Sign, length: int) -> tuple[int, int]:
+    if sign.kind in _WHOLE:
+        return 0, length
+    return sign.start, length if sign.kind in _ONWARDS else sign.end
+
+
+def _signs(words: str) -> Iterator[_Sign]:
+    """Yield every sign in the words of a sentence."""
+    for kind in _PLAIN:
+        for found in _pattern(kind).finditer(words):
+            yield _Sign(kind, *found.span())
+    for found in _pattern("passed_on").finditer(words):
+        yield _Sign("reported", found.start(), len(words))
+    for found in _pattern("prohibited").finditer(words):
+        if not _is_kept(words, found) and not _is_asked(words, found.start()):
+            yield _Sign("prohibited", *found.span())
+    for found in _pattern("past").finditer(words):
+        before = words[: found.start()].split()[-1:]
+        if not _pattern("past_order").search(words) and not _CAUSING.intersection(before):
+            yield _Sign("past", *found.span())
+    for found in _pattern("my_word").finditer(words):
+        yield _Sign("waiting", *found.span())
+    yield from _questions(words)
+    yield from _reports(words)
+    yield from _waits(words)
+
+
+def _questions(words: str) -> Iterator[_Sign]:
+    """Yield the sentence if it asks about a movement; a question for the state of things is none.
+
+    *Should it be low, send another* begins with a condition.
+    """
+    start = _OPENING.match(words).end()  # type: ignore[union-attr] - it may match nothing
+    asked = words.endswith("?")
+    if start and not asked:
+        start = 0
+    found = _pattern("questioned").match(words, start)
+    if found is None or _pattern("requests").match(words, start):
+        return
+    if re.search(rf"\b(?:{_list('moving')})\b(?! (?:on|ahead|out)\b)", words[start:]):
+        yield _Sign("questioned", start, len(words))
+
+
+_OPENING = re.compile(
+    r"(?:(?:\w+ ){0,2}, |(?:and|so|but|hey|ok|okay|well|now|say|please|sorry|um|uh|erm) )*"
+)
+"""A call or a filler before a question."""
+
+
+_CAUSING = frozenset(("get", "have", "want", "need", "see", "let", "keep"))
+"""Verbs after which an asset and a participle are an order: *get Drone_T04 headed home*."""
+
+
+def _is_kept(words: str, negated: re.Match[str]) -> bool:
+    """Return whether leaving or losing something is forbidden, which asks to keep it."""
+    after = negated[0].rpartition(" not ")[2].split()[:3]
+    following = words[negated.end() :].split()[:1]
+    return bool(_set("kept").intersection((*after, *following)))
+
+
+def _is_asked(words: str, start: int) -> bool:
+    """Return whether a negation belongs to a polite request: *why don't you*, *couldn't you*."""
+    if words[:start].endswith("why "):
+        return True
+    return _POLITE.match(words, start) is not None
+
+
+_POLITE = re.compile(r"(?:can|could|would|will) not (?:you|we|it|he|she|somebody|someone)\b")
+
+
+def _reports(words: str) -> Iterator[_Sign]:
+    """Yield another speaker's words if they speak of what assets are to do."""
+    for found in _pattern("say").finditer(words):
+        before = words[: found.start()].split()
+        while before and before[-1] in _set("adverbs"):
+            before.pop()
+        subject = before[-1] if before else ""
+        if not subject.islower() or not subject.isalpha() or subject in _set("speaker"):
+            continue
+        content = words[found.end() :]
+        if len(content) <= _CLOSING and "," in before[-3:]:  # the speaker is named after the words
+            yield _Sign("reported", 0, len(words))
+        elif _QUOTE in content.split()[:3]:
+            yield _Sign("reported", 0, found.end() + content.index(_QUOTE) + len(_QUOTE))
+        elif _action().search(content) and re.search(r"\b(?:ASSET|KIND|PLACE)\b", content):
+            start = words.rfind(" , ", 0, found.start()) + 1
+            end = len(words) if content.startswith((" :", ' "')) else _own_words(words, found.end())
+            yield _Sign("reported", start, end)
+
+
+def _own_words(words: str, start: int) -> int:
+    """Return where the operator speaks again after another speaker's words."""
+    found = _OWN.search(words, start)
+    return len(words) if found is None else found.start()
+
+
+_CLOSING = len(" .")
+
+
+@cache
+def _action() -> re.Pattern[str]:
+    return re.compile(rf"\b(?:{_list('act')}|{_list('doing')})\b")
+
+
+_OWN = re.compile(
+    r"(?:, |; )(?:so |but |and |then |therefore |still )*(?:could|can|would|will) you\b"
+    r"|\b(?:so|but) (?:please|i|let|have|send|get|put|move)\b|, (?:so|but) "
+)
+
+
+def _waits(words: str) -> Iterator[_Sign]:
+    """Yield the conditions of a sentence that neither the picture nor the clock decides."""
+    for found in _pattern("conditions").finditer(words):
+        before = words[: found.start()].split()
+        if _pattern("no_condition").match(words, found.start()):
+            continue
+        if _set("whether").intersection(before[-1:]) or _set("reason").intersection(before):
+            continue
+        content = _STOP.split(words[found.end() :])[0].split()
+        seen = found[0] == "after" or _set("observable").intersection(content)
+        if content and (_set("unseen").intersection(content) or not seen):
+            yield _Sign("waiting", *found.span())
+
+
+_STOP = re.compile(r" [,.:;!?–—]")
+
+
+def _directs(part: str, *, bare: bool) -> bool:
+    """Return whether a part of a sentence may ask for something.
+
+    A `bare` part needs no verb: *Drone_T04 to EastGate*, *unknown car at the gate*.
+    """
+    listed = part.split()
+    words, tasks = set(listed), _set("act") | _set("kept_tasks")
+    for before, word in pairwise(("", *listed)):
+        if word in tasks and before not in _set("of_nouns"):
+            return True
+    if not bare:
+        return False
+    named = bool(words & {"ASSET", "KIND"})
+    return (named and "PLACE" in words) or bool(words & (CONTACTS.keys() | _set("troubles")))
+
+
+@cache
+def _set(name: str) -> frozenset[str]:
+    return frozenset(word_lists("mood")[name])
+
+
+@cache
+def _list(name: str) -> str:
+    return "|".join(sorted(word_lists("mood")[name], key=len, reverse=True))
+
+
+@cache
+def _pattern(name: str) -> re.Pattern[str]:
+    ways = _list(name)
+    for part in ("act", "did", "doing", "moving", "between"):
+        ways = ways.replace(f"<{part}>", f"(?:{_list(part)})")
+    return re.compile(rf"\b(?:{ways})(?!\w)")
