@@ -151,7 +151,7 @@ def _sentences(world: World, text: str) -> Iterator[_Sentence]:
         yield _Sentence(" ".join(words), linked.said(start, end).strip())
 
 
-_MACHINES = KINDS.keys() | {"asset", "unit"}
+_MACHINES = KINDS.keys() | {"asset", "unit", "machine"}
 _QUOTE = "quotedwords"
 """The word in place of a quotation."""
 _ASSET_NAME = re.compile(r"[A-Za-z]+_?T?\d+", re.ASCII)
@@ -291,12 +291,15 @@ def _waits(words: str) -> Iterator[_Sign]:
             continue
         if _set("whether").intersection(before[-1:]) or _set("reason").intersection(before):
             continue
+        if _CLOCK.search(words[: found.start()]):  # it goes by the clock, and this says why
+            continue
         content = _STOP.split(words[found.end() :])[0].split()
         seen = found[0] == "after" or _set("observable").intersection(content)
         if content and (_set("unseen").intersection(content) or not seen):
             yield _Sign("waiting", *found.span())
 
 
+_CLOCK = re.compile(r"\b(?:o'clock|am|pm|noon|midnight|\d\d? : \d\d)\b")
 _STOP = re.compile(r" [,.:;!?–—]")
 
 

@@ -132,6 +132,9 @@ class Results:
     monitor: Monitor
     open_alarms: Callable[[], Sequence[Alarm]]
     verifications: list[Verification] = field(default_factory=list[Verification])
+    idle: list[str] = field(default_factory=list[str])
+    """Of each executed plan that only held, the part of the order that it leaves out; '' of any
+    other."""
 
     @property
     def unanswered(self) -> tuple[str, ...]:
@@ -173,8 +176,11 @@ class Results:
     def conclude(self) -> MissionResult:
         """Return what the plans, the workflow, the orderings and the alarm come to.
 
-        Verified takes all of them; what telemetry could not tell is not verified.
+        Verified takes all of them; what telemetry could not tell is not verified. A plan that only
+        held, though something else was asked, has done nothing.
         """
+        if self.idle and all(self.idle):
+            return MissionResult("held", f"nothing was done: {'; '.join(dict.fromkeys(self.idle))}")
         reasons = [verification.reason for verification in self.verifications]
         if self.progress.entered:
             reasons = [self.progress.summary, *reasons[-1:]]

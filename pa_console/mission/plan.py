@@ -12,7 +12,7 @@ from pa_console.mission.context import MissionContext
 from pa_console.mission.examine import Examination, examine
 from pa_console.mission.planning.fulfilment import gaps
 from pa_console.mission.planning.moves import PlanMoves
-from pa_console.mission.planning.obstacles import Unmet, unmet_asks
+from pa_console.mission.planning.obstacles import Unmet, unmet_asks, within_capability
 from pa_console.mission.planning.propose import (
     NumberedPlan,
     PlannerAnswer,
@@ -294,7 +294,8 @@ async def _examined(
     left: tuple[Unmet, ...] = ()
     if reading is not None and reading.readable and found.rehearsal is not None:
         moves = PlanMoves(fleet.world, before, plan_)
-        amiss, left = gaps(moves, reading), unmet_asks(moves, reading, task.text)
+        amiss = gaps(moves, within_capability(reading, fleet.world))
+        left = unmet_asks(moves, reading, task.text)
     unmet = tuple(one.told for one in left)
     mentions = NOTHING_SAID
     if not own and not retrieved.chosen:

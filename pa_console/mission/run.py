@@ -404,6 +404,8 @@ class MissionRun:
                 return executed.halted
             facts.verification = verification = verify(self._context, plan_, executed)
             self._results.verifications.append(verification)
+            idle = shown.narrowed and all(action.verb == "hold" for action in plan_.actions)
+            self._results.idle.append("; ".join(shown.unmet) if idle else "")
             if services.variant.workflows:
                 await self._see_it_out(shown, phase, task)
         finally:

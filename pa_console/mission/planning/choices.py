@@ -16,7 +16,12 @@ from pa_console.language.canonical.order import Ask, Reading, Task
 from pa_console.llm.roles.grammar import CommandSlot
 from pa_console.mission.planning.fulfilment import is_to_be_warned, of_everyone, reporters
 from pa_console.mission.planning.moves import PlanMoves
-from pa_console.mission.planning.obstacles import is_of, obstacle_to, unfit
+from pa_console.mission.planning.obstacles import (
+    is_of,
+    obstacle_to,
+    unfit,
+    within_capability,
+)
 from pa_console.policy.rule_variables import goes_to
 from pa_console.schema.plan import MAX_ACTIONS, Action, Plan
 from pa_console.schema.telemetry import Picture, Track
@@ -413,6 +418,7 @@ def commands_serving(
     cover a gate come first (WF-03). At last, or where nothing can be done, somebody holds. Nothing
     is yielded where the console cannot tell what serves the order.
     """
+    reading = within_capability(reading, world)
     named = (n for ask in reading.asks for n in (*ask.who.names, ask.leaving) if n)
     stands = StandingAssets(world, picture, _NOTHING, frozenset((*named, *reading.excluded)))
     due = [ask for ask in reading.asks if not obstacle_to(ask, world, picture)]

@@ -5,10 +5,11 @@ A part that could be done and is not planned is for the judge to object to (`ful
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from pa_console.language.canonical.order import (
+    ANYBODY,
     VERB_FOR,
     Ask,
     Obstacle,
@@ -70,6 +71,33 @@ def _nobody(ask: Ask, picture: Picture) -> str:
     kinds = (kind,) if kind is not None else COMMANDS[verb].kinds if verb is not None else ()
     up = {asset.kind for asset in picture.assets.values() if asset.available}
     return "" if not kinds or up.intersection(kinds) else "whoever could do it is down (CAP-10)"
+
+
+def within_capability(reading: Reading, world: World) -> Reading:
+    """Return `reading` with each ask that its assets cannot carry out in a form that is served.
+
+    A drone that is told to identify or warn somebody looks, and a robot does it; a robot that is
+    told to look goes there; another kind blocks. If no other asset may move, none takes its place.
+    """
+    asks = (one for ask in reading.asks for one in _capable(ask, world, reading.others_stay))
+    return reading._replace(asks=tuple(asks))
+
+
+def _capable(ask: Ask, world: World, others_stay: bool) -> Iterator[Ask]:
+    """Yield `ask`, or what serves it if it is for assets of a kind that has not its command."""
+    who = ask.who
+    kinds: set[AssetKind] = {world.assets[n].kind for n in who.names if n in world.assets}
+    if who.kind is not None:
+        kinds.add(who.kind)
+    if not kinds or ask.task not in VERB_FOR or any(can_do(kind, ask.task) for kind in kinds):
+        yield ask
+        return
+    if ask.task == "look":
+        yield replace(ask, task="go")
+    elif ask.task != "block" and kinds == {"uav"}:
+        yield replace(ask, task="look", track="", track_id="")
+    if ask.task != "look" and not others_stay:
+        yield replace(ask, who=ANYBODY)
 
 
 def post_of(moves: PlanMoves, ask: Ask) -> str:

@@ -48,6 +48,7 @@ from pa_training.samples.written_orders import (
     WrittenOrder,
     asked_as_seen,
     drawn_situation,
+    meaning_now,
     ordered,
     read_writers,
 )
@@ -244,9 +245,13 @@ async def read_written(out: Path, reader: OrderReader) -> None:
     for name, writer in read_writers(LANGUAGE / "development").items():
         known = NearDuplicates(missions)
         for place, each in enumerate(writer.situations, 1):
-            situation = drawn_situation(each.seed, each.number, each.split, forbidden)
-            fresh = known.keep([order.text for order in each.orders], situation.world)
-            orders = [one for one, kept in zip(each.orders, fresh, strict=True) if kept]
+            situation = drawn_situation(each, forbidden)
+            fresh = known.keep([order.text for order in each.first_orders], situation.world)
+            orders = [
+                one.model_copy(update={"meaning": meaning_now(one.meaning)})
+                for one, kept in zip(each.first_orders, fresh, strict=True)
+                if kept and meaning_now(one.meaning)
+            ]
             chosen = orders[-number % EVERY :: EVERY]
             number += len(orders)
             read = [_written_order(name, order, situation) for order in chosen]

@@ -51,13 +51,28 @@ class WrittenOrder(StrictModel):
     meaning: str
 
 
+class WrittenDialogue(StrictModel):
+    """Orders that follow each other, each given after the one before was carried out."""
+
+    turns: tuple[WrittenOrder, ...] = Field(min_length=1)
+
+
 class WrittenSituation(StrictModel):
-    """The draw of a situation, and the orders that were written for it."""
+    """The draw of a situation, and what was written for it."""
 
     seed: int
     number: int
     split: Split
-    orders: tuple[WrittenOrder, ...]
+    history: bool = Field(default=True, description="whether something was ordered before")
+    clock: str = Field(default="", description="the time of day that the writer saw, HH:MM")
+    orders: tuple[WrittenOrder | WrittenDialogue, ...]
+
+    @property
+    def first_orders(self) -> tuple[WrittenOrder, ...]:
+        """The orders that stand by themselves, and the first turn of each dialogue."""
+        return tuple(
+            order.turns[0] if isinstance(order, WrittenDialogue) else order for order in self.orders
+        )
 
 
 class Writer(StrictModel):
@@ -80,18 +95,20 @@ def written_samples(name: str, writer: Writer) -> Iterator[Sample]:
     missions = shipped_missions()
     forbidden, known = generated_numbers(missions), NearDuplicates(missions)
     for place, each in enumerate(writer.situations, 1):
-        situation = drawn_situation(each.seed, each.number, each.split, forbidden)
+        situation = drawn_situation(each, forbidden)
         world, digest = situation.world, situation.digest
         picture = picture_prefix("planner", world, digest).user
-        fresh = known.keep([order.text for order in each.orders], world)
-        for order, kept in zip(each.orders, fresh, strict=True):
-            if not kept:
+        orders = each.first_orders
+        fresh = known.keep([order.text for order in orders], world)
+        for order, kept in zip(orders, fresh, strict=True):
+            meaning = meaning_now(order.meaning)
+            if not kept or not meaning:
                 continue
             mission = Mission(id="M", text=order.text, created=NO_TIME)
             prompt = compact_planner_prompt(world, digest, [], mission)
-            asked = asked_as_seen(order.meaning, world, digest)
-            fact = _fact(order.meaning, situation)
-            ends = "" if order.meaning == NOTHING else f"; {fact or _SOME_FACT}"
+            asked = asked_as_seen(meaning, world, digest)
+            fact = _fact(meaning, situation)
+            ends = "" if meaning == NOTHING else f"; {fact or _SOME_FACT}"
             answer = f'{{"reason": "{asked}{ends}", "actions": []}}'
             group = f"written-{name}-{place}"
             sample = make_sample(group, "planner", prompt, picture, answer, f"written/{name}")
@@ -102,12 +119,38 @@ def written_samples(name: str, writer: Writer) -> Iterator[Sample]:
             yield from judge_readings([sample])
 
 
-def drawn_situation(
-    seed: int, number: int, split: Split, forbidden: Collection[Numbers]
-) -> Situation:
+def drawn_situation(written: WrittenSituation, forbidden: Collection[Numbers]) -> Situation:
     """Return the situation that a writer was shown."""
-    rng = random.Random(f"{seed}/{split}/{number}")
-    return random_situation(rng, random_world(rng, split, frozenset(forbidden)), history=True)
+    rng = random.Random(f"{written.seed}/{written.split}/{written.number}")
+    world = random_world(rng, written.split, frozenset(forbidden))
+    return random_situation(rng, world, history=written.history)
+
+
+NO_ORDERS = ("nothing", "not now", "question", "standing order")
+"""The meanings, alone instead of clauses, of words for which no asset moves now."""
+FORBID = "forbid "
+"""The beginning of the meaning of a prohibition."""
+_BEYOND = re.compile(
+    r"(undo|instead:|unclear:|at \d|in \d|every )|; then | for \d+ (min|h|s)\b| patrol "
+)
+"""Meanings that the clauses of a single plan cannot express."""
+
+
+def orders_nothing(meaning: str) -> bool:
+    """Return whether no asset moves now for this meaning."""
+    return meaning in NO_ORDERS or meaning.startswith((FORBID, "unclear:"))
+
+
+def meaning_now(meaning: str) -> str:
+    """Return the meaning in the clauses that the planner reads; '' where they cannot express it.
+
+    A question, a standing order and unclear words are answered before any planner reads them.
+    """
+    if meaning in {NOTHING, "not now"} or meaning.startswith(FORBID):
+        return NOTHING
+    if orders_nothing(meaning) or _BEYOND.search(meaning):
+        return ""
+    return meaning
 
 
 def asked_as_seen(meaning: str, world: World, digest: Digest) -> str:
