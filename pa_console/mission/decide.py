@@ -8,9 +8,11 @@ from dataclasses import dataclass, replace
 from itertools import islice
 
 from pa_console.fleets.fleet import PlanCountersignature
+from pa_console.language.canonical.clauses import ASKED, NOWHERE
 from pa_console.language.canonical.order import Task
 from pa_console.language.canonical.reading import distinct, read_asked
 from pa_console.language.mention_check import check_mentions
+from pa_console.language.references.resolution import MOST_CHOICES
 from pa_console.mission.approval import (
     CheckedPlan,
     OrderAsRead,
@@ -27,6 +29,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.events.event import MOST_READINGS
 from pa_console.schema.mission import ELSEWHERE, Decision, MissionStatus
 from pa_console.schema.plan import Plan
+from pa_console.schema.world import World
 
 Decide = Callable[[], Awaitable[Decision]]
 """Waits for the operator's answer once approval was requested."""
@@ -256,6 +259,27 @@ async def ask_back(
     if decided.decision.kind == "answer":
         return " ".join(decided.decision.asked.split())
     return MissionResult("held", "; ".join(decided.request.blocked_by))
+
+
+def unknown_place(planned: PlanForDecision, world: World) -> NotUnderstood | None:
+    """Return the question which place is meant, None unless that alone keeps the order from use.
+
+    Each choice is the whole order with one of the places of the site.
+    """
+    shown = planned.best
+    asked = shown.asked.removeprefix(ASKED)
+    if shown.own or asked.count(NOWHERE) != 1 or asked.startswith("if "):
+        return None
+    if len(planned.readings) > 1:  # another reader has a place for it
+        return None
+    if any(action.verb != "hold" for action in shown.examination.plan.actions):
+        return None
+    places = (*world.gates, *(name for name in world.frames if name not in world.gates))
+    choices = tuple(asked.replace(NOWHERE, place) for place in places)
+    return NotUnderstood(
+        "no place here is called that. Which one is meant?",
+        choices=choices if len(choices) <= MOST_CHOICES else (),
+    )
 
 
 def rejection(shown: Candidate, decided: AdmissibleDecision) -> MissionResult:

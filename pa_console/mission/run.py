@@ -20,6 +20,7 @@ from pa_console.mission.decide import (
     decide,
     offer_standing,
     rejection,
+    unknown_place,
 )
 from pa_console.mission.execute import ApprovedStep, Execution
 from pa_console.mission.execution.dispatch import StepFeed
@@ -319,6 +320,9 @@ class MissionRun:
         while isinstance(planned, PlanForDecision):
             judged = planned.steps or planned.by_grammar
             planned = planned if judged else await judge(context, planned)
+            unknown = unknown_place(planned, context.services.fleet.world)
+            if unknown is not None and self._questions < MOST_QUESTIONS:
+                return unknown
             decided = await decide(context, planned, self._readings, self._station.decide)
             self._readings, decision, shown = decided.readings, decided.decision, planned.best
             if decision.kind == "choose":

@@ -5,6 +5,8 @@ import math
 from dataclasses import replace
 from datetime import UTC, datetime
 
+import pytest
+
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.language.canonical.reading import asked_words, read_reason
 from pa_console.llm.roles.clause_reader import reading_prompt
@@ -99,3 +101,37 @@ def test_names_and_orders_like_it_are_in_the_prompt_and_no_rule(rig: Rig) -> Non
     assert set(world.gates) <= set(prompt.user.replace(",", " ").split())
     assert prompt.user.endswith('Mission: "Send a UAV to EastGate."')
     assert prompt.user.count('{"reason": "asked: ') == 8
+
+
+@pytest.mark.parametrize(
+    ("asked", "commands"),
+    [
+        ("Drone_T04 identify vehicle at EastGate", {"Drone_T04 observe EastGate"}),
+        ("Drone_T04 warn vehicle at EastGate", {"Drone_T04 observe EastGate"}),
+        ("Robot_T01 look at EastGate", {"Robot_T01 move_to EastGate"}),
+        ("Drone_T04 block EastGate", {"Ugv_T01 block EastGate"}),
+        ("Drone_T04 block EastGate; others stay", {"Drone_T01 hold"}),
+    ],
+)
+async def test_who_cannot_do_it_does_what_it_can_and_another_one_the_rest(
+    rig: Rig, asked: str, commands: set[str]
+) -> None:
+    await rig.run(says(f"asked: {asked}"))
+    proposed = proposals(rig)[-1]
+    assert proposed.plan is not None
+    assert {f"{a.agent} {a.command}" for a in proposed.plan.actions} >= commands
+    request = next(e.data for e in rig.events if isinstance(e.data, ev.ApprovalRequested))
+    assert request.state != "approve", "what was told is not done as it was told"
+
+
+async def test_a_plan_that_does_nothing_of_what_was_asked_is_not_verified(rig: Rig) -> None:
+    trace = await rig.run(says("asked: Drone_T04 block EastGate; others stay"))
+    assert trace.status == "held"
+    assert "nothing was done: Drone_T04 block EastGate: no drone can block" in trace.reason
+
+
+async def test_the_place_of_an_order_that_names_none_of_the_site_is_asked_for(rig: Rig) -> None:
+    await rig.run(says("asked: Robot_T01 to unknown place"))
+    asked = next(e.data for e in rig.events if isinstance(e.data, ev.QuestionAsked))
+    assert "Robot_T01 to SouthGate" in asked.choices
+    assert not any(isinstance(e.data, ev.CommandSent) for e in rig.events)

@@ -180,7 +180,35 @@ def resolve(
         return retold
     if retold is not None:
         return replace(retold, meant=(*meant, *retold.meant))
+    if (gate := _open_gate(scene, now)) is not None:
+        return gate
     return ResolvedOrder(now.strip(), tuple(meant)) if meant else ResolvedOrder(text)
+
+
+def _open_gate(scene: ReferenceScene, text: str) -> Unclear | None:
+    """Return the question which gate is meant by *the gate*, None where one of them is likeliest.
+
+    It is the only one where something is to be seen, or that has no guard.
+    """
+    gates = scene.gates
+    seen = {track.gate for track in scene.picture.tracks.values()} & {*gates}
+    bare = [gate for gate in gates if not scene.guards(gate)]
+    if len(gates) < 2 or len(seen) == 1 or len(bare) == 1 or scene.pointer in gates:
+        return None
+    tokens = read_tokens(text)
+    if any(place_at(scene, Reader(tokens, at)) for at in range(len(tokens))):
+        return None
+    words = [token.word for token in tokens]
+    for at, word in enumerate(words):
+        if word == "gate" and at > 1 and words[at - 1] in _ANY_GATE and words[at - 2] in _TOWARDS:
+            said = text[tokens[at - 1].start : tokens[at].end]
+            choices = tuple(gates) if len(gates) <= MOST_CHOICES else ()
+            return Unclear(said, "Which gate is meant?", choices)
+    return None
+
+
+_ANY_GATE = frozenset(("the", "a", "one", "some", "our", "my", "that", "this"))
+_TOWARDS = frozenset(("to", "at", "over", "on", "towards", "toward", "near", "by", "outside"))
 
 
 def with_answers(text: str, answers: Answers) -> str:
@@ -416,6 +444,8 @@ def chosen(scene: ReferenceScene, answer: str, choices: Sequence[str]) -> str:
         name = asset_at(scene, reader) or place_at(scene, reader)
         if name in choices:
             found.add(name)
+        elif len(whole := [choice for choice in choices if name and name in choice.split()]) == 1:
+            found.update(whole)  # the choices are whole orders, each for another place
         at = max(at + 1, reader.at)
     if not found:
         orders = {token.said: [c for c in choices if token.said in c.split()] for token in tokens}

@@ -222,3 +222,28 @@ def test_a_place_is_asked_back_about_with_what_fits() -> None:
     question = asked("Put Robot_T02 at the gate with only one guard.", QUIET)
     assert question.said == "the gate with only one guard"
     assert question.choices == HOME.gates
+
+
+@pytest.mark.parametrize("text", ["Send someone to the gate.", "A drone over the gate, please."])
+def test_the_gate_is_asked_for_where_it_may_be_any(text: str) -> None:
+    unclear = asked(text, scene())
+    assert (unclear.question, unclear.choices) == ("Which gate is meant?", tuple(HOME.gates))
+    assert "SouthGate" in read_with(text, unclear.said, "SouthGate")
+
+
+@pytest.mark.parametrize(
+    "text", ["Send a robot to the north gate.", "Guard the gate at the base.", "All gates, report."]
+)
+def test_a_gate_that_is_named_is_not_asked_for(text: str) -> None:
+    assert resolve(scene(), text) == ResolvedOrder(text)
+
+
+def test_the_gate_without_a_guard_is_meant_where_there_is_one() -> None:
+    bare = scene(FailAsset(asset="Ugv_T01"))
+    assert isinstance(resolve(bare, "Send someone to the gate."), ResolvedOrder)
+
+
+def read_with(text: str, said: str, means: str) -> str:
+    found = resolve(scene(), text, {said: means})
+    assert isinstance(found, ResolvedOrder)
+    return found.text
