@@ -132,6 +132,11 @@ class MissionRun:
         read = self._understood
         return read is not None and bool(read.steps or read.patrol)
 
+    @property
+    def proposes(self) -> bool:
+        """True once a plan was put to the operator; False while it is asked what is meant."""
+        return self._understood is not None
+
     def pause(self, *, paused: bool, by: str) -> None:
         """Send no further step until it is resumed; raises ValueError where that is so already."""
         if paused != self._goes_on.is_set():

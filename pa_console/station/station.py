@@ -10,7 +10,7 @@ from pa_console import __version__
 from pa_console.fleets.fleet import PlanCountersignature, Simulated
 from pa_console.language.orders.order_changes import ManualWords, OrderChange, read_manual
 from pa_console.language.questions import Question
-from pa_console.language.references.conversation import Unclear
+from pa_console.language.references.conversation import Unclear, corrects
 from pa_console.language.references.scene import ReferenceScene
 from pa_console.mission.context import Services
 from pa_console.mission.examine import Examination, examine
@@ -361,10 +361,22 @@ class ControlStation:
             raise ValueError(IS_STOPPED)
         if order.question is not None:
             raise ValueError(IS_QUESTION)
+        if corrected := self._corrected(order):
+            withdrawn = Decision(kind="reject", reason=f"corrected: “{order.typed}”")
+            self._worker.decide(withdrawn)
+            if corrected == "takes back":
+                return self._done_at_once(order, "the plan that waited is withdrawn")
         mission, received = self._intake.submit(order, self._worker.busy)
         self._emit(received, mission.id)
         self._worker.queue_changed()
         return mission
+
+    def _corrected(self, order: ReadText) -> str:
+        """Return how `order` corrects the operator's own plan that waits; '' where it does not."""
+        active = self._worker.active
+        if active is None or not self._worker.awaits_decision or not active.proposes:
+            return ""
+        return corrects(order.text) if active.mission.source == "operator" else ""
 
     def _change_in(self, order: ReadText) -> OrderChange | ManualWords | Unclear | None:
         """Return what a text changes at once: standing orders, or who drives an asset."""
@@ -382,6 +394,10 @@ class ControlStation:
             reason = self._standing.carry_out(change)
         else:
             reason = self.manual.change(change)
+        return self._done_at_once(order, reason)
+
+    def _done_at_once(self, order: ReadText, reason: str) -> Mission:
+        """Record words that were carried out at once as a mission."""
         mission, received = self._intake.submit(order, active=False, waits=False)
         self._emit(received, mission.id)
         ended = ev.MissionFinished(status="verified", reason=reason, metrics=Metrics())

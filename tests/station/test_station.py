@@ -5,6 +5,7 @@ from contextlib import aclosing
 
 import pytest
 
+from pa_console.language.references.conversation import corrects
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import Decision
@@ -174,3 +175,51 @@ def test_a_text_is_read_once_though_it_might_have_been_a_question(
     assert station.question_in(MISSION) is None
     assert station.submit(MISSION).text == MISSION
     assert read == [MISSION]
+
+
+async def test_a_correction_replaces_the_plan_that_waits(rig: Rig) -> None:
+    scripted = ScriptedEngine([SPARE, plan(("Drone_T04", "move_to WestGate"))])
+    station, state, corrected = rig.station(scripted), SessionState(), False
+    station.submit(MISSION)
+    async with aclosing(station.run()) as events:
+        async for event in events:
+            state.apply(event)
+            if isinstance(event.data, ev.ApprovalRequested) and not corrected:
+                corrected = True
+                station.submit("No, the west gate.")
+            elif isinstance(event.data, ev.ApprovalRequested):
+                break
+    first, second = state.missions.values()
+    assert (first.status, second.mission.said) == ("rejected", "No, the west gate.")
+    assert "WestGate" in second.mission.text
+    assert not any(isinstance(e.data, ev.CommandSent) for e in rig.events)
+
+
+async def test_never_mind_withdraws_the_plan_that_waits(rig: Rig) -> None:
+    station, state = rig.station(ScriptedEngine([SPARE])), SessionState()
+    station.submit(MISSION)
+    async with aclosing(station.run()) as events:
+        async for event in events:
+            state.apply(event)
+            if isinstance(event.data, ev.ApprovalRequested):
+                station.submit("Never mind.")
+            both = len(state.missions) == 2
+            if both and all(one.status for one in state.missions.values()):
+                break
+    assert [one.status for one in state.missions.values()] == ["rejected", "verified"]
+
+
+@pytest.mark.parametrize(
+    ("text", "how"),
+    [
+        ("No, the other gate.", "replaces"),
+        ("Sorry, I meant Robot_T02.", "replaces"),
+        ("Never mind.", "takes back"),
+        ("Cancel that.", "takes back"),
+        ("Send Robot_T02 to the north gate instead of waiting.", ""),
+        ("No drone is at the east gate, which is odd; have a robot look after it, and bring one "
+         "of the vehicles back from there to the base.", ""),
+    ],
+)  # fmt: skip
+def test_what_corrects_an_order_begins_as_a_correction(text: str, how: str) -> None:
+    assert corrects(text) == how

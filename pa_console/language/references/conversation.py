@@ -7,6 +7,7 @@ things fit, it is asked which is meant.
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 from pa_console.language.canonical.reading import listed
 from pa_console.language.lexicon import find_verbs, word_lists
@@ -117,6 +118,28 @@ class ResolvedOrder:
     meant: tuple[tuple[str, str], ...] = ()
     undoes: bool = False
     corrects: bool = False
+
+
+def corrects(text: str) -> Literal["replaces", "takes back", ""]:
+    """Return whether words correct the order before them, or take it back; '' for any others.
+
+    *No, the other gate* does the first, *never mind* the second; both say so at once.
+    """
+    words = [token.word for token in read_tokens(text) if token.word[0].isalnum()]
+    said = f" {' '.join(words)} "
+    if len(words) > _MOST_CORRECTING or not words:
+        return ""
+    undone = next((phrase for phrase in _UNDOING if said.startswith(f" {phrase} ")), "")
+    if undone and len(words) <= len(undone.split()) + 1:
+        return "takes back"
+    begins = words[0] in _CORRECTING - {"change", "rather", "mean", "not"} or words[0] == "nope"
+    begins = begins or any(said.startswith(f" {phrase} ") for phrase in (*_BEGINNING, *_UNDOING))
+    return "replaces" if begins else ""
+
+
+_MOST_CORRECTING = 16
+"""A correction of more words is an order by itself."""
+_BEGINNING = (*_CORRECTING_PHRASES, "i meant", "i mean", "not that", "not the", "rather the")
 
 
 def retell(scene: ReferenceScene, text: str) -> ResolvedOrder | Unclear | None:

@@ -15,10 +15,10 @@ import torch
 from pa_console.llm.models.cache import hash_file
 from pa_training.adapters.adapter_file import AdapterFile, Matrices
 from pa_training.adapters.config import TrainConfig, shipped_config
-from pa_training.adapters.material import Tokeniser, rows_to_learn
+from pa_training.adapters.material import Tokeniser, packs_of, rows_to_learn
 from pa_training.adapters.network import adapted, load_base
 from pa_training.adapters.run_folder import RunFolder
-from pa_training.adapters.trainer import Progress, collated, rate_share, train
+from pa_training.adapters.trainer import Progress, collated, packed, rate_share, train
 from pa_training.results.lineage import ADAPTER, CURVE
 from tests.training.adapters.small_run import config, ignore
 
@@ -230,3 +230,41 @@ def test_the_rate_rises_then_falls(tiny: Path, data: Path) -> None:
 @pytest.mark.parametrize("task", ["planner", "judge"])
 def test_the_shipped_configurations_can_be_read(task: str) -> None:
     assert TrainConfig.load(shipped_config(task)).task == task
+
+
+def test_a_pack_has_the_loss_of_its_samples_alone(tiny: Path, data: Path) -> None:
+    chosen = config(tiny, data)
+    pack = max(packs_of(rows_to_learn(chosen, Tokeniser(tiny, "template")), 4000), key=len)
+    assert len(pack) > 1
+    pack[1]["weight"] = 2.0
+    network: Any = adapted(load_base(tiny, chosen), chosen).eval()
+
+    def loss(batch: dict[str, Any]) -> float:
+        labels, weights = batch.pop("labels"), batch.pop("weights")
+        with torch.no_grad():
+            logits = network(**batch).logits
+        found = torch.nn.functional.cross_entropy(
+            logits.flatten(0, 1), labels.flatten(), reduction="none", ignore_index=-100
+        ).view_as(labels)
+        return float((found * (weights if weights.dim() > 1 else weights[:, None])).sum())
+
+    alone = sum(loss(collated([row])) for row in pack)
+    assert loss(packed([{"rows": pack}])) == pytest.approx(alone, rel=1e-4)
+
+
+def test_packs_keep_to_their_size_and_lose_no_sample(tiny: Path, data: Path) -> None:
+    rows = rows_to_learn(config(tiny, data), Tokeniser(tiny, "template"))
+    for most in (1, 300, 600, 100_000):
+        packs = packs_of(rows, most)
+        assert sum(len(pack) for pack in packs) == len(rows)
+        for pack in packs:
+            assert len({row["group"] for row in pack}) == 1
+            size = pack[0]["shared"] + sum(row["length"] - row["shared"] for row in pack)
+            assert len(pack) == 1 or size <= most
+
+
+def test_a_run_in_packs_learns(tiny: Path, data: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    result = train(config(tiny, data, pack_tokens=1000, steps=3), out, False, ignore)
+    assert result.finished
+    assert len(logged(out)) == 3

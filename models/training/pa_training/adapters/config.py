@@ -76,6 +76,12 @@ class TrainConfig(StrictModel):
         default=None,
         description="planner samples, JSON lines, whose missions a judge learns to read as well",
     )
+    pack_tokens: int = Field(
+        default=0,
+        ge=0,
+        description="samples of one situation are learnt in packs of so many tokens, behind the "
+        "beginning that they share; 0: each sample by itself",
+    )
     epochs: float = Field(default=1.0, gt=0.0, description="passes over the data")
     steps: int | None = Field(default=None, ge=1, description="instead of epochs")
     max_minutes: float | None = Field(default=None, gt=0.0, description="ends sooner if reached")

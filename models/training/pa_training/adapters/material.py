@@ -5,6 +5,8 @@ decoding under a grammar comes to: llguidance forces a token only where no other
 (tests/training/adapters/test_tokens.py replays answers through the real grammars).
 """
 
+from collections import defaultdict
+from collections.abc import Sequence
 from itertools import accumulate, islice
 from pathlib import Path
 from typing import TypedDict
@@ -32,6 +34,10 @@ class Row(TypedDict):
     targets: list[int]
     weight: float
     length: int
+    shared: int
+    """The number of first tokens that all samples of its situation have."""
+    group: str
+    """The situation, the same for samples with the same shared tokens."""
 
 
 class Tokeniser:
@@ -53,7 +59,15 @@ class Tokeniser:
             targets=self._without_given(sample, answer),
             weight=sample.weight,
             length=len(tokens),
+            shared=self._shared(sample, prompt),
+            group=f"{sample.system}\n{sample.picture}",
         )
+
+    def _shared(self, sample: Sample, prompt: list[int]) -> int:
+        """Return how many tokens of `prompt` any sample of the situation begins with."""
+        begun = self._chat.tokens(sample.system, sample.picture)
+        pairs = zip(begun, prompt, strict=False)
+        return next((n for n, (one, other) in enumerate(pairs) if one != other), len(begun))
 
     def _without_given(self, sample: Sample, answer: list[int]) -> list[int]:
         """Return `answer` with NOT_LEARNT for every token within the given part."""
@@ -68,6 +82,27 @@ class Tokeniser:
             for token, before, after in zip(written, [0, *ends], ends, strict=False)
         ]
         return [*learnt, *answer[len(written) :]]
+
+
+def packs_of(rows: Sequence[Row], most: int) -> list[list[Row]]:
+    """Return `rows` in packs of one situation, each of `most` tokens at most.
+
+    The tokens that they share count once. A row that is longer by itself is a pack of its own.
+    """
+    groups: defaultdict[str, list[Row]] = defaultdict(list)
+    for row in rows:
+        groups[row["group"]].append(row)
+    packs = list[list[Row]]()
+    for group in groups.values():
+        room = 0
+        for row in group:
+            own = row["length"] - row["shared"]
+            if own > room or not packs or packs[-1][0]["group"] != row["group"]:
+                packs.append([])
+                room = most - row["shared"]
+            packs[-1].append(row)
+            room -= own
+    return packs
 
 
 def rows_to_learn(config: TrainConfig, tokeniser: Tokeniser) -> list[Row]:

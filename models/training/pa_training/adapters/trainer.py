@@ -4,7 +4,7 @@ import math
 import signal
 import threading
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import monotonic
@@ -41,7 +41,14 @@ from pa_training.adapters.adapter_file import (
     write_adapter,
 )
 from pa_training.adapters.config import TrainConfig, find_base
-from pa_training.adapters.material import NOT_LEARNT, Row, Tokeniser, rows_held_out, rows_to_learn
+from pa_training.adapters.material import (
+    NOT_LEARNT,
+    Row,
+    Tokeniser,
+    packs_of,
+    rows_held_out,
+    rows_to_learn,
+)
 from pa_training.adapters.network import (
     adapted,
     architecture,
@@ -281,13 +288,15 @@ class _AnswerTrainer(Trainer):
         out: Path,
     ) -> None:
         at_once = min(config.samples_at_once, config.samples_per_step, len(rows))
+        batches = math.ceil(min(config.samples_per_step, len(rows)) / at_once)
+        packs = packs_of(rows, config.pack_tokens) if config.pack_tokens else []
+        if packs:
+            at_once, batches = 1, math.ceil(batches * at_once * len(packs) / len(rows))
         arguments = TrainingArguments(
             output_dir=str(out),
             per_device_train_batch_size=at_once,
             per_device_eval_batch_size=at_once,
-            gradient_accumulation_steps=math.ceil(
-                min(config.samples_per_step, len(rows)) / at_once
-            ),
+            gradient_accumulation_steps=batches,
             max_steps=watch.steps,
             learning_rate=config.learning_rate,
             weight_decay=config.weight_decay,
@@ -296,7 +305,7 @@ class _AnswerTrainer(Trainer):
             bf16=in_bfloat16(config),
             use_cpu=config.device == "cpu",
             seed=config.seed,
-            train_sampling_strategy="group_by_length",
+            train_sampling_strategy="random" if packs else "group_by_length",
             length_column_name="length",
             logging_steps=1,
             eval_strategy="steps" if held_out else "no",
@@ -305,7 +314,7 @@ class _AnswerTrainer(Trainer):
             save_total_limit=1,
             label_names=["labels"],
             remove_unused_columns=False,
-            include_num_input_tokens_seen="non_padding",
+            include_num_input_tokens_seen="all" if packs else "non_padding",
             dataloader_pin_memory=torch.cuda.is_available(),
             report_to="none",
             disable_tqdm=True,
@@ -314,9 +323,9 @@ class _AnswerTrainer(Trainer):
         super().__init__(
             model=model,
             args=arguments,
-            data_collator=collated,
-            train_dataset=_dataset(rows),
-            eval_dataset=_dataset(held_out) if held_out else None,
+            data_collator=packed if packs else collated,
+            train_dataset=_packs_dataset(packs) if packs else _dataset(rows),
+            eval_dataset=_held_out(held_out, packed=bool(packs)),
             compute_metrics=_right,
             preprocess_logits_for_metrics=_most_likely,
             callbacks=[watch],
@@ -351,12 +360,53 @@ class _AnswerTrainer(Trainer):
             logits.flatten(0, 1), labels.flatten(), ignore_index=NOT_LEARNT, reduction="none"
         ).view_as(labels)
         number = num_items_in_batch if num_items_in_batch is not None else (labels >= 0).sum()
-        loss = (losses * weights[:, None]).sum() / number
+        loss = (losses * (weights if weights.dim() > 1 else weights[:, None])).sum() / number
         return (loss, outputs) if return_outputs else loss
 
 
 def _dataset(rows: Sequence[Row]) -> Dataset:
     return Dataset.from_list([dict(row) for row in rows])
+
+
+def _packs_dataset(packs: Sequence[Sequence[Row]]) -> Dataset:
+    return Dataset.from_list([{"rows": [dict(row) for row in pack]} for pack in packs])
+
+
+def _held_out(rows: Sequence[Row], *, packed: bool) -> Dataset | None:
+    if not rows:
+        return None
+    return _packs_dataset([[row] for row in rows]) if packed else _dataset(rows)
+
+
+def packed(packs: Sequence[Mapping[str, Sequence[Row]]]) -> dict[str, Any]:
+    """Return one pack as a batch of one sequence: what its rows share, then the rest of each.
+
+    A row sees what is shared and itself, so it learns the same as alone.
+    """
+    (pack,) = packs
+    rows = pack["rows"]
+    shared = min(row["shared"] for row in rows)
+    tokens, positions = list(rows[0]["tokens"][:shared]), list(range(shared))
+    owners, labels = [0] * shared, [NOT_LEARNT] * shared
+    weights = [0.0] * shared
+    for number, row in enumerate(rows, 1):
+        own = row["tokens"][shared:]
+        tokens += own
+        positions += range(shared, shared + len(own))
+        owners += [number] * len(own)
+        labels += [NOT_LEARNT] * (len(own) - len(row["targets"])) + list(row["targets"])
+        weights += [row["weight"]] * len(own)
+    owner = torch.tensor(owners)
+    seen = (owner[None, :] == 0) | (owner[None, :] == owner[:, None])
+    kept = [at for at, label in enumerate(labels) if label != NOT_LEARNT]
+    return {
+        "input_ids": torch.tensor([tokens]),
+        "attention_mask": torch.tril(seen)[None, None],
+        "position_ids": torch.tensor([positions]),
+        "labels": torch.tensor([[labels[at] for at in kept]]),
+        "weights": torch.tensor([[weights[at] for at in kept]]),
+        "logits_to_keep": torch.tensor(kept),
+    }
 
 
 def collated(rows: Sequence[Row]) -> dict[str, Any]:
