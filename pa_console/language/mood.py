@@ -67,7 +67,7 @@ class NoOrder(NamedTuple):
 _SAY_IT = "To have it done, say who is to do what, and where."
 _INSTEAD: defaultdict[str, str] = defaultdict(
     lambda: _SAY_IT,
-    prohibited="Did you mean that an asset is to stay, or to go somewhere else?",
+    prohibited="Did you mean an asset is to stay, or to go somewhere else?",
     questioned="Ask for a report, or say who is to do what, and where.",
     waiting="Give the order when the time has come, or name a time or a state that sensors show.",
 )
