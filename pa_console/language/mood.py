@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple
 
 from pa_console.language.lexicon import word_lists
 from pa_console.language.mentions import KINDS, without_quotations
-from pa_console.language.name_linking import LinkedText, WorldNames
+from pa_console.language.name_linking import GATE, WORD, LinkedText, WorldNames
 from pa_console.language.references.reader import CONTACTS, read_tokens
 from pa_console.schema.world import World
 
@@ -32,6 +32,7 @@ MoodKind = Literal[
     "reported",  # a visitor says: send it
     "quoted",  # "send it"
     "questioned",  # did you send it?
+    "benign",  # the van is expected, let it through
     "waiting",  # when I say go, once it rains
 ]
 
@@ -47,6 +48,7 @@ READS_AS: Mapping[MoodKind, str] = {
     "reported": "somebody else's words",
     "quoted": "a quotation",
     "questioned": "a question",
+    "benign": "word of a visitor who is to be let alone",
     "waiting": "an order for later, on a sign that no sensor shows",
 }
 """Each kind in plain words, after *That reads as*."""
@@ -93,13 +95,16 @@ _WHOLE: frozenset[MoodKind] = frozenset(("waiting", "wished"))
 """The signs under which the whole sentence stands, wherever they are in it."""
 _ONWARDS: frozenset[MoodKind] = frozenset(("supposed", "mused", "text_work", "questioned"))
 """The signs under which the rest of the sentence stands."""
-_PLAIN: tuple[MoodKind, ...] = ("text_work", "supposed", "wished", "mused", "needless")
+_IF = re.compile(r"\b(?:if|in case|unless|whether|should)\b")
+_PLAIN: tuple[MoodKind, ...] = (
+    "text_work", "supposed", "wished", "mused", "needless", "benign"
+)  # fmt: skip
 """The signs that a pattern alone shows."""
 _PART = re.compile(r"(?:(?! [,;:–—] | - | (?:but|instead|rather|so) ).)+.?")
 _END = frozenset((".", "!", "?"))
 _ORDERED: tuple[MoodKind, ...] = (
     "text_work", "supposed", "wished", "questioned", "reported", "mused", "waiting",
-    "needless", "prohibited", "past",
+    "needless", "prohibited", "past", "benign",
 )  # fmt: skip
 """The kinds in the order in which a sentence with several signs is described."""
 
@@ -112,8 +117,11 @@ def no_order(world: World, text: str) -> NoOrder | None:
     if joke is not None:
         return NoOrder("joked", joke.said)
     found: NoOrder | None = None
+    benign = any(
+        _pattern("benign").search(one.words) for one in sentences if not _IF.search(one.words)
+    )
     for sentence in sentences:
-        sign, directs = _read(sentence)
+        sign, directs = _read(sentence, bare=found is None, benign=benign)
         if directs:
             return None
         found = found or sign
@@ -130,19 +138,20 @@ def _sentences(world: World, text: str) -> Iterator[_Sentence]:
     linked = LinkedText.of(world, text)
     assets = {name.lower() for name in world.assets}
     places = {name.lower() for name in (*world.frames, *world.zones)} | {"base", "home"}
+    places |= {word.lower() for gate in world.gates for word in WORD.findall(gate)} - {GATE}
     names = WorldNames.of(world)
     words, start, end = list[str](), 0, 0
     for token in read_tokens(linked.text):
         word = token.word
         if word in assets or _ASSET_NAME.fullmatch(token.said):
             word = "ASSET"
-        elif word in places or names.gate_with(word):
+        elif word in places:
             word = "PLACE"
         elif (single := word.removesuffix("s")) in _MACHINES or (
             single.isalpha() and names.team(word) in (word, single)
         ):
             word = "KIND"
-        words.append(word)
+        words += _dialect().get(word, word).split("_") if word.islower() else [word]
         end = token.end
         if word in _END:
             yield _Sentence(" ".join(words), linked.said(start, end).strip())
@@ -157,16 +166,22 @@ _QUOTE = "quotedwords"
 _ASSET_NAME = re.compile(r"[A-Za-z]+_?T?\d+", re.ASCII)
 
 
-def _read(sentence: _Sentence) -> tuple[NoOrder | None, bool]:
-    """Return the sign of a sentence, and whether a part without one asks for anything."""
+def _read(sentence: _Sentence, *, bare: bool, benign: bool) -> tuple[NoOrder | None, bool]:
+    """Return the sign of a sentence, and whether a part without one asks for anything.
+
+    A `bare` sentence may do so without a verb, up to its first sign; not by a visitor alone if
+    those of the text are `benign`.
+    """
     signs = [*_signs(sentence.words)]
     spans = [_reach(sign, len(sentence.words)) for sign in signs]
-    directs, bare = False, True
+    directs = False
     for part in _PART.finditer(sentence.words):
-        if any(start < part.end() - 1 and part.start() < end for start, end in spans):
-            bare = False
-        else:
-            directs = directs or _directs(part[0], bare=bare)
+        free, after = part[0], bare
+        for start, end in spans:
+            if start < part.end() - 1 and part.start() < end:
+                free, after = free[: max(0, start - part.start())], False
+        directs = directs or _directs(free, bare=after, benign=benign)
+        bare = after
     if not signs:
         return None, directs
     first = min(signs, key=lambda sign: _ORDERED.index(sign.kind))
@@ -183,7 +198,8 @@ def _signs(words: str) -> Iterator[_Sign]:
     """Yield every sign in the words of a sentence."""
     for kind in _PLAIN:
         for found in _pattern(kind).finditer(words):
-            yield _Sign(kind, *found.span())
+            if kind != "benign" or not _IF.search(words):
+                yield _Sign(kind, *found.span())
     for found in _pattern("passed_on").finditer(words):
         yield _Sign("reported", found.start(), len(words))
     for found in _pattern("prohibited").finditer(words):
@@ -195,6 +211,8 @@ def _signs(words: str) -> Iterator[_Sign]:
             yield _Sign("past", *found.span())
     for found in _pattern("my_word").finditer(words):
         yield _Sign("waiting", *found.span())
+    for found in _pattern("opinion").finditer(words):
+        yield _Sign("questioned", found.start(), len(words))
     yield from _questions(words)
     yield from _reports(words)
     yield from _waits(words)
@@ -229,8 +247,9 @@ _CAUSING = frozenset(("get", "have", "want", "need", "see", "let", "keep"))
 def _is_kept(words: str, negated: re.Match[str]) -> bool:
     """Return whether leaving or losing something is forbidden, which asks to keep it."""
     after = negated[0].rpartition(" not ")[2].split()[:3]
-    following = words[negated.end() :].split()[:1]
-    return bool(_set("kept").intersection((*after, *following)))
+    following = words[negated.end() :].split()
+    eyes = not {"eye", "eyes"}.isdisjoint(following[:3])  # *don't take your eyes off it*
+    return eyes or bool(_set("kept").intersection((*after, *following[:1])))
 
 
 def _is_asked(words: str, start: int) -> bool:
@@ -255,9 +274,9 @@ def _reports(words: str) -> Iterator[_Sign]:
         content = words[found.end() :]
         if len(content) <= _CLOSING and "," in before[-3:]:  # the speaker is named after the words
             yield _Sign("reported", 0, len(words))
-        elif _QUOTE in content.split()[:3]:
+        elif _QUOTE in content.split()[:5]:
             yield _Sign("reported", 0, found.end() + content.index(_QUOTE) + len(_QUOTE))
-        elif _action().search(content) and re.search(r"\b(?:ASSET|KIND|PLACE)\b", content):
+        elif _speaks_of_tasks(content):
             start = words.rfind(" , ", 0, found.start()) + 1
             end = len(words) if content.startswith((" :", ' "')) else _own_words(words, found.end())
             yield _Sign("reported", start, end)
@@ -270,6 +289,15 @@ def _own_words(words: str, start: int) -> int:
 
 
 _CLOSING = len(" .")
+
+
+def _speaks_of_tasks(content: str) -> bool:
+    """Return whether reported words are of assets and what they do, and not of a visitor first."""
+    words = content.split()
+    asset = next((at for at, word in enumerate(words) if word in ("ASSET", "KIND")), len(words))
+    visitor = next((at for at, word in enumerate(words) if word in CONTACTS), len(words))
+    named = asset < len(words) or "PLACE" in words
+    return named and asset <= visitor and _action().search(content) is not None
 
 
 @cache
@@ -303,7 +331,7 @@ _CLOCK = re.compile(r"\b(?:o'clock|am|pm|noon|midnight|\d\d? : \d\d)\b")
 _STOP = re.compile(r" [,.:;!?–—]")
 
 
-def _directs(part: str, *, bare: bool) -> bool:
+def _directs(part: str, *, bare: bool, benign: bool = False) -> bool:
     """Return whether a part of a sentence may ask for something.
 
     A `bare` part needs no verb: *Drone_T04 to EastGate*, *unknown car at the gate*.
@@ -315,13 +343,19 @@ def _directs(part: str, *, bare: bool) -> bool:
             return True
     if not bare:
         return False
-    named = bool(words & {"ASSET", "KIND"})
-    return (named and "PLACE" in words) or bool(words & (CONTACTS.keys() | _set("troubles")))
+    if "PLACE" in words and words & {"ASSET", "KIND"}:
+        return True
+    return not benign and bool(words & (CONTACTS.keys() | _set("troubles")))
 
 
 @cache
 def _set(name: str) -> frozenset[str]:
     return frozenset(word_lists("mood")[name])
+
+
+@cache
+def _dialect() -> dict[str, str]:
+    return dict(entry.split("=") for entry in word_lists("mood")["dialect"])
 
 
 @cache
