@@ -75,6 +75,10 @@ _IF = re.compile(
 )
 
 
+_PLACING = frozenset(("to", "at", "over", "towards", "toward", "tae"))
+"""Prepositions after which a word of a place's name means the place: *two drones over Forge*."""
+
+
 class Mention(NamedTuple):
     """Words of an order, and their meaning: a name, a kind, a number, a verb.
 
@@ -185,7 +189,9 @@ class _Finder:
                 asked = clause.asks_about(start, "place")
                 yield Mention("place", word, self._compass[low], asked)
             elif low in self._parts:
-                yield Mention("place", word, self._parts[low], False)
+                led = at > 0 and words[at - 1][0].lower() in _PLACING
+                asked = led and clause.asks_about(start, "place")
+                yield Mention("place", word, self._parts[low], asked)
             elif (number := _numeral(low)) and not _counts(clause.text, words, at):
                 yield Mention("numeral", word, number, False)
         yield from _kinds(words, assets, clause)
