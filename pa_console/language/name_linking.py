@@ -43,7 +43,13 @@ class WorldNames:
     A team is all assets whose names share a word, or all of a kind, or, without a word, all.
     """
 
-    def __init__(self, places: Sequence[str], assets: Sequence[tuple[str, AssetKind]]) -> None:
+    def __init__(
+        self,
+        places: Sequence[str],
+        assets: Sequence[tuple[str, AssetKind]],
+        aliases: Sequence[tuple[str, str]] = (),
+    ) -> None:
+        self._aliases = {tuple(words.split()): name for words, name in aliases}
         self._places = _places(places)
         self._stems = {key.removesuffix(GATE): name for key, name in self._places.items()}
         self._numbered: defaultdict[tuple[str, int], list[str]] = defaultdict(list)
@@ -67,7 +73,11 @@ class WorldNames:
     def of(cls, world: World) -> "WorldNames":
         """Return the names of `world`, made once for all prompts and words typed."""
         assets = tuple((name, spec.kind) for name, spec in world.assets.items())
-        return _made((*world.frames, *world.zones), assets)
+        return _made((*world.frames, *world.zones), assets, tuple(world.aliases.items()))
+
+    def called(self, words: Sequence[str]) -> str | None:
+        """Return what people here call by `words`, in lower case; None for nothing."""
+        return self._aliases.get(tuple(words))
 
     def is_place(self, name: str) -> bool:
         """Return whether `name` is a frame or a zone of more than one word."""
@@ -133,8 +143,12 @@ class WorldNames:
 
 
 @lru_cache(maxsize=8)
-def _made(places: tuple[str, ...], assets: tuple[tuple[str, AssetKind], ...]) -> WorldNames:
-    return WorldNames(places, assets)
+def _made(
+    places: tuple[str, ...],
+    assets: tuple[tuple[str, AssetKind], ...],
+    aliases: tuple[tuple[str, str], ...],
+) -> WorldNames:
+    return WorldNames(places, assets, aliases)
 
 
 def _places(names: Sequence[str]) -> dict[str, str]:
@@ -315,8 +329,8 @@ class _Linker:
         """Yield the replacements, from left to right."""
         at = 0
         while at < len(self._tokens):
-            found = [*self._gates(at)] or [*self._place(at)] or [*self._assets(at)]
-            found = found or [*self._kind(at)]
+            found = [*self._alias(at)] or [*self._gates(at)] or [*self._place(at)]
+            found = found or [*self._assets(at)] or [*self._kind(at)]
             if found and all(map(self._whole, found)):
                 yield from found
                 self._linked = found[-1].end
@@ -351,6 +365,15 @@ class _Linker:
             at = self._after_and(at + 1)
         if len(gates) > 1 and self._word(at) in (GATE, f"{GATE}s"):
             yield from (*gates[:-1], gates[-1]._replace(end=at + 1))
+
+    def _alias(self, at: int) -> Iterator[_Link]:
+        """Yield what is called by the tokens from `at`, the longest alias first."""
+        for end in range(min(at + _LONGEST, len(self._tokens)), at, -1):
+            words = [token.word for token in self._tokens[at:end]]
+            name = self._names.called(words) if self._together(at, end) else None
+            if name is not None:
+                yield _Link(at, end, name)
+                return
 
     def _place(self, at: int) -> Iterator[_Link]:
         """Yield the place named by the tokens from `at`, the longest name first."""

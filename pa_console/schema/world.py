@@ -3,7 +3,7 @@
 from math import floor
 from typing import Annotated, Literal, Self, get_args
 
-from pydantic import Field, model_validator
+from pydantic import Field, StringConstraints, model_validator
 
 from pa_console.schema.base import Name, NonNegative, Percent, Point, Positive, StrictModel
 
@@ -159,6 +159,11 @@ class Background(StrictModel):
         return self
 
 
+MOST_ALIASES = 200
+Alias = Annotated[str, StringConstraints(pattern=r"^[a-z0-9]+( [a-z0-9]+){0,3}$", max_length=40)]
+"""One to four words in lower case, without an article."""
+
+
 class World(StrictModel):
     """Everything about a checkpoint that does not change while it is simulated."""
 
@@ -182,6 +187,12 @@ class World(StrictModel):
     background: Background | None = Field(default=None, exclude_if=lambda it: it is None)
     platforms: dict[AssetKind, Platform]
     assets: dict[Name, AssetSpec] = Field(max_length=2000)
+    aliases: dict[Alias, Name] = Field(
+        default={},
+        max_length=MOST_ALIASES,
+        exclude_if=lambda names: not names,
+        description="what people here call an asset or a place: {yard: Checkpoint}",
+    )
 
     @property
     def gates(self) -> tuple[str, ...]:
@@ -209,6 +220,12 @@ class World(StrictModel):
             )
         if sum(len(lane.points) for lane in self.lanes.values()) > MOST_CORNERS:
             raise ValueError(f"lanes: more than {MOST_CORNERS} points together; draw fewer")
+        known = {*self.frames, *self.zones, *self.assets}
+        for alias, name in self.aliases.items():
+            if name not in known:
+                raise ValueError(f"aliases.{alias}: {name!r} is no asset and no place")
+            if alias.replace(" ", "") in {other.lower() for other in known}:
+                raise ValueError(f"aliases.{alias}: an asset or a place has this name already")
         gates = frozenset(self.gates)
         for name, lane in self.lanes.items():
             if lane.gate not in gates:

@@ -7,11 +7,13 @@ from dataclasses import replace
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from pa_console.language.canonical.clauses import CLAUSES, NOWHERE, written
 from pa_console.language.canonical.order import Ask, Who
 from pa_console.language.canonical.reading import plain_reading, read_asked
 from pa_console.language.clause_grammar import asked_pattern
+from pa_console.language.name_linking import link_names
 from pa_console.schema.world import World
 from pa_training.order_generator.orders import (
     Order,
@@ -137,3 +139,24 @@ def test_every_clause_has_a_task_that_can_be_written_and_read() -> None:
 )
 def test_what_is_left_open_is_written_so(ask: Ask, words: str) -> None:
     assert canonical_clause(ask, shipped_world()) == words
+
+
+def test_what_people_call_a_place_or_an_asset_is_its_name() -> None:
+    aliases = {"yard": "Checkpoint", "old betsy": "Ugv_T01"}
+    world = shipped_world().model_copy(update={"aliases": aliases})
+    assert link_names(world, "Old Betsy to the yard.") == "Ugv_T01 to the Checkpoint."
+    assert link_names(world, "The yardstick is at the north gate.").startswith("The yardstick")
+
+
+@pytest.mark.parametrize(
+    ("aliases", "wrong"),
+    [
+        ({"yard": "Yard"}, "'Yard' is no asset and no place"),
+        ({"north gate": "Base"}, "has this name already"),
+        ({"The Yard": "Base"}, "should match pattern"),
+    ],
+)
+def test_an_alias_that_cannot_be_is_named(aliases: dict[str, str], wrong: str) -> None:
+    described = shipped_world().model_dump() | {"aliases": aliases}
+    with pytest.raises(ValidationError, match=wrong):
+        World.model_validate(described)
