@@ -76,6 +76,8 @@ class Attempt:
     """The model on a server that wrote the plan; '' for the session's own."""
     as_chosen: bool = False
     """True if the plan is for the reading that the operator chose."""
+    made_s: float | None = None
+    """When it was first rehearsed, in simulated seconds; the rehearsal may be a later one."""
 
     @property
     def sure(self) -> float | None:
@@ -171,6 +173,8 @@ class MissionTrace:
     standing: ev.StandingOrderRead | None = None
     """The standing order that the text gives, with its immediate starts; None for a mission."""
     voided: str = ""
+    voided_attempt: int = 0
+    """The number of the plan that was `voided` for that reason."""
     preempted: str = ""
     commands: dict[str, CommandTrace] = field(default_factory=dict[str, CommandTrace])
     halts: list[ev.PlanHalted] = field(default_factory=list[ev.PlanHalted])
@@ -330,6 +334,8 @@ def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
             attempt.as_chosen, attempt.as_read_again = data.as_chosen, data.as_read_again
         case ev.PlanRehearsed(attempt=number, rehearsal=rehearsal, seconds=seconds):
             attempt = trace.attempt(number)
+            if attempt.made_s is None:
+                attempt.made_s = rehearsal.before.time_s
             attempt.rehearsal, attempt.rehearsal_s = rehearsal, seconds
         case ev.PlanChecked(attempt=number, findings=findings, seconds=seconds):
             attempt = trace.attempt(number)
@@ -363,8 +369,8 @@ def _apply_decision(trace: MissionTrace, data: ev.EventPayload) -> None:
                 trace.approval = None
                 if decision.kind == "approve":
                     trace.executing = number
-        case ev.PlanVoided(reason=reason):
-            trace.voided, trace.approval = reason, None
+        case ev.PlanVoided(attempt=number, reason=reason):
+            trace.voided, trace.voided_attempt, trace.approval = reason, number, None
         case ev.MissionPreempted(by=by, reason=reason):
             trace.stage, trace.approval = "queued", None
             trace.preempted = f"{by} goes first: {reason}"

@@ -19,6 +19,7 @@ from pa_console.tui.widgets.row_views import TextRows
 from pa_console.tui.widgets.trace_pane import sections
 from tests.tui import story
 from tests.tui.scripted import FakeClock, ScriptedStation, Show, notices, settle, until
+from tests.tui.site import picture
 
 pytestmark = pytest.mark.long
 
@@ -440,3 +441,22 @@ async def test_the_attempt_up_for_approval_is_the_one_spread_out(show: Show) -> 
         keys = [part.key for part in sections(state, {})]
         assert keys.index("attempt-2") < keys.index("heading-1") < keys.index("plan-1")
         assert "plan-2" not in keys
+
+
+async def test_the_title_tells_how_old_the_plan_and_its_rehearsal_are(show: Show) -> None:
+    made_s = story.rehearsal().before.time_s
+    async with show(story.told("approval"), size=SIZE) as (app, pilot, station, _):
+        panel = app.screen.query_one(ApprovalPanel)
+        station.emit(ev.TelemetryReceived(picture=picture(made_s + 45.0)))
+        await settle(pilot, station)
+        assert panel.border_title == "✔ Approve · 45 s old"
+        now = picture(made_s + 540.0)
+        again = story.rehearsal().model_copy(update={"before": now})
+        station.emit(
+            ev.TelemetryReceived(picture=now),
+            ev.PlanRehearsed(attempt=1, rehearsal=again, seconds=0.1),
+        )
+        await settle(pilot, station)
+        station.emit(ev.TelemetryReceived(picture=now))
+        await settle(pilot, station)
+        assert panel.border_title == "✔ Approve · 9 min old, rehearsed just now"

@@ -28,7 +28,7 @@ from pa_console.tui.approval.inputs import (
     not_to_sign,
     reading_of,
 )
-from pa_console.tui.approval.plan_rows import approval_rows, looked_at_rows
+from pa_console.tui.approval.plan_rows import age_words, approval_rows, looked_at_rows
 from pa_console.tui.approval.plan_text import PlanText, panel_rows
 from pa_console.tui.plan_preview import PlanPreview
 from pa_console.tui.status_words import term
@@ -39,6 +39,8 @@ ARM_DELAY_S = 0.6
 """Quiet seconds before the panel takes keys; every key before that is dropped and counts anew.
 
 The user may choose another delay."""
+
+_TITLE_MARGIN = 4
 
 
 class ApprovalPanel(Vertical, can_focus=True):
@@ -107,7 +109,8 @@ class ApprovalPanel(Vertical, can_focus=True):
         self._sent = False
         """True if a decision about the shown plan was sent."""
         self._trace: MissionTrace | None = None
-        self._shown: tuple[str, int, int, bool] | None = None
+        self._shown: tuple[object, ...] | None = None
+        self._age = "", ""
         self._width = 0
         self._looked_at = ""
         self._playing = False
@@ -132,10 +135,13 @@ class ApprovalPanel(Vertical, can_focus=True):
             self._trace, self._shown = None, None
             self.display = False
             return False
-        key = (trace.mission.id, request.attempt, len(trace.decisions), bool(request.blocked_by))
+        blocked, warned = bool(request.blocked_by), request.acknowledge
+        key = (trace.mission.id, request.attempt, len(trace.decisions), blocked, warned)
         self._trace = trace
         if key == self._shown:
             self._tell(trace, preview)
+            if not self._looked_at and not self._playing:
+                self._body.schedule(preview)
             return False
         self._shown, self._sent = key, False
         self.display = True
@@ -159,6 +165,13 @@ class ApprovalPanel(Vertical, can_focus=True):
     def _tell(self, trace: MissionTrace, preview: PlanPreview | None) -> None:
         """Show the facts; meanwhile a workflow may have moved on."""
         self._body.tell(tuple(approval_rows(trace, preview)))
+
+    def tell_age(self, now_s: float) -> None:
+        """Show in the title how old the plan is at a moment of the session's clock."""
+        age = age_words(self._trace, now_s) if self._trace is not None else ("", "")
+        if age != self._age:
+            self._age = age
+            self._tell_state()
 
     def show_moment(self, preview: PlanPreview | None, now_s: float | None) -> None:
         """Show the schedule of the plan that is looked at; `now_s` while it is played."""
@@ -315,7 +328,8 @@ class ApprovalPanel(Vertical, can_focus=True):
         request = self._request
         state = (request.state if request else None) or "none"
         mark = term("approval", state)
-        self.border_title = f"{mark.glyph} {mark.word}"
+        titles = [f"{mark.glyph} {mark.word} · {age}".removesuffix(" · ") for age in self._age]
+        self.border_title = titles[len(titles[0]) + _TITLE_MARGIN > self.size.width]
         refused = request is not None and bool(request.blocked_by) and state != "not_understood"
         self.set_class(refused or state == "judge_objects", "-blocked")
         self.set_class(state == "approve", "-sure")

@@ -67,6 +67,33 @@ def step_rows(preview: PlanPreview) -> Iterator[WrappedRow]:
         yield changed
 
 
+YOUNG_S = 10.0
+"""The age of a plan from which on it is shown, seconds."""
+
+
+def age_words(trace: MissionTrace, now_s: float) -> tuple[str, str]:
+    """Return how old the plan that waits is, with the age of its rehearsal and without.
+
+    Both are '' for a young plan.
+    """
+    request = trace.approval
+    attempt = trace.find(request.attempt) if request is not None else None
+    if attempt is None or attempt.rehearsal is None or attempt.made_s is None:
+        return "", ""
+    made_s, rehearsed_s = now_s - attempt.made_s, now_s - attempt.rehearsal.before.time_s
+    if made_s < YOUNG_S:
+        return "", ""
+    old = f"{_age(made_s)} old"
+    if rehearsed_s == made_s:
+        return old, old
+    again = f"{_age(rehearsed_s)} ago" if rehearsed_s >= YOUNG_S else "just now"
+    return f"{old}, rehearsed {again}", old
+
+
+def _age(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} min"
+
+
 def unrehearsed_row(action: Action) -> WrappedRow:
     """Return the row of an action of a plan that could not be rehearsed."""
     return row((f"{action.agent}  ", "bold"), action.command)
@@ -202,6 +229,11 @@ def _order(trace: MissionTrace, request: ApprovalRequested) -> Iterator[WrappedR
         yield row(("▲ ", WARN), (mission.origin[0].upper() + mission.origin[1:], f"bold {WARN}"))
     again = request.attempt > 1 and len(request.plan.steps) == 1
     later = [(f"  (plan {request.attempt})", QUIET)] if again else []
+    void = trace.find(trace.voided_attempt)
+    if void is not None and attempt is not None and void.round == attempt.round:
+        yield row(
+            ("△ ", WARN), (f"Plan {void.number} was withdrawn  ", f"bold {WARN}"), trace.voided
+        )
     yield row((who[mission.source], QUIET), *typed_words(mission), *later)
     asked = asked_words(attempt.plan.reason).rstrip("; ") if attempt and attempt.plan else ""
     if asked and not request.readings:
