@@ -20,6 +20,7 @@ DecisionKind = Literal["approve", "reject", "modify", "choose", "answer"]
 ApprovalState = Literal[
     "approve",  # understood, and all of it is planned
     "narrowed",  # understood; the plan leaves out a part of the order, and says why
+    "warned",  # a Medium rule is broken, which the operator has to accept
     "may_be_misunderstood",  # its words and its reading differ, or the models were not sure
     "not_understood",  # no order, or none that can be read: asked back, and nothing is proposed
     "judge_objects",  # the judge said Failure: overriding it needs a reason

@@ -47,6 +47,7 @@ STATUSES: dict[str, Status] = {
     "decision.choose": Status("✎", "read anew", "note"),
     "approval.approve": Status("✔", "Approve", "good"),
     "approval.narrowed": Status("△", "Narrowed by rules", "warn"),
+    "approval.warned": Status("△", "Breaks a Medium rule", "warn"),
     "approval.may_be_misunderstood": Status("△", "May be misunderstood", "warn"),
     "approval.not_understood": Status("?", "Not understood", "warn"),
     "approval.judge_objects": Status("✘", "Judge objects", "bad"),

@@ -13,6 +13,7 @@ from pa_console.schema.mission import Decision, Metrics
 from pa_console.schema.plan import Action, Plan
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel
+from pa_console.tui.theme import LEAST, contrast
 from pa_console.tui.widgets.fields import CheckBox
 from pa_console.tui.widgets.mission_prompt import MissionInput
 from pa_console.tui.widgets.row_views import TextRows
@@ -121,7 +122,7 @@ async def test_another_reading_is_gone_to_with_alt_and_its_number_and_chosen_wit
 ) -> None:
     told = story.told("approval", confidence=0.41, readings=READINGS)
     async with show(told) as (app, pilot, station, clock):
-        buttons = app.screen.query("#approval-readings Button").results(Button)
+        buttons = list(app.screen.query("#approval-readings Button").results(Button))
         labels = [str(button.label) for button in buttons]
         assert labels == [
             "(Alt+1) or: send 2 drones to EastGate",
@@ -134,7 +135,12 @@ async def test_another_reading_is_gone_to_with_alt_and_its_number_and_chosen_wit
         clock.now += ARM_DELAY_S
         await pilot.press("alt+3", "2", "f7")
         assert station.decisions == []
-        await pilot.press("alt+2", "enter")
+        await pilot.press("alt+2")
+        panel = app.screen.query_one(ApprovalPanel)
+        assert panel.border_subtitle == "Enter takes this reading, Esc goes back to the plan"
+        chosen = buttons[1]
+        assert contrast(chosen.styles.color, chosen.background_colors[1]) >= LEAST
+        await pilot.press("enter")
         await settle(pilot, station)
         assert [(d.kind, d.asked) for d in station.decisions] == [("choose", READINGS[1])]
 
@@ -261,7 +267,11 @@ async def test_warnings_must_be_ticked(show: Show) -> None:
         clock.now += ARM_DELAY_S
         await pilot.press("a")
         assert app.screen.query_one(CheckBox).has_focus
-        await pilot.press("space", "a", "enter")
+        panel = app.screen.query_one(ApprovalPanel)
+        await pilot.press("space", "a")
+        assert panel.border_title == "△ Breaks a Medium rule"
+        await pilot.press("enter")
+        assert panel.border_title == "△ Breaks a Medium rule", "it is no other plan once decided"
         await settle(pilot, station)
         assert station.decisions[0].acknowledged == ("CAP-04",)
 

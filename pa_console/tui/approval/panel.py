@@ -19,6 +19,7 @@ from pa_console.tui.approval.inputs import (
     DECISION_KEYS,
     DecisionButtons,
     GivenFields,
+    MeaningButton,
     ReasonField,
     answering,
     blocked_reason,
@@ -277,7 +278,8 @@ class ApprovalPanel(Vertical, can_focus=True):
         why = self._why_not()
         self._buttons.of("approve").disabled = bool(why)
         waiting = "" if self.armed else "keys are ignored for a moment"
-        line = "decision sent" if self._sent else why or waiting or self._next_key()
+        meaning = self._meaning_key() if self.armed else ""
+        line = "decision sent" if self._sent else meaning or why or waiting or self._next_key()
         self.border_subtitle = "Space stops the rehearsal" if self._playing else line
         self._tell_state()
 
@@ -286,12 +288,19 @@ class ApprovalPanel(Vertical, can_focus=True):
         joined = self._joined is not None
         if self.has_focus:
             return "a goes to Countersign" if joined else "r, m or a goes to a button"
-        if self._looked_at:
-            return "Enter reads the order so, Esc goes back to the plan"
         if self._buttons.of("approve").has_focus:
             return "Enter signs it" if joined else "Enter approves, r goes back to Reject"
         plays = self._request is not None and self._request.standing is None
         return "Space plays it, Alt+C compares plans" if plays and self.has_focus_within else ""
+
+    def _meaning_key(self) -> str:
+        """Return the effect of Enter on what the order may mean, '' where that has no focus."""
+        focused = self.screen.focused
+        if not isinstance(focused, MeaningButton):
+            return ""
+        if focused.answers:
+            return "Enter gives this answer, Esc goes back"
+        return "Enter takes this reading, Esc goes back to the plan"
 
     def on_descendant_focus(self) -> None:
         """Leave a reading whose button has lost the focus, and show the effect of the next key.
@@ -326,14 +335,16 @@ class ApprovalPanel(Vertical, can_focus=True):
     def _tell_state(self) -> None:
         """Show the most important fact in the title and by the colour of the frame."""
         request = self._request
-        state = (request.state if request else None) or "none"
+        if request is None:  # decided: the panel closes with the next frame
+            return
+        state = request.state or "none"
         mark = term("approval", state)
         titles = [f"{mark.glyph} {mark.word} · {age}".removesuffix(" · ") for age in self._age]
         self.border_title = titles[len(titles[0]) + _TITLE_MARGIN > self.size.width]
-        refused = request is not None and bool(request.blocked_by) and state != "not_understood"
+        refused = bool(request.blocked_by) and state != "not_understood"
         self.set_class(refused or state == "judge_objects", "-blocked")
         self.set_class(state == "approve", "-sure")
-        self._buttons.of("modify").disabled = request is not None and not may_modify(request)
+        self._buttons.of("modify").disabled = not may_modify(request)
 
     def _why_not(self) -> str:
         """Return why Approve is not admissible, apart from the arm delay."""

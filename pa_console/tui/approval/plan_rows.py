@@ -387,7 +387,7 @@ def looked_at_rows(preview: PlanPreview | None, faults: tuple[str, ...]) -> Iter
 
 def reading_label(number: int, asked: str) -> Content:
     """Return what else the order may mean, after the key that shows it."""
-    or_ = ("or: ", QUIET) if asked.startswith(ASKED) else ""
+    or_ = "or: " if asked.startswith(ASKED) else ""
     return Content.assemble((f"(Alt+{number}) ", "bold"), or_, plain_reading(asked))
 
 
