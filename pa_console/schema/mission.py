@@ -243,6 +243,11 @@ class Schedule(StrictModel):
     )
 
     @property
+    def once(self) -> bool:
+        """True if it has one moment only, and nobody goes back after it."""
+        return not self.every_s and not self.stays
+
+    @property
     def stays(self) -> bool:
         """True if the assets that it sends come back."""
         return self.stay_s > 0.0 or self.leave is not None
@@ -297,6 +302,11 @@ class StandingOrder(StrictModel):
         if of_state == (self.schedule is not None) or bool(self.condition) != of_state:
             raise ValueError("a standing order has either a condition of something or a schedule")
         return self
+
+    @property
+    def once(self) -> bool:
+        """True if it starts one mission and is over then."""
+        return self.schedule is not None and self.schedule.once
 
     def order_for(self, subject: str, place: str) -> str:
         """Return the order for one subject, and the gate at which that is; '' for nowhere."""

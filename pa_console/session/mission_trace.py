@@ -213,6 +213,13 @@ class MissionTrace:
             self.round += 1
 
     @property
+    def shown_status(self) -> str:
+        """The status as people are shown it: a standing order is approved, nothing is verified."""
+        if self.standing is not None and self.status == "verified":
+            return "in_force"
+        return self.status or "open"
+
+    @property
     def choices(self) -> tuple[str, ...]:
         """The answers to choose from for the open question; empty without one."""
         waits = self.approval is not None and self.approval.state == "not_understood"

@@ -237,6 +237,10 @@ class JoinedStation:
         self.fleet.show(self._state.picture)
         return None if self._unfit() else await rehearse_reading(self, mission, asked)
 
+    async def foresee(self, _text: str) -> str:
+        """Return nothing: the models are those of the other station."""
+        return ""
+
     async def other_ways(
         self, mission: Mission, asked: str, but: Plan
     ) -> AsyncGenerator[RehearsedReading]:

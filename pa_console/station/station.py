@@ -424,6 +424,10 @@ class ControlStation:
         """
         return await rehearse_reading(self._reload.services, mission, asked)
 
+    async def foresee(self, text: str) -> str:
+        """Return how an order would be read and planned now; nothing is logged or decided."""
+        return await self._live.line(text)
+
     def other_ways(
         self, mission: Mission, asked: str, but: Plan
     ) -> AsyncGenerator[RehearsedReading]:

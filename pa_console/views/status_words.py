@@ -35,6 +35,7 @@ STATUSES: dict[str, Status] = {
     "score.success": Status("✔", "success", "good"),
     "score.failure": Status("✘", "FAILURE", "bad"),
     "mission.verified": Status("✔", "verified", "good"),
+    "mission.in_force": Status("✔", "approved", "good"),
     "mission.unverified": Status("?", "not verified", "warn"),
     "mission.refused": Status("✘", "refused", "bad"),
     "mission.rejected": Status("✘", "rejected", "warn"),

@@ -252,6 +252,10 @@ class ScriptedStation:
         assert mission.id == MISSION.id
         return self.rehearsed.get(asked)
 
+    async def foresee(self, text: str) -> str:
+        """Return a reading of any order."""
+        return f"reads as: {text}"
+
     def _refuse(self) -> None:
         if self.refuse:
             raise ValueError(self.refuse)

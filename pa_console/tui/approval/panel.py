@@ -112,6 +112,8 @@ class ApprovalPanel(Vertical, can_focus=True):
         self._trace: MissionTrace | None = None
         self._shown: tuple[object, ...] | None = None
         self._age = "", ""
+        self._foreseen = "", ""
+        """The id of a request for a timed order, and how it would be planned now."""
         self._width = 0
         self._looked_at = ""
         self._playing = False
@@ -165,7 +167,17 @@ class ApprovalPanel(Vertical, can_focus=True):
 
     def _tell(self, trace: MissionTrace, preview: PlanPreview | None) -> None:
         """Show the facts; meanwhile a workflow may have moved on."""
-        self._body.tell(tuple(approval_rows(trace, preview)))
+        request_id, foreseen = self._foreseen
+        asked = trace.approval.request_id if trace.approval is not None else ""
+        self._body.tell(
+            tuple(approval_rows(trace, preview, foreseen if asked == request_id else ""))
+        )
+
+    def tell_foreseen(self, request_id: str, foreseen: str) -> None:
+        """Show how the timed order of a request would be planned now."""
+        self._foreseen = request_id, foreseen
+        if self._trace is not None and self._request is not None:
+            self._tell(self._trace, None)
 
     def tell_age(self, now_s: float) -> None:
         """Show in the title how old the plan is at a moment of the session's clock."""

@@ -19,7 +19,7 @@ from pa_console.schema.events.event import ApprovalRequested, StandingOrderRead
 from pa_console.schema.mission import ELSEWHERE, Mission, StandingOrder
 from pa_console.schema.plan import Action
 from pa_console.schema.telemetry import AssetTelemetry
-from pa_console.schema.text import count
+from pa_console.schema.text import clock_text, count
 from pa_console.session.confidence import UNSURE
 from pa_console.session.mission_trace import Attempt, MissionTrace
 from pa_console.tui.plan_preview import PlanPreview
@@ -74,9 +74,13 @@ YOUNG_S = 10.0
 def age_words(trace: MissionTrace, now_s: float) -> tuple[str, str]:
     """Return how old the plan that waits is, with the age of its rehearsal and without.
 
-    Both are '' for a young plan.
+    Both are '' for a young plan; of a timed order, they say in how much time it starts.
     """
     request = trace.approval
+    if request is not None and request.standing is not None and trace.standing is not None:
+        first_s = trace.standing.first_s
+        left = f"in {clock_text(max(first_s - now_s, 0.0))}" if first_s is not None else ""
+        return left, left
     attempt = trace.find(request.attempt) if request is not None else None
     if attempt is None or attempt.rehearsal is None or attempt.made_s is None:
         return "", ""
@@ -178,10 +182,13 @@ def _unfinished(names: Sequence[str], preview: PlanPreview) -> Iterator[str]:
             yield f"{name}: {line.detail or 'does not finish'}"
 
 
-def approval_rows(trace: MissionTrace, preview: PlanPreview | None = None) -> Iterator[WrappedRow]:
+def approval_rows(
+    trace: MissionTrace, preview: PlanPreview | None = None, foreseen: str = ""
+) -> Iterator[WrappedRow]:
     """Yield all facts of the plan that waits; none without one.
 
-    `preview` is that plan as its rehearsal has shown it, None without a rehearsal.
+    `preview` is that plan as its rehearsal has shown it, None without a rehearsal; `foreseen` says
+    how a timed order would be planned now.
     """
     request = trace.approval
     if request is None:
@@ -198,7 +205,7 @@ def approval_rows(trace: MissionTrace, preview: PlanPreview | None = None) -> It
         yield row("  ", f"Nobody moves. {told}, or reject this.")
         return
     if request.standing is not None and trace.standing is not None:
-        yield from offered_rows(trace.standing)
+        yield from offered_rows(trace.standing, foreseen)
         yield from _blocked(request)
         return
     for text in attempt.unmet if attempt else ():
@@ -394,17 +401,28 @@ def reading_label(number: int, asked: str) -> Content:
 _LEAD = 10
 
 
-def offered_rows(read: StandingOrderRead) -> Iterator[WrappedRow]:
-    """Yield all facts of a standing order before its approval."""
-    yield row(("▶ ", NOTE), (f"Standing order {read.order.id}: ", f"bold {NOTE}"),
-              "it holds from your approval until you revoke it or the session ends")  # fmt: skip
-    yield from order_rows(read.order, read.allowed)
-    if read.order.schedule is not None:
-        yield row(_lead("next"), (moments_in_words(read.moments), "bold"))
-    for start in read.now:
+def offered_rows(read: StandingOrderRead, foreseen: str = "") -> Iterator[WrappedRow]:
+    """Yield all facts of a standing order before its approval.
+
+    `foreseen` says how its order would be planned now, '' where that is not known.
+    """
+    if read.order.once and read.moments:
+        yield row(("▶ ", NOTE), (f"Will run once at {moments_in_words(read.moments)}", "bold"),
+                  f", as {read.order.id}; it is planned and checked then")  # fmt: skip
+        yield row(_lead("order"), read.order.order_in_words)
+        yield row(_lead("approval"), asked_in_words(read.order, read.allowed))
+    else:
+        holds = "it holds from your approval until you revoke it or the session ends"
+        yield row(("▶ ", NOTE), (f"Standing order {read.order.id}: ", f"bold {NOTE}"), holds)
+        yield from order_rows(read.order, read.allowed)
+        if read.order.schedule is not None:
+            yield row(_lead("next"), (moments_in_words(read.moments), "bold"))
+    if foreseen:
+        yield row(_lead("now it"), foreseen)
+    for start in () if read.order.once else read.now:
         about = f"{start.subject}: " * bool(start.subject)
         yield row(_lead("now"), (about, "bold"), (start.order, WARN))
-    if not read.now:
+    if not read.now and read.order.schedule is None:
         yield row(_lead("now"), "it would start nothing: the condition holds of nobody")
 
 

@@ -54,6 +54,8 @@ class ApprovalController:
         self._drafts: dict[PlanKey, str] = {}
         self._editing: tuple[PlanKey, Screen[Plan | None]] | None = None
         self._comparing: tuple[str, PlanComparison] | None = None
+        self._foreseen = ""
+        """The last request for a timed order whose plan was looked for."""
 
     def go_to_it(self) -> None:
         """Go to the plan that waits, from any screen that is not modal."""
@@ -209,6 +211,24 @@ class ApprovalController:
                 self.decide(Decision(kind="modify", request_id=request_id, plan=plan, reason=back))
 
         self._session.app.push_screen(editor, closed)
+
+    def look_ahead(self) -> None:
+        """Have a timed order that waits for approval planned as it would be now, once."""
+        trace, session = self._session.state.current, self._session
+        request = trace.approval if trace is not None else None
+        order = request.standing if request is not None else None
+        if request is None or order is None or not order.once or session.player is not None:
+            return
+        if request.request_id != self._foreseen and session.station is not None:
+            self._foreseen = request.request_id
+            work = self._look_ahead(request.request_id, order.order)
+            session.app.run_worker(work, group="foreseen", exclusive=True, exit_on_error=False)
+
+    async def _look_ahead(self, request_id: str, order: str) -> None:
+        session = self._session
+        line = await session.station.foresee(order) if session.station is not None else ""
+        if line and session.main is not None:
+            session.main.query_one(ApprovalPanel).tell_foreseen(request_id, line)
 
     def close_void(self) -> None:
         """Close the editor and the comparison of a plan that no longer waits."""
