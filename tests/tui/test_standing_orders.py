@@ -225,7 +225,7 @@ async def test_an_order_for_one_moment_says_when_it_runs_and_counts_down(show: S
         await settle(pilot, station)
         assert app.screen.query_one(ApprovalPanel).border_title == "✔ Approve · in 01:00"
         said = words(app, "#approval-text")
-        assert "reads as: Send Drone_T04 to the north gate." in said
+        assert "now Send Drone_T04 to the north gate." in said
         done = ev.MissionFinished(
             status="verified", reason="S3 will run once at 16:45:00", metrics=Metrics()
         )

@@ -418,7 +418,7 @@ def offered_rows(read: StandingOrderRead, foreseen: str = "") -> Iterator[Wrappe
         if read.order.schedule is not None:
             yield row(_lead("next"), (moments_in_words(read.moments), "bold"))
     if foreseen:
-        yield row(_lead("now it"), foreseen)
+        yield row(_lead("now"), foreseen.removeprefix("reads as: "))
     for start in () if read.order.once else read.now:
         about = f"{start.subject}: " * bool(start.subject)
         yield row(_lead("now"), (about, "bold"), (start.order, WARN))
