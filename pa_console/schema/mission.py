@@ -59,6 +59,11 @@ class Mission(StrictModel):
         exclude_if=lambda plan: plan is None,
         description="the agent's own plan, where it proposed one",
     )
+    offered: bool = Field(
+        default=False,
+        exclude_if=lambda offered: not offered,
+        description="the world's own standing order, which nobody typed: all others go first",
+    )
     subject: Name | None = Field(default=None, description="track, asset or gate it is about")
     gate: Name | None = Field(default=None, description="the gate concerned, if one is")
 

@@ -241,7 +241,12 @@ def _order(trace: MissionTrace, request: ApprovalRequested) -> Iterator[WrappedR
         yield row(
             ("△ ", WARN), (f"Plan {void.number} was withdrawn  ", f"bold {WARN}"), trace.voided
         )
-    yield row((who[mission.source], QUIET), *typed_words(mission), *later)
+    if mission.offered:
+        yield row(("▶ ", NOTE), ("Low-battery policy of this world. ", f"bold {NOTE}"),
+                  "Approve it once, and it acts while you are away; reject it, and every asset "
+                  "with a low battery waits for your order.")  # fmt: skip
+    name = "policy " if mission.offered else who[mission.source]
+    yield row((name, QUIET), *typed_words(mission), *later)
     asked = asked_words(attempt.plan.reason).rstrip("; ") if attempt and attempt.plan else ""
     if asked and not request.readings:
         yield row(("read   ", QUIET), plain_reading(asked))

@@ -177,16 +177,20 @@ class StatusBar(Static):
         self.update(_fitted(items, self.content_size.width), layout=False)
 
     def _next_start(self, state: SessionState) -> Content | None:
-        """Return the countdown to the next moment of a timed order; None without one."""
+        """Return the number of standing orders in force, and the countdown to the next moment."""
+        given = [each for each in state.standing.values() if each.in_force]
+        if not given or state.ended:
+            return None
         coming = [
             (each.next.at_s - state.time_s, each.order.id)
-            for each in state.standing.values()
-            if each.in_force and not each.paused and each.next and each.next.at_s is not None
+            for each in given
+            if not each.paused and each.next and each.next.at_s is not None
         ]
-        if not coming or state.ended:
-            return None
-        left_s, order = min(coming)
-        return Content.assemble("  ", (f"{order} in {clock_text(max(left_s, 0.0))}", NOTE))
+        told = f"  {count(len(given), 'standing order')}"
+        if coming:
+            left_s, order = min(coming)
+            told = f"  {order} in {clock_text(max(left_s, 0.0))}"
+        return Content.styled(told, NOTE)
 
     def _servers(self, state: SessionState) -> list[tuple[str, str] | Content | str]:
         """Return the state of the models on servers, the worst of several."""
