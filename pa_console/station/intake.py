@@ -301,7 +301,7 @@ class _Waiting:
 
     @property
     def rank(self) -> tuple[bool, bool, int, bool, float, int]:
-        """Deferred ones last, before them agents' and the offer; then threat, own, distance, arrival."""
+        """Deferred ones last, before them agents' and the offer; then threat, own, distance."""
         distance = self.distance_m if self.distance_m is not None else inf
         own = self.mission.source != "operator"
         threat = ALARM_PRIORITIES.index(self.priority)

@@ -122,6 +122,22 @@ async def test_all_are_listed_with_what_they_have_started_and_can_be_revoked(
         assert app.screen is app.session.main
 
 
+async def test_leaving_with_one_in_force_asks_once_and_says_what_ends(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, station, _):
+        in_force(station)
+        station.emit(
+            ev.MissionFinished(status="held", reason="x", metrics=Metrics()), mission=STARTED.id
+        )
+        await settle(pilot, station)
+        await pilot.press("f2", "q", "enter")
+        await settle(pilot)
+        asked_so = str(app.screen.query_one("#confirm Static", Static).render())
+        assert "S1" in asked_so
+        assert TEXT in asked_so
+        await pilot.press("n")
+        assert app.is_running
+
+
 async def test_without_one_the_screen_says_how_to_give_one(show: Show) -> None:
     async with show(story.opening(), size=(80, 24)) as (app, pilot, _, _):
         await pilot.press("escape", "V")
