@@ -30,8 +30,10 @@ BLOCKED = "WF-03: a gate is left without cover"
 
 
 async def open_editor(app: ConsoleApp, pilot: Pilot[Any]) -> None:
-    """Choose Modify and wait for the plan's editor."""
+    """Choose Modify, and JSON in its form."""
     await pilot.press("m", "enter")
+    await until(pilot, lambda: app.screen.query("#plan-form"))
+    await pilot.press("f4")
     await until(pilot, lambda: app.screen.query("#editor"))
 
 
@@ -397,7 +399,7 @@ async def test_an_interrupt_says_how_to_leave_and_the_plan_still_waits(show: Sho
         clock.now += ARM_DELAY_S
         await pilot.press("m", "enter")
         await settle(pilot)
-        await pilot.press("ctrl+c")
+        await pilot.press("end", "ctrl+c")
         await settle(pilot)
         assert notices(app)[-1].startswith("Esc goes back; there q ^q leaves the console")
         await pilot.press("escape")
