@@ -159,6 +159,8 @@ class MissionTrace:
     executing: int = 0
     workflow: list[ev.WorkflowMoved] = field(default_factory=list[ev.WorkflowMoved])
     approval: ev.ApprovalRequested | None = None
+    offered: tuple[str, ...] = ()
+    """The other readings that were offered with the last plan."""
     approval_state: ApprovalState | None = None
     """The state in which the last plan was shown for approval."""
     decisions: list[ev.DecisionMade] = field(default_factory=list[ev.DecisionMade])
@@ -224,6 +226,12 @@ class MissionTrace:
         """The answers to choose from for the open question; empty without one."""
         waits = self.approval is not None and self.approval.state == "not_understood"
         return self.questions[-1].choices if waits and self.questions else ()
+
+    @property
+    def asked_choices(self) -> tuple[str, ...]:
+        """The choices of the question that the mission ended with, empty without one."""
+        asked = self.approval_state == "not_understood" and self.questions
+        return self.questions[-1].choices if asked else ()
 
     @property
     def standings(self) -> dict[str, ev.WorkflowMoved]:
@@ -366,7 +374,7 @@ def _apply_decision(trace: MissionTrace, data: ev.EventPayload) -> None:
             trace.attempt(number).read_again = data
         case ev.ApprovalRequested(attempt=number, if_halted=declared):
             trace.stage, trace.approval = "decide", data
-            trace.approval_state = data.state
+            trace.approval_state, trace.offered = data.state, data.readings
             if (attempt := trace.find(number)) is not None:
                 attempt.if_halted, attempt.shown_confidence = declared, data.confidence
                 attempt.gaps = data.gaps or attempt.gaps
