@@ -144,6 +144,11 @@ class Intake:
         words = order.typed
         if not order.text:
             raise ValueError("the mission is empty: say what is to be done")
+        letters = words.strip(" .,!?")
+        if letters.isalpha() and len(letters) < LEAST_LETTERS and not agent:
+            raise ValueError(
+                f"“{words}” is no order, and was not sent: a plan is decided on in its panel"
+            )
         if len(words) > MAX_MISSION_TEXT:
             raise ValueError(
                 f"the mission has {len(words)} characters, at most {MAX_MISSION_TEXT} are taken"
@@ -307,6 +312,10 @@ class _Waiting:
         threat = ALARM_PRIORITIES.index(self.priority)
         late = self.mission.source == "agent" or self.mission.offered
         return self.deferred, late, threat, own, distance, self.arrival
+
+
+LEAST_LETTERS = 3
+"""A shorter text is a key that was meant for a panel, and no order."""
 
 
 class MissionQueue:
