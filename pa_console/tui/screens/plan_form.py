@@ -74,18 +74,18 @@ class FormRow:
     def fault(self, world: World) -> str:
         """Return what is wrong with the row by itself, '' for nothing."""
         if self.agent not in world.assets:
-            return _unknown(self.agent, f"no asset {self.agent!r}", tuple(world.assets))
+            return _unknown(self.agent, f"no asset “{self.agent}”", tuple(world.assets))
         spec = COMMANDS.get(cast(Verb, self.verb))
         kind = world.assets[self.agent].kind
         able = tuple(verb for verb, each in COMMANDS.items() if kind in each.kinds)
         if spec is None:
-            return _unknown(self.verb, f"no command {self.verb!r}", able)
+            return _unknown(self.verb, f"no command “{self.verb}”", able)
         if kind not in spec.kinds:
             return f"a {KIND_WORDS[kind]} cannot {self.verb}; it can {', '.join(able)}"
         if not spec.takes_frame:
             return f"{self.verb} takes no place" if self.place else ""
         if self.place not in world.frames:
-            return _unknown(self.place, f"no place {self.place!r}", tuple(world.frames))
+            return _unknown(self.place, f"no place “{self.place}”", tuple(world.frames))
         if not all(word.isdecimal() for word in self.after.replace(",", " ").split()):
             return "after: the numbers of other rows, such as 1 or 1, 2"
         return ""
