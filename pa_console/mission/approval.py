@@ -50,10 +50,13 @@ class OrderAsRead:
     """The question about an order that was not understood; '' if it was."""
 
 
-def approval_state(read: OrderAsRead, *, blocked: bool, objected: bool) -> ApprovalState:
+def approval_state(
+    read: OrderAsRead, *, blocked: bool, objected: bool, warned: bool = False
+) -> ApprovalState:
     """Return the approval state of a plan; no other place decides it.
 
-    A plan is `approve` only if no evidence speaks against its reading.
+    A plan is `approve` only if no evidence speaks against its reading, and no rule is broken; it is
+    `warned` if a Medium one is.
     """
     if read.question:
         return "not_understood"
@@ -64,6 +67,8 @@ def approval_state(read: OrderAsRead, *, blocked: bool, objected: bool) -> Appro
     unsure = read.confidence is not None and read.confidence < UNSURE
     if unsure or read.gaps or read.read_apart:
         return "may_be_misunderstood"
+    if warned:
+        return "warned"
     return "narrowed" if read.narrowed else "approve"
 
 
@@ -94,12 +99,14 @@ def request_approval(
     if not blocked and judging and verdict is None:
         blocked.append(f"judge: {checked.judge_error or 'no verdict'}; the plan is on hold")
     objected = verdict is not None and verdict.verdict == "Failure"
+    accepted = tuple(warnings(findings))
+    state = approval_state(read, blocked=bool(blocked), objected=objected, warned=bool(accepted))
     return ApprovalRequested(
         request_id=request_id,
         attempt=attempt,
         plan=checked.plan,
         blocked_by=tuple(blocked),
-        acknowledge=tuple(warnings(findings)),
+        acknowledge=accepted,
         needs_override=objected,
         asked=read.asked,
         readings=read.readings,
@@ -107,7 +114,7 @@ def request_approval(
         gaps=read.gaps,
         confidence=read.confidence,
         read_apart=read.read_apart,
-        state=approval_state(read, blocked=bool(blocked), objected=objected),
+        state=state,
     )
 
 
@@ -228,10 +235,10 @@ def standing_approver(
     overridden with `override_reason`, which stands with such a decision alone. `never` rejects
     every plan.
 
-    Nobody watches a standing approval, so it takes a plan in the state `approve` alone, and none
-    for an order that may have been misread (`doubt`): the console has to be at least so sure, 0 to
-    1, as `least` says. None takes it all the same, for evaluations, where the truth of every plan
-    is wanted; what was not understood is taken by nobody.
+    Nobody watches a standing approval, so it takes a plan in the state `approve` or `warned`, and
+    none for an order that may have been misread (`doubt`): the console has to be at least so sure,
+    0 to 1, as `least` says. None takes it all the same, for evaluations, where the truth of every
+    plan is wanted; what was not understood is taken by nobody.
 
     The log names the instruction as it was `given`, by default as the command line's.
     """
@@ -276,7 +283,7 @@ def doubt(request: ev.ApprovalRequested, least: float) -> str:
         why.append("not both models have told how sure they are of what was asked")
     if request.confidence is not None and request.confidence < least:
         why.append(f"read with {request.confidence:.0%} confidence, {least:.0%} are needed")
-    if not why and request.state not in ("approve", "judge_objects"):
+    if not why and request.state not in ("approve", "warned", "judge_objects"):
         why.append(status_of("approval", request.state or "none").word.lower())
     return f"too doubtful for standing approval: {'; '.join(why)}" if why else ""
 

@@ -216,8 +216,14 @@ async def offer_standing(
     allowed = context.services.rulebook.unasked if order.unasked else ()
     schedule = order.schedule
     moments = tuple(schedule.moments(MOMENTS_SHOWN)) if schedule is not None else ()
+    first_s: float | None = None
+    if moments:
+        ahead_s = (moments[0] - standing.time.now).total_seconds()
+        first_s = max(context.services.fleet.time_s + ahead_s, 0.0)
     context.emit(
-        ev.StandingOrderRead(order=order, now=offered.now, moments=moments, allowed=allowed)
+        ev.StandingOrderRead(
+            order=order, now=offered.now, moments=moments, first_s=first_s, allowed=allowed
+        )
     )
     refusal = standing.refusal(order)
     request = request_approval(
@@ -238,6 +244,9 @@ async def offer_standing(
         return MissionResult("held", refusal)
     order = standing.approve(offered.trigger)
     context.emit(ev.StandingOrderApproved(order=order, by=decided.decision.by))
+    if order.once and order.schedule is not None:
+        at = order.schedule.start
+        return MissionResult("verified", f"{order.id} will run once at {at:%H:%M:%S}")
     return MissionResult("verified", f"standing order {order.id} is in force until it is revoked")
 
 

@@ -17,11 +17,11 @@ from pa_console.mission.decide import (
     Decide,
     Readings,
     ask_back,
-    decide,
     offer_standing,
     rejection,
     unknown_place,
 )
+from pa_console.mission.examine import Examination
 from pa_console.mission.execute import ApprovedStep, Execution
 from pa_console.mission.execution.dispatch import StepFeed
 from pa_console.mission.judge import judge
@@ -49,6 +49,7 @@ from pa_console.mission.understand import (
     understand,
 )
 from pa_console.mission.verify import OutcomeCase, OutcomeVerdicts, unjudged, verify
+from pa_console.mission.waiting import WaitingPlan, examined_again
 from pa_console.policy.moments import moment
 from pa_console.policy.monitor import Monitor, halts
 from pa_console.schema.command import DeviceCommand
@@ -104,6 +105,8 @@ class MissionRun:
         self._execution = Execution(self._context, station.feed)
         self._retrieved: RetrievedRules | None = None
         self._readings = Readings()
+        self._waiting: WaitingPlan | None = None
+        """The plan that was last put to the operator."""
         self._understood: Understood | None = None
         self._answers: dict[str, str] = {}
         """The operator's answers about words of the mission."""
@@ -256,6 +259,8 @@ class MissionRun:
     def see(self, picture: Picture) -> None:
         """Take in new telemetry: orderings are monitored, workflows move on."""
         self._facts.see(picture)
+        if self._waiting is not None:
+            self._waiting.see(picture)
         orders = self._execution.orders
         agents = tuple(order.agent for order in orders)
         now = moment(picture, self._services.fleet.world, orders, agents)
@@ -323,30 +328,40 @@ class MissionRun:
             unasked = without_planner(context, retrieved)
             planned = await take(context, unasked, proposed, author="agent")
         while isinstance(planned, PlanForDecision):
-            judged = planned.steps or planned.by_grammar
+            verdict = planned.best.verdict
+            judged = planned.steps or planned.by_grammar or verdict is not None
             planned = planned if judged else await judge(context, planned)
             unknown = unknown_place(planned, context.services.fleet.world)
             if unknown is not None and self._questions < MOST_QUESTIONS:
                 return unknown
-            decided = await decide(context, planned, self._readings, self._station.decide)
-            self._readings, decision, shown = decided.readings, decided.decision, planned.best
-            if decision.kind == "choose":
-                self._retrieved = replace(planned.answered.retrieved, chosen=decision.asked)
-                planned = await plan(context, self._retrieved)
-                continue
-            if decision.kind == "modify" and decision.plan is not None:
-                planned = await take(context, planned.answered, decision.plan)
-                continue
-            if decision.kind != "approve":
-                if not self._facts.plans and not shown.examination.blocked:
-                    self._remember(shown)
-                return rejection(shown, decided)
-            fresh = await reexamine(context, retrieved.task, shown.examination.plan)
-            if fresh is None:
-                why = self._services.gate.inadmissible(
-                    decided.request, decision, self._services.rulebook
-                )
-                return MissionResult("held", why) if why else ApprovedPlan(planned, decided)
+            was_blocked = planned.best.examination.blocked
+            self._waiting = waiting = WaitingPlan(context, retrieved.task, planned.best)
+            decided = await waiting.decided(planned, self._readings, self._station.decide)
+            planned = examined_again(planned, waiting.found)
+            shown = planned.best
+            if isinstance(decided, Examination):
+                fresh = decided
+                if was_blocked or not fresh.blocked:
+                    continue
+            else:
+                self._readings, decision = decided.readings, decided.decision
+                if decision.kind == "choose":
+                    self._retrieved = replace(planned.answered.retrieved, chosen=decision.asked)
+                    planned = await plan(context, self._retrieved)
+                    continue
+                if decision.kind == "modify" and decision.plan is not None:
+                    planned = await take(context, planned.answered, decision.plan)
+                    continue
+                if decision.kind != "approve":
+                    if not self._facts.plans and not shown.examination.blocked:
+                        self._remember(shown)
+                    return rejection(shown, decided)
+                fresh = await reexamine(context, retrieved.task, shown.examination.plan)
+                if fresh is None:
+                    why = self._services.gate.inadmissible(
+                        decided.request, decision, self._services.rulebook
+                    )
+                    return MissionResult("held", why) if why else ApprovedPlan(planned, decided)
             changed = f"the situation changed: {'; '.join(fresh.broken)}"
             self._emit(ev.PlanVoided(attempt=shown.attempt, reason=changed))
             voided += 1

@@ -20,6 +20,7 @@ DecisionKind = Literal["approve", "reject", "modify", "choose", "answer"]
 ApprovalState = Literal[
     "approve",  # understood, and all of it is planned
     "narrowed",  # understood; the plan leaves out a part of the order, and says why
+    "warned",  # a Medium rule is broken, which the operator has to accept
     "may_be_misunderstood",  # its words and its reading differ, or the models were not sure
     "not_understood",  # no order, or none that can be read: asked back, and nothing is proposed
     "judge_objects",  # the judge said Failure: overriding it needs a reason
@@ -57,6 +58,11 @@ class Mission(StrictModel):
         default=None,
         exclude_if=lambda plan: plan is None,
         description="the agent's own plan, where it proposed one",
+    )
+    offered: bool = Field(
+        default=False,
+        exclude_if=lambda offered: not offered,
+        description="the world's own standing order, which nobody typed: all others go first",
     )
     subject: Name | None = Field(default=None, description="track, asset or gate it is about")
     gate: Name | None = Field(default=None, description="the gate concerned, if one is")
@@ -242,6 +248,11 @@ class Schedule(StrictModel):
     )
 
     @property
+    def once(self) -> bool:
+        """True if it has one moment only, and nobody goes back after it."""
+        return not self.every_s and not self.stays
+
+    @property
     def stays(self) -> bool:
         """True if the assets that it sends come back."""
         return self.stay_s > 0.0 or self.leave is not None
@@ -296,6 +307,11 @@ class StandingOrder(StrictModel):
         if of_state == (self.schedule is not None) or bool(self.condition) != of_state:
             raise ValueError("a standing order has either a condition of something or a schedule")
         return self
+
+    @property
+    def once(self) -> bool:
+        """True if it starts one mission and is over then."""
+        return self.schedule is not None and self.schedule.once
 
     def order_for(self, subject: str, place: str) -> str:
         """Return the order for one subject, and the gate at which that is; '' for nowhere."""

@@ -175,6 +175,12 @@ class World(StrictModel):
     standoff_m: Positive = Field(description="least distance to an unverified track (ROE-04)")
     coverage_grace_s: Positive = Field(description="a gate may be uncovered this long (WF-03)")
     low_battery_pct: Percent = 25.0
+    low_battery_policy: str = Field(
+        default="",
+        max_length=500,
+        exclude_if=lambda text: not text,
+        description="the standing order that a console offers at its start, in words",
+    )
     stale_s: Positive = Field(default=3.0, description="older values count as unknown")
     link_lost_s: Positive = Field(default=6.0, description="silent this long, a link is lost")
     radio: Radio = Radio()

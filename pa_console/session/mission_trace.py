@@ -76,6 +76,8 @@ class Attempt:
     """The model on a server that wrote the plan; '' for the session's own."""
     as_chosen: bool = False
     """True if the plan is for the reading that the operator chose."""
+    made_s: float | None = None
+    """When it was first rehearsed, in simulated seconds; the rehearsal may be a later one."""
 
     @property
     def sure(self) -> float | None:
@@ -157,6 +159,8 @@ class MissionTrace:
     executing: int = 0
     workflow: list[ev.WorkflowMoved] = field(default_factory=list[ev.WorkflowMoved])
     approval: ev.ApprovalRequested | None = None
+    offered: tuple[str, ...] = ()
+    """The other readings that were offered with the last plan."""
     approval_state: ApprovalState | None = None
     """The state in which the last plan was shown for approval."""
     decisions: list[ev.DecisionMade] = field(default_factory=list[ev.DecisionMade])
@@ -171,6 +175,8 @@ class MissionTrace:
     standing: ev.StandingOrderRead | None = None
     """The standing order that the text gives, with its immediate starts; None for a mission."""
     voided: str = ""
+    voided_attempt: int = 0
+    """The number of the plan that was `voided` for that reason."""
     preempted: str = ""
     commands: dict[str, CommandTrace] = field(default_factory=dict[str, CommandTrace])
     halts: list[ev.PlanHalted] = field(default_factory=list[ev.PlanHalted])
@@ -209,10 +215,23 @@ class MissionTrace:
             self.round += 1
 
     @property
+    def shown_status(self) -> str:
+        """The status as people are shown it: a standing order is approved, nothing is verified."""
+        if self.standing is not None and self.status == "verified":
+            return "in_force"
+        return self.status or "open"
+
+    @property
     def choices(self) -> tuple[str, ...]:
         """The answers to choose from for the open question; empty without one."""
         waits = self.approval is not None and self.approval.state == "not_understood"
         return self.questions[-1].choices if waits and self.questions else ()
+
+    @property
+    def asked_choices(self) -> tuple[str, ...]:
+        """The choices of the question that the mission ended with, empty without one."""
+        asked = self.approval_state == "not_understood" and self.questions
+        return self.questions[-1].choices if asked else ()
 
     @property
     def standings(self) -> dict[str, ev.WorkflowMoved]:
@@ -330,6 +349,8 @@ def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
             attempt.as_chosen, attempt.as_read_again = data.as_chosen, data.as_read_again
         case ev.PlanRehearsed(attempt=number, rehearsal=rehearsal, seconds=seconds):
             attempt = trace.attempt(number)
+            if attempt.made_s is None:
+                attempt.made_s = rehearsal.before.time_s
             attempt.rehearsal, attempt.rehearsal_s = rehearsal, seconds
         case ev.PlanChecked(attempt=number, findings=findings, seconds=seconds):
             attempt = trace.attempt(number)
@@ -353,7 +374,7 @@ def _apply_decision(trace: MissionTrace, data: ev.EventPayload) -> None:
             trace.attempt(number).read_again = data
         case ev.ApprovalRequested(attempt=number, if_halted=declared):
             trace.stage, trace.approval = "decide", data
-            trace.approval_state = data.state
+            trace.approval_state, trace.offered = data.state, data.readings
             if (attempt := trace.find(number)) is not None:
                 attempt.if_halted, attempt.shown_confidence = declared, data.confidence
                 attempt.gaps = data.gaps or attempt.gaps
@@ -363,8 +384,8 @@ def _apply_decision(trace: MissionTrace, data: ev.EventPayload) -> None:
                 trace.approval = None
                 if decision.kind == "approve":
                     trace.executing = number
-        case ev.PlanVoided(reason=reason):
-            trace.voided, trace.approval = reason, None
+        case ev.PlanVoided(attempt=number, reason=reason):
+            trace.voided, trace.voided_attempt, trace.approval = reason, number, None
         case ev.MissionPreempted(by=by, reason=reason):
             trace.stage, trace.approval = "queued", None
             trace.preempted = f"{by} goes first: {reason}"

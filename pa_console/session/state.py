@@ -429,7 +429,10 @@ class SessionState:
                 self._leave(event)
                 self._answered(event.mission)
                 level = "info" if status == "verified" else "warning"
-                self._notice(event, level, event.mission or "", f"{status}: {reason}")
+                trace = self.missions.get(event.mission or "")
+                settled = trace is not None and trace.standing is not None and level == "info"
+                told = reason if settled else f"{status}: {reason}"
+                self._notice(event, level, event.mission or "", told)
             case _:
                 pass
 

@@ -133,16 +133,22 @@ class Intake:
         agent: str = "",
         proposed: Plan | None = None,
         waits: bool = True,
+        offered: bool = False,
     ) -> tuple[Mission, ev.MissionReceived]:
         """Queue an operator's mission, or one that `agent` has proposed, with its plan if it has.
 
-        One that does not `waits` is carried out already.
+        One that does not `waits` is carried out already; one that is `offered` nobody typed.
 
         Raises ValueError when it cannot be taken.
         """
         words = order.typed
         if not order.text:
             raise ValueError("the mission is empty: say what is to be done")
+        letters = words.strip(" .,!?")
+        if letters.isalpha() and len(letters) < LEAST_LETTERS and not agent:
+            raise ValueError(
+                f"“{words}” is no order, and was not sent: a plan is decided on in its panel"
+            )
         if len(words) > MAX_MISSION_TEXT:
             raise ValueError(
                 f"the mission has {len(words)} characters, at most {MAX_MISSION_TEXT} are taken"
@@ -157,6 +163,7 @@ class Intake:
             created=datetime.now(UTC),
             agent=agent,
             proposed=proposed,
+            offered=offered,
         )
         if not waits:
             return mission, ev.MissionReceived(mission=mission, position=0)
@@ -299,11 +306,16 @@ class _Waiting:
 
     @property
     def rank(self) -> tuple[bool, bool, int, bool, float, int]:
-        """Deferred ones last, before them agents'; then threat, own ones, proximity, arrival."""
+        """Deferred ones last, before them agents' and the offer; then threat, own, distance."""
         distance = self.distance_m if self.distance_m is not None else inf
         own = self.mission.source != "operator"
-        threat, agents = ALARM_PRIORITIES.index(self.priority), self.mission.source == "agent"
-        return self.deferred, agents, threat, own, distance, self.arrival
+        threat = ALARM_PRIORITIES.index(self.priority)
+        late = self.mission.source == "agent" or self.mission.offered
+        return self.deferred, late, threat, own, distance, self.arrival
+
+
+LEAST_LETTERS = 3
+"""A shorter text is a key that was meant for a panel, and no order."""
 
 
 class MissionQueue:
@@ -418,12 +430,15 @@ class MissionQueue:
         """Return the next entry when it must not wait for `active`.
 
         That is an emergency, unless `active` is one, and for an agent's proposal, as long as
-        nobody is `moving` for it, any mission that no agent has proposed.
+        nobody is `moving` for it, any mission that no agent has proposed. Everything goes before
+        the policy that the world offers.
         """
         mine = active_alarm.priority if active_alarm is not None else OPERATOR_PRIORITY
         first = next(iter(self.entries), None)
         if first is None or first.deferred or first.mission.id == active.id:
             return None
+        if active.offered:
+            return first
         if active.source == "agent" and first.mission.source != "agent" and not moving:
             return first
         return first if first.priority == "emergency" and mine != "emergency" else None

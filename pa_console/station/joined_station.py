@@ -27,6 +27,7 @@ from pa_console.fleets.vda5050.vehicle import EXPIRY_S
 from pa_console.language.questions import Question
 from pa_console.language.references.scene import ReferenceScene
 from pa_console.mission.approval import inadmissible
+from pa_console.mission.examine import Examination
 from pa_console.mission.stop import CONFIRM_S
 from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook, with_core
@@ -236,6 +237,14 @@ class JoinedStation:
         """Rehearse here what another reading of a mission would lead to; None: not known here."""
         self.fleet.show(self._state.picture)
         return None if self._unfit() else await rehearse_reading(self, mission, asked)
+
+    async def examine(self, _plan: Plan, _text: str = "") -> Examination:
+        """Raise ValueError: plans are changed where they are decided on."""
+        raise ValueError("a plan is changed at the station that decides on it")
+
+    async def foresee(self, _text: str) -> str:
+        """Return nothing: the models are those of the other station."""
+        return ""
 
     async def other_ways(
         self, mission: Mission, asked: str, but: Plan

@@ -187,13 +187,17 @@ class LiveReading:
     async def _read(self, text: str) -> None:
         """Plan `text` like a mission, and show its reading."""
         try:
-            order = self._read_text(text)
-            line = await self._line(order) if order is not None else ""
+            line = await self.line(text)
         except Exception:  # a defect shows once the order is sent; a draft tells nobody
             line = ""
         if line and self._show is not None:
             self._shown = True
             self._show(text, line)
+
+    async def line(self, text: str) -> str:
+        """Return how `text` would be read and planned now, '' if it is no mission."""
+        order = self._read_text(text)
+        return await self._line(order) if order is not None else ""
 
     async def _line(self, order: ReadText) -> str:
         services = self._services()

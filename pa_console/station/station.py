@@ -109,6 +109,7 @@ class ControlStation:
         self.change_standing = self._standing.change
         self._ticking = Ticking(parts, clock, self._worker, self._stop_for, self.manual)
         self._closed, self._resumed = False, resumed
+        self._policy = ""
         self._record = RecentRecord(deepcopy(resumed.before.state) if resumed else SessionState())
         self._again: list[tuple[ev.EventPayload, str]] = []
         """The missions that open alarms become once more."""
@@ -222,6 +223,8 @@ class ControlStation:
             self._reload.serve(),
         ):
             self._background.start(work)
+        if self._resumed is None and not self.readonly and self._policy:
+            self._offer(self._policy)
         if self._outside is not None:
             self._background.start(pass_on(self._outside, self._emit))
         try:
@@ -234,6 +237,15 @@ class ControlStation:
                 await server.close()
             if not self._keep_engine:
                 await self._services.engine.close()
+
+    def offer_at_start(self, policy: str) -> None:
+        """Put a standing order of the world to the operator when a new session begins."""
+        self._policy = policy
+
+    def _offer(self, policy: str) -> None:
+        mission, received = self._intake.submit(self._read(policy), active=False, offered=True)
+        self._emit(received, mission.id)
+        self._worker.queue_changed()
 
     def _go_on(self, before: UnclosedSession) -> None:
         """Emit that the session goes on, and take up waiting missions; nothing is dispatched."""
@@ -439,6 +451,10 @@ class ControlStation:
         None where the console cannot tell what would serve it.
         """
         return await rehearse_reading(self._reload.services, mission, asked)
+
+    async def foresee(self, text: str) -> str:
+        """Return how an order would be read and planned now; nothing is logged or decided."""
+        return await self._live.line(text)
 
     def other_ways(
         self, mission: Mission, asked: str, but: Plan

@@ -236,13 +236,10 @@ class MissionWorker:
 
         return MissionRun(self._services, mission, emit, self._side)
 
-    async def _decided(self) -> Decision:
-        """Wait for `decide`; meanwhile nobody needs the model."""
+    def _decided(self) -> asyncio.Future[Decision]:
+        """Return the answer that `decide` will give; meanwhile nobody needs the model."""
         self._verdicts.go_on()
+        self._answer = answer = asyncio.get_running_loop().create_future()
         if self._countersigned:
-            return self._countersigned.popleft()
-        self._answer = asyncio.get_running_loop().create_future()
-        try:
-            return await self._answer
-        finally:
-            self._answer = None
+            answer.set_result(self._countersigned.popleft())
+        return answer

@@ -104,7 +104,7 @@ class LineConsole(SessionLines):
         """Show the present wait now and then."""
         while True:
             await asyncio.sleep(TOLD_EVERY_S)
-            if line := self.waiting.line(monotonic(), self.state):
+            if line := self.waiting.line(monotonic(), self.state, self._station.rate):
                 self._say(line)
 
     # What is typed

@@ -104,6 +104,14 @@ def print_trace(console: Console, trace: MissionTrace) -> None:
     _print_sections(console, lay_out(trace, {}, _OPTIONS))
 
 
+def print_choices(console: Console, trace: MissionTrace) -> None:
+    """Print the question that a mission ended with, and how to answer it."""
+    choices = trace.asked_choices
+    console.print(Text(trace.questions[-1].question if choices else "The order may also mean:"))
+    for number, choice in enumerate(choices or map(plain_reading, trace.offered), start=1):
+        console.print(Text(f"  --choose {number}  {choice}"))
+
+
 def print_proposal(console: Console, trace: MissionTrace, number: int) -> None:
     """Print the rules and attempt `number` of a mission that waits for approval."""
     _print_head(console, trace)

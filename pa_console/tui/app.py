@@ -269,6 +269,7 @@ class ConsoleApp(App[None]):
     def _painted(self) -> None:
         self._attention.look()
         self.controllers.approval.close_void()
+        self.controllers.approval.look_ahead()
         self._log_alarm.show()
 
     def on_unmount(self) -> None:

@@ -195,7 +195,7 @@ def report(trace: MissionTrace) -> TraceSection:
 
 def outcome(trace: MissionTrace) -> TraceSection:
     """Return the end of the mission with its reason."""
-    mark = status_of("mission", trace.status or "unknown")
+    mark = status_of("mission", trace.shown_status)
     return TraceSection("outcome", "Outcome", (statement(trace.reason),), mark=mark)
 
 

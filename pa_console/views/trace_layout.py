@@ -264,7 +264,7 @@ def step_of(trace: MissionTrace) -> int:
 def progress(trace: MissionTrace) -> Spans:
     """Return the mission's step in words, or its end with the reason."""
     if trace.status is not None:
-        mark = status_of("mission", trace.status)
+        mark = status_of("mission", trace.shown_status)
         return Span(mark.text, mark.tone), Span(f"  {trace.reason}", "quiet")
     if step := step_of(trace):
         return (Span(f"step {step} of {len(STEPS) - 1}: {trace.stage}"),)

@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import cast
 
 from pa_console.language.canonical.reading import plain_reading
@@ -405,7 +405,8 @@ def verdict(attempt: Attempt) -> TraceSection:
         return TraceSection(key, "Judge", blocks, step=6, mark=mark, note="means hold")
     mark = status_of("verdict", given.verdict)
     took = _took(attempt.judge_usage)
-    return TraceSection(key, "Judge", opinions(given), step=6, mark=mark, note=took)
+    broken = frozenset(finding.rule_id for finding in attempt.findings if finding.broken)
+    return TraceSection(key, "Judge", opinions(given, broken), step=6, mark=mark, note=took)
 
 
 def second_reading(attempt: Attempt, read: OrderReadAgain) -> TraceSection:
@@ -421,12 +422,18 @@ def second_reading(attempt: Attempt, read: OrderReadAgain) -> TraceSection:
     return TraceSection(key, "Second reader", tuple(blocks), step=6, note=took)
 
 
-def opinions(given: Verdict) -> tuple[Block, ...]:
-    """Return a verdict's feedback and its opinion on each rule."""
+def opinions(given: Verdict, broken: Collection[str] = ()) -> tuple[Block, ...]:
+    """Return a verdict's feedback and its opinion on each rule.
+
+    The checks decide on the rules that are `broken`, whatever the judge says of them.
+    """
     feedback = (statement(given.feedback),) if given.feedback else ()
     if not given.rules:
         return feedback
-    marks = [(item.rule_id, status_of("opinion", item.opinion)) for item in given.rules]
+    marks = [
+        (item.rule_id, status_of("opinion", "broken" if item.rule_id in broken else item.opinion))
+        for item in given.rules
+    ]
     columns = (Column("", 1), Column("rule", 7, stress="bold"), Column("opinion"))
     rows = [(Span(m.glyph, m.tone), name, Span(m.word, m.tone)) for name, m in marks]
     return (*feedback, table(columns, rows))

@@ -30,6 +30,8 @@ WORK = {
     "plan": "the model writes the plan",
     "safeguards": "the plan is checked and rehearsed",
     "judge": "the judge reads the plan",
+    "read_again": "a second model reads the order",
+    "readings": "the readings of the order are compared",
     "execute": "the assets carry out the plan",
     "verify": "telemetry is compared with the plan",
     "report": "the report is written",
@@ -56,6 +58,8 @@ class Waiting:
         self._since = 0.0
         self._written = 0
         self._characters, self._tokens = 0, 0
+        self._after_judge = ""
+        """The work that follows the judge's verdict, '' before it."""
 
     def take(self, event: ev.Event, state: SessionState, now: float) -> None:
         """Apply an event that is in `state` already, at time `now`."""
@@ -65,6 +69,12 @@ class Waiting:
             case ev.PlanProposed(text=text, usage=usage) if usage.completion_tokens:
                 self._characters += len(text)
                 self._tokens += usage.completion_tokens
+            case ev.PromptBuilt():
+                self._after_judge = ""
+            case ev.PlanJudged():
+                self._after_judge = "read_again"
+            case ev.OrderReadAgain():
+                self._after_judge = "readings"
             case _:
                 pass
         step = self._active_step(state)
@@ -76,7 +86,10 @@ class Waiting:
 
     def _active_step(self, state: SessionState) -> tuple[str, str] | None:
         trace = state.missions.get(state.active or "")
-        return (trace.mission.id, trace.stage) if trace is not None else None
+        if trace is None:
+            return None
+        step = (self._after_judge or "judge") if trace.stage == "judge" else trace.stage
+        return trace.mission.id, step
 
     def usual_s(self, step: str) -> float | None:
         """Return the usual seconds of `step`; None if they are unknown."""
@@ -91,7 +104,7 @@ class Waiting:
         known = {*self._stored, *self._taken}
         return {
             step: round(taken, 3)
-            for step in sorted(known)
+            for step in sorted(known - {"execute"})
             if (taken := self.usual_s(step)) is not None
         }
 
@@ -101,8 +114,12 @@ class Waiting:
         each = self._characters / self._tokens if self._tokens else _CHARACTERS
         return round(self._written / each)
 
-    def line(self, now: float, state: SessionState) -> str:
-        """Return the running step, its time so far and its usual time in words; '' for none."""
+    def line(self, now: float, state: SessionState, rate: float = 1.0) -> str:
+        """Return the running step, its time so far and its usual time in words; '' for none.
+
+        A plan that is carried out takes as long as it was rehearsed to, at `rate` simulated seconds
+        a second.
+        """
         if state.worker is not None and state.worker.state == "loading" and state.active:
             return "the model is being loaded"
         if self._step is None or self._step[1] not in WORK:
@@ -111,10 +128,21 @@ class Waiting:
         if elapsed < SHOWN_AFTER_S:
             return ""
         step = self._step[1]
-        usual = self.usual_s(step)
-        usually = f", usually {duration_text(usual)}" if usual is not None else ""
+        if step == "execute":
+            usually = _rehearsed(state, rate)
+        else:
+            usual = self.usual_s(step)
+            usually = f", usually {duration_text(usual)}" if usual is not None else ""
         written = f", {self.tokens} tokens" if self._written else ""
         return f"{WORK[step]}: {elapsed:.0f} s{usually}{written}"
+
+
+def _rehearsed(state: SessionState, rate: float) -> str:
+    trace = state.missions[state.active or ""]
+    attempt = trace.find(trace.executing)
+    if attempt is None or attempt.rehearsal is None:
+        return ""
+    return f" of about {attempt.rehearsal.timeline.duration_s / rate:.0f} s"
 
 
 def load_usual(path: Path, model: str) -> dict[str, float]:

@@ -11,6 +11,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.session.state import SessionState
 from pa_console.terminal.mission import ask_decision, show_request
+from tests.cli.inside import Call, Done
 from tests.cli.outside import WITHIN_S, Outside
 from tests.tui import story
 
@@ -159,3 +160,28 @@ def test_a_question_is_answered_where_the_order_is_asked_back_about(
     mission.type("\n")
     assert mission.process.wait(WITHIN_S) == 3
     assert "command_sent" not in mission.kinds
+
+
+TWO_GATES = (
+    "mission", "Ugv_T02 to the uncovered gate.", "--approve", "auto",
+    "--event", "{kind: fail, asset: Drone_T01}", "--event", "{kind: fail, asset: Ugv_T01}",
+)  # fmt: skip
+
+
+@pytest.mark.long
+def test_an_order_that_is_asked_back_ends_with_its_choices_and_one_can_be_chosen(
+    call: Call, tmp_path: Path
+) -> None:
+    def given(*words: str) -> Done:
+        log = tmp_path / f"{len(list(tmp_path.iterdir()))}.jsonl"
+        return call(*TWO_GATES, "--log", str(log), *words)
+
+    asked = given()
+    assert asked.code == 5
+    assert "--choose 1  EastGate" in asked.out
+    assert "--choose 2  WestGate" in asked.out
+    beyond = given("--choose", "3")
+    assert beyond.code == 5
+    assert "there are only 2 choices" in beyond.out
+    chosen = given("--choose", "2", "--json").json
+    assert chosen["mission"]["decisions"][0]["decision"]["asked"] == "WestGate"

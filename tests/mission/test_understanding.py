@@ -58,11 +58,11 @@ decisions = st.builds(
 verdicts = st.sampled_from([Verdict(verdict="Success"), Verdict(verdict="Failure")])
 
 
-@given(orders_as_read, st.booleans(), st.booleans())
+@given(orders_as_read, st.booleans(), st.booleans(), st.booleans())
 def test_a_plan_is_approve_only_where_nothing_speaks_against_it(
-    read: OrderAsRead, blocked: bool, objected: bool
+    read: OrderAsRead, blocked: bool, objected: bool, warned: bool
 ) -> None:
-    state = approval_state(read, blocked=blocked, objected=objected)
+    state = approval_state(read, blocked=blocked, objected=objected, warned=warned)
     unsure = read.confidence is not None and read.confidence < UNSURE
     doubted = unsure or bool(read.gaps) or read.read_apart
     worst = [
@@ -70,6 +70,7 @@ def test_a_plan_is_approve_only_where_nothing_speaks_against_it(
         (blocked, "blocked"),
         (objected, "judge_objects"),
         (doubted, "may_be_misunderstood"),
+        (warned, "warned"),
         (read.narrowed, "narrowed"),
     ]
     assert state == next((name for holds, name in worst if holds), "approve")

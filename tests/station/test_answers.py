@@ -178,6 +178,19 @@ async def test_a_nearer_asset_that_was_free_is_told_without_a_reason(site: Site)
     await talks(site, play, engine=ScriptedEngine([far]))
 
 
+async def test_an_asset_that_could_not_have_been_taken_is_not_named_as_nearer(site: Site) -> None:
+    """Robot_T02 is nearer to the gate than the drone, but a drone was asked for."""
+    sent = plan(("Drone_T04", "move_to EastGate"), reason="Drone_T04 is free")
+
+    async def play(talk: Talk) -> None:
+        await talk.order("Have a drone stand by in the east.")
+        said = (await talk.ask("Why Drone_T04?"))["Drone_T04"]
+        assert "nearest free drone" in said
+        assert "Robot_T02" not in said
+
+    await talks(site, play, engine=ScriptedEngine([sent]))
+
+
 async def test_the_judge_s_objection_and_a_rejection_are_told(site: Site) -> None:
     async def play(talk: Talk) -> None:
         request = await talk.order()

@@ -207,3 +207,11 @@ def test_the_queue_is_told_once_a_change() -> None:
     desk.queue.take()
     [change] = desk.changes()
     assert change.entries == ()
+
+
+@pytest.mark.parametrize("text", ["a", "m.", "ok", "y!"])
+def test_a_key_typed_too_early_is_no_order(text: str) -> None:
+    desk = Intake(WORLD, "20260101T000000-abcd", respond=False)
+    with pytest.raises(ValueError, match="is no order, and was not sent"):
+        desk.submit(ReadText(text, text), active=False)
+    assert not desk.queue.missions

@@ -12,6 +12,7 @@ from textual.pilot import Pilot
 
 from pa_console.language.orders.order_changes import Change
 from pa_console.language.questions import Question
+from pa_console.mission.examine import Examination
 from pa_console.policy.retriever import Retriever
 from pa_console.schema.events.event import (
     AgentMuted,
@@ -27,6 +28,7 @@ from pa_console.schema.events.event import (
     StandingOrderScheduled,
     StopReleased,
 )
+from pa_console.schema.finding import Finding
 from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Metrics, Mission
 from pa_console.schema.plan import Plan
@@ -85,6 +87,8 @@ class ScriptedStation:
         self.closed = False
         self.refuse = self.offered = ""
         self.rehearsed: dict[str, RehearsedReading] = {}
+        self.findings: tuple[Finding, ...] = ()
+        """What every plan that is looked at is found to break."""
         self.ways: list[RehearsedReading] = []
         self.questions: dict[str, Question] = {}
         self.answers: dict[str, tuple[AnswerLine, ...]] = {}
@@ -251,6 +255,14 @@ class ScriptedStation:
         """Return the rehearsal that the test has for a reading."""
         assert mission.id == MISSION.id
         return self.rehearsed.get(asked)
+
+    async def examine(self, plan: Plan, _text: str = "") -> Examination:
+        """Return what the test has found of any plan."""
+        return Examination(plan, self.findings, None, 0.0, 0.0)
+
+    async def foresee(self, text: str) -> str:
+        """Return a reading of any order."""
+        return f"reads as: {text}"
 
     def _refuse(self) -> None:
         if self.refuse:

@@ -198,7 +198,9 @@ def judged(
             asked=ASKED if readings else "",
             readings=readings,
             confidence=read.confidence,
-            state=approval_state(read, blocked=bool(blocked), objected=not good),
+            state=approval_state(
+                read, blocked=bool(blocked), objected=not good, warned=not medium.isdisjoint(broken)
+            ),
         ),
     ]
 

@@ -13,12 +13,14 @@ from pa_console.schema.mission import Decision, Metrics
 from pa_console.schema.plan import Action, Plan
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel
+from pa_console.tui.theme import LEAST, contrast
 from pa_console.tui.widgets.fields import CheckBox
 from pa_console.tui.widgets.mission_prompt import MissionInput
 from pa_console.tui.widgets.row_views import TextRows
 from pa_console.tui.widgets.trace_pane import sections
 from tests.tui import story
 from tests.tui.scripted import FakeClock, ScriptedStation, Show, notices, settle, until
+from tests.tui.site import picture
 
 pytestmark = pytest.mark.long
 
@@ -28,8 +30,10 @@ BLOCKED = "WF-03: a gate is left without cover"
 
 
 async def open_editor(app: ConsoleApp, pilot: Pilot[Any]) -> None:
-    """Choose Modify and wait for the plan's editor."""
+    """Choose Modify, and JSON in its form."""
     await pilot.press("m", "enter")
+    await until(pilot, lambda: app.screen.query("#plan-form"))
+    await pilot.press("f4")
     await until(pilot, lambda: app.screen.query("#editor"))
 
 
@@ -120,7 +124,7 @@ async def test_another_reading_is_gone_to_with_alt_and_its_number_and_chosen_wit
 ) -> None:
     told = story.told("approval", confidence=0.41, readings=READINGS)
     async with show(told) as (app, pilot, station, clock):
-        buttons = app.screen.query("#approval-readings Button").results(Button)
+        buttons = list(app.screen.query("#approval-readings Button").results(Button))
         labels = [str(button.label) for button in buttons]
         assert labels == [
             "(Alt+1) or: send 2 drones to EastGate",
@@ -133,7 +137,12 @@ async def test_another_reading_is_gone_to_with_alt_and_its_number_and_chosen_wit
         clock.now += ARM_DELAY_S
         await pilot.press("alt+3", "2", "f7")
         assert station.decisions == []
-        await pilot.press("alt+2", "enter")
+        await pilot.press("alt+2")
+        panel = app.screen.query_one(ApprovalPanel)
+        assert panel.border_subtitle == "Enter takes this reading, Esc goes back to the plan"
+        chosen = buttons[1]
+        assert contrast(chosen.styles.color, chosen.background_colors[1]) >= LEAST
+        await pilot.press("enter")
         await settle(pilot, station)
         assert [(d.kind, d.asked) for d in station.decisions] == [("choose", READINGS[1])]
 
@@ -260,7 +269,11 @@ async def test_warnings_must_be_ticked(show: Show) -> None:
         clock.now += ARM_DELAY_S
         await pilot.press("a")
         assert app.screen.query_one(CheckBox).has_focus
-        await pilot.press("space", "a", "enter")
+        panel = app.screen.query_one(ApprovalPanel)
+        await pilot.press("space", "a")
+        assert panel.border_title == "△ Breaks a Medium rule"
+        await pilot.press("enter")
+        assert panel.border_title == "△ Breaks a Medium rule", "it is no other plan once decided"
         await settle(pilot, station)
         assert station.decisions[0].acknowledged == ("CAP-04",)
 
@@ -386,7 +399,7 @@ async def test_an_interrupt_says_how_to_leave_and_the_plan_still_waits(show: Sho
         clock.now += ARM_DELAY_S
         await pilot.press("m", "enter")
         await settle(pilot)
-        await pilot.press("ctrl+c")
+        await pilot.press("end", "ctrl+c")
         await settle(pilot)
         assert notices(app)[-1].startswith("Esc goes back; there q ^q leaves the console")
         await pilot.press("escape")
@@ -440,3 +453,22 @@ async def test_the_attempt_up_for_approval_is_the_one_spread_out(show: Show) -> 
         keys = [part.key for part in sections(state, {})]
         assert keys.index("attempt-2") < keys.index("heading-1") < keys.index("plan-1")
         assert "plan-2" not in keys
+
+
+async def test_the_title_tells_how_old_the_plan_and_its_rehearsal_are(show: Show) -> None:
+    made_s = story.rehearsal().before.time_s
+    async with show(story.told("approval"), size=SIZE) as (app, pilot, station, _):
+        panel = app.screen.query_one(ApprovalPanel)
+        station.emit(ev.TelemetryReceived(picture=picture(made_s + 45.0)))
+        await settle(pilot, station)
+        assert panel.border_title == "✔ Approve · 45 s old"
+        now = picture(made_s + 540.0)
+        again = story.rehearsal().model_copy(update={"before": now})
+        station.emit(
+            ev.TelemetryReceived(picture=now),
+            ev.PlanRehearsed(attempt=1, rehearsal=again, seconds=0.1),
+        )
+        await settle(pilot, station)
+        station.emit(ev.TelemetryReceived(picture=now))
+        await settle(pilot, station)
+        assert panel.border_title == "✔ Approve · 9 min old, rehearsed just now"

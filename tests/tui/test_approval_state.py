@@ -58,6 +58,7 @@ def said(panel: ApprovalPanel) -> str:
     [
         (story.told("approval", confidence=0.8), "✔ Approve"),
         (story.told("approval", unmet=LEFT), "△ Narrowed by rules"),
+        (story.told("approval", broken=("CAP-04",)), "△ Breaks a Medium rule"),
         (story.told("approval", confidence=0.18), "△ May be misunderstood"),
         (story.not_understood("Schick die Drohne zum Osttor."), "? Not understood"),
         (story.told("approval", verdict="Failure"), "✘ Judge objects"),

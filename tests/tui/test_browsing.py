@@ -182,7 +182,9 @@ async def test_an_interrupt_while_a_mission_is_planned_leaves_it_be(show: Show) 
     async with show(story.told("planning")) as (app, pilot, station, _):
         await pilot.press("ctrl+c")
         await settle(pilot, station)
-        assert notices(app)[-1].endswith("after a question while a mission is active")
+        assert notices(app)[-1].endswith(
+            "after a question if a mission or a standing order ends by it"
+        )
         assert app.session.state.active == story.MISSION.id
         assert station.cancelled == 0
         await pilot.press("ctrl+q")

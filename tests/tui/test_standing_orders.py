@@ -8,7 +8,7 @@ import pytest
 from textual.widgets import Button, Static
 
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import Schedule, StandingOrder, StandingStart
+from pa_console.schema.mission import Metrics, Schedule, StandingOrder, StandingStart
 from pa_console.schema.plan import Plan
 from pa_console.schema.text import clock_text
 from pa_console.terminal.line_console import LineConsole
@@ -21,6 +21,7 @@ from pa_console.tui.widgets.row_views import TextRows
 from pa_console.views.waiting import Waiting
 from tests.tui import story
 from tests.tui.scripted import ScriptedStation, Show, console, settle
+from tests.tui.site import picture
 
 pytestmark = pytest.mark.long
 
@@ -121,6 +122,22 @@ async def test_all_are_listed_with_what_they_have_started_and_can_be_revoked(
         assert app.screen is app.session.main
 
 
+async def test_leaving_with_one_in_force_asks_once_and_says_what_ends(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, station, _):
+        in_force(station)
+        station.emit(
+            ev.MissionFinished(status="held", reason="x", metrics=Metrics()), mission=STARTED.id
+        )
+        await settle(pilot, station)
+        await pilot.press("f2", "q", "enter")
+        await settle(pilot)
+        asked_so = str(app.screen.query_one("#confirm Static", Static).render())
+        assert "S1" in asked_so
+        assert TEXT in asked_so
+        await pilot.press("n")
+        assert app.is_running
+
+
 async def test_without_one_the_screen_says_how_to_give_one(show: Show) -> None:
     async with show(story.opening(), size=(80, 24)) as (app, pilot, _, _):
         await pilot.press("escape", "V")
@@ -199,6 +216,43 @@ async def test_a_timed_order_shows_its_moments_and_is_paused_skipped_and_given_a
         assert station.changed == [("S2", change) for change in changes]
         await pilot.press("a")
         assert station.submitted == [TIMED.text]
+
+
+ONCE = StandingOrder(
+    id="S3",
+    text="At 16:45 send Drone_T04 to the north gate.",
+    schedule=Schedule(start=datetime(2026, 3, 1, 16, 45, tzinfo=UTC)),
+    words="at 16:45",
+    order="Send Drone_T04 to the north gate.",
+)
+
+
+async def test_an_order_for_one_moment_says_when_it_runs_and_counts_down(show: Show) -> None:
+    given = story.MISSION.model_copy(update={"text": ONCE.text})
+    moments = (ONCE.schedule.start,) if ONCE.schedule is not None else ()
+    read = ev.StandingOrderRead(order=ONCE, moments=moments, first_s=660.0)
+    request = REQUEST.model_copy(update={"standing": ONCE})
+    told = [*story.opening(), ev.MissionReceived(mission=given, position=0), read, request]
+    async with show(told) as (app, pilot, station, _):
+        said = words(app, "#approval-text")
+        assert "Will run once at 16:45:00 UTC" in said
+        assert "until you revoke it" not in said
+        station.emit(ev.TelemetryReceived(picture=picture(600.0)))
+        await settle(pilot, station)
+        assert app.screen.query_one(ApprovalPanel).border_title == "✔ Approve · in 01:00"
+        said = words(app, "#approval-text")
+        assert "now Send Drone_T04 to the north gate." in said
+        done = ev.MissionFinished(
+            status="verified", reason="S3 will run once at 16:45:00", metrics=Metrics()
+        )
+        station.emit(done)
+        await settle(pilot, station)
+        assert "✔ approved S3 will run once at 16:45:00" in words_of_head(app)
+
+
+def words_of_head(app: ConsoleApp) -> str:
+    """Return the line of the trace that says what the mission came to."""
+    return " ".join(str(app.screen.query_one("#trace-progress", Static).render()).split())
 
 
 def test_the_panel_shows_the_next_five_moments_and_what_would_be_done_now() -> None:

@@ -5,9 +5,10 @@ from pathlib import Path
 import pytest
 
 from pa_console.schema.events import event as ev
+from pa_console.tui.widgets.bars import StatusBar
 from tests.tui import story
 from tests.tui.scripted import ScriptedStation, Show, console, settle
-from tests.tui.site import WORLD
+from tests.tui.site import WORLD, picture
 from tests.tui.test_log_alarm import top_line
 
 
@@ -89,3 +90,24 @@ async def test_the_title_makes_room_for_what_has_to_be_known(show: Show) -> None
         assert WORLD.title not in line
         assert "slow, busy machine" in line
         assert "TAK ✘ away since 09:30 no mission" in line
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 36)])
+async def test_that_it_waits_for_you_and_an_uncovered_gate_are_seen_whatever_else_there_is(
+    size: tuple[int, int], show: Show
+) -> None:
+    asset = "Drone_T04"
+    async with show(story.told("approval"), size=size) as (app, pilot, station, _):
+        now = picture(610.0, changes={asset: {"manual": True}}, uncovered=("EastGate", "WestGate"))
+        station.emit(
+            ev.WorkerChanged(state="unconfined", detail="no Landlock"),
+            ev.LogTroubled(problem="no space left"),
+            ev.TelemetryReceived(picture=now),
+            mission=None,
+        )
+        await settle(pilot, station)
+        bar = str(app.screen.query_one(StatusBar).render())
+        assert "WAITS FOR YOU" in bar
+        assert "UNCOVERED" in bar
+        assert "LOG NOT WRITTEN" in bar
+        assert len(bar) <= size[0] - 2

@@ -154,6 +154,18 @@ def test_a_command_that_a_device_refuses_is_told_everywhere(
 
 
 @pytest.mark.parametrize("front_end", FRONT_ENDS)
+def test_a_rule_that_the_checks_found_broken_never_complies_in_the_judge_s_list(
+    front_end: Callable[[MissionTrace], str],
+) -> None:
+    judged = {rule.id for rule in RULES[:3]}
+    [broken] = [rule.id for rule in RULES[:1]]
+    said = told(front_end, story.told("approval", broken=(broken,)))
+    assert f"{broken} broken, by the checks" in said
+    assert f"{broken} complies" not in said
+    assert all(f"{name} complies" in said for name in judged - {broken})
+
+
+@pytest.mark.parametrize("front_end", FRONT_ENDS)
 def test_a_judge_without_a_verdict_means_hold_everywhere(
     front_end: Callable[[MissionTrace], str],
 ) -> None:

@@ -95,3 +95,25 @@ def test_nothing_is_waited_for_while_the_operator_decides() -> None:
     asked = next(d for d in story.told("approval") if isinstance(d, ev.ApprovalRequested))
     session.tell("M1", asked)
     assert session.line(60.0) == ""
+
+
+def test_after_the_verdict_it_is_the_second_reader_that_is_waited_for() -> None:
+    session = Session(Waiting())
+    session.begin("M1")
+    session.tell("M1", ev.PromptBuilt(role="judge", attempt=1, system="", user="", seconds=0.0))
+    assert session.line(4.0) == "the judge reads the plan: 4 s"
+    session.tell("M1", ev.PlanJudged(attempt=1, verdict=None, error="none"), 4.0)
+    assert session.line(2.0) == "a second model reads the order: 2 s"
+    read = ev.OrderReadAgain(attempt=1, model="m", asked="", error="no answer within 15 s")
+    session.tell("M1", read, 15.0)
+    assert session.line(1.0) == "the readings of the order are compared: 1 s"
+
+
+def test_a_plan_that_is_carried_out_takes_as_long_as_it_was_rehearsed_to() -> None:
+    from tests.tui import story  # noqa: PLC0415
+
+    session = Session(Waiting({"execute": 7.7}))
+    for told in story.told("executing"):
+        session.tell(story.MISSION.id, told)
+    seconds = story.rehearsal().timeline.duration_s
+    assert session.line(3.0) == f"the assets carry out the plan: 3 s of about {seconds:.0f} s"

@@ -2,7 +2,8 @@
 
 import errno
 import signal
-from collections.abc import Sequence
+import sys
+from collections.abc import Awaitable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from time import monotonic
@@ -28,17 +29,19 @@ from pa_console.schema.events.event import (
     QuestionAnswered,
 )
 from pa_console.schema.incident import Incident
-from pa_console.schema.mission import Decision
+from pa_console.schema.mission import Decision, DecisionKind
+from pa_console.schema.text import count
 from pa_console.session.log.chain import LogError
 from pa_console.session.log.writer import LogWriter
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.session.state import SessionState
 from pa_console.settings.schema import Settings
-from pa_console.station.headless import exit_code, run_missions
+from pa_console.station.headless import EXIT_CODES, Approver, exit_code, run_missions
 from pa_console.station.station import ControlStation
 from pa_console.terminal.mission import (
     ask_decision,
     print_answer,
+    print_choices,
     print_trace,
     show_request,
     step_line,
@@ -56,11 +59,13 @@ def run_mission(
     standing: ApprovalMode | None,
     override_reason: str,
     setup: Sequence[str],
+    choose: int = 0,
     json: bool,
 ) -> None:
     """Carry out what the verb was asked for, `setup` as YAML; raises Exit with the exit code.
 
-    Without a `standing` approval the plan is put to whoever sits at the terminal.
+    Without a `standing` approval the plan is put to whoever sits at the terminal. Where the order
+    is asked back about, the choice of the number `choose` is taken, 0 for none.
     """
     if text is None and options.scenario is None:
         raise ValueError("give a mission in plain language, or --scenario NAME, or both")
@@ -80,11 +85,13 @@ def run_mission(
     station, writer = opened.station, opened.open_log()
     endable = EndableRun()
     progress = _Progress(station, writer, endable, opened.engine.model.sha256, beside.observer)
-    approver = (
+    approver: Approver = (
         progress.ask
         if standing is None
         else standing_approver(standing, override_reason, least=settings.standing_confidence)
     )
+    if choose:
+        approver = _choosing(progress, approver, choose)
     unlogged: LogError | None = None
     try:
         with opened.logged(writer, endable.end), progress:
@@ -125,6 +132,9 @@ def _tell_end(
 ) -> None:
     """Print what became of the missions; raises Exit with the exit code, or `unlogged`."""
     code = exit_code([trace.status for trace in traces]) if unlogged is None else BAD_INPUT
+    asked = [trace for trace in traces if _is_asked_back(trace)]
+    if code == EXIT_CODES["held"] and asked:
+        code = ASKED_BACK
     if json:
         found = {"mission": traces[0]} if single and len(traces) == 1 else {"missions": traces}
         if answers:
@@ -138,10 +148,46 @@ def _tell_end(
             print_answer(out, told)
         for trace in traces:
             print_trace(out, trace)
+        for trace in asked:
+            print_choices(out, trace)
         if not traces and not answers:
             out.print("no alarm needed a response")
         out.print_line(f"log: {path}")
     raise typer.Exit(code)
+
+
+ASKED_BACK = 5
+"""The exit code of a mission that ended with a question and its choices."""
+
+
+def _is_asked_back(trace: MissionTrace) -> bool:
+    """Return whether one of several meanings is to be chosen; a person who rejected chose none."""
+    if trace.status not in ("held", "rejected"):
+        return False
+    made = trace.decision
+    nobody = not sys.stdin.isatty() or (made is not None and made.standing)
+    return nobody and bool(trace.asked_choices or trace.offered)
+
+
+def _choosing(progress: "_Progress", approver: Approver, number: int) -> Approver:
+    """Return an approver that first takes a choice or another reading by its number."""
+    taken = False
+
+    def decide(request: ApprovalRequested) -> Decision | Awaitable[Decision]:
+        nonlocal taken
+        trace = progress.state.current
+        choices = trace.choices if trace is not None else ()
+        offered = choices or request.readings
+        if taken or not offered:
+            return approver(request)
+        taken = True
+        if number > len(offered):
+            reason = f"--choose {number}: there are only {count(len(offered), 'choice')}"
+            return request.decided("reject", reason=reason)
+        kind: DecisionKind = "answer" if choices else "choose"
+        return request.decided(kind, asked=offered[number - 1])
+
+    return decide
 
 
 def read_event(number: int, text: str) -> Incident:

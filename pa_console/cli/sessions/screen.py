@@ -29,6 +29,7 @@ def run_screen(
     def cannot_write(error: LogError) -> None:
         app.notify(str(error), title="Session log", severity="error", timeout=30, markup=False)
 
+    station.offer_at_start(site.world.low_battery_policy)
     writer = opened.open_log(cannot_write)
     app = ConsoleApp(
         site.world,

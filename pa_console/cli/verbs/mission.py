@@ -62,6 +62,14 @@ def mission(
             "Example: '{kind: spawn, gate: WestGate, distance_m: 60}'"
         ),
     ] = None,
+    choose: Annotated[
+        int | None,
+        typer.Option(
+            metavar="NUMBER",
+            min=1,
+            help="Where the order is asked back about, take the choice of this number.",
+        ),
+    ] = None,
     json: JsonOption = False,
 ) -> None:
     """Plan, check, rehearse, judge, decide, execute and verify one mission, or a situation's."""
@@ -78,5 +86,6 @@ def mission(
             standing=None if approve is Approve.ask else approve.value,
             override_reason=override_reason,
             setup=event or (),
+            choose=choose or 0,
             json=json,
         )

@@ -166,6 +166,11 @@ class StandingOrderRead(Payload):
     moments: tuple[datetime, ...] = Field(
         default=(), exclude_if=lambda moments: not moments, description="the next of its moments"
     )
+    first_s: NonNegative | None = Field(
+        default=None,
+        exclude_if=lambda first_s: first_s is None,
+        description="the fleet's time at the first of its moments",
+    )
     allowed: tuple[str, ...] = Field(
         default=(), description="the commands that may be given unasked by it, as the rules say"
     )

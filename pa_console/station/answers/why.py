@@ -164,12 +164,19 @@ def _reasons(trace: MissionTrace, attempt: Attempt, action: Action, world: World
 def _nearness(
     trace: MissionTrace, attempt: Attempt, action: Action, world: World, before: Picture
 ) -> Iterator[str]:
-    """Yield the asset's rank by distance among the able ones, and what kept the nearer ones."""
+    """Yield the asset's rank by distance among the able ones, and what kept the nearer ones.
+
+    Like is compared with like: assets of the kind that was asked for, and where none was, those of
+    the same kind and any other that might have been taken.
+    """
     name, place = action.agent, goal_of(action, world)
     own_m = distance_m(name, action, world, before)
     if own_m is None:
         return
+    own_kind = world.assets[name].kind
     kind = kind_asked_for(asked_of(trace, attempt), action, world)
+    if kind is None and PLAIN_KINDS[own_kind] in trace.mission.text.lower().split():
+        kind = own_kind
     planned = {each.agent for each in actions_of(attempt)}
     others = [
         each
@@ -182,6 +189,7 @@ def _nearness(
         for each in others
         if (other_m := distance_m(each, action, world, before)) is not None
         and other_m < own_m - _CLOSE_M
+        and (world.assets[each].kind == own_kind or may_leave(each, before))
     )
     what = PLAIN_KINDS[kind] if kind is not None else "asset"
     free = [each for _, each in nearer if may_leave(each, before)]

@@ -19,6 +19,7 @@ from pa_console.tui.approval.inputs import (
     DECISION_KEYS,
     DecisionButtons,
     GivenFields,
+    MeaningButton,
     ReasonField,
     answering,
     blocked_reason,
@@ -28,7 +29,7 @@ from pa_console.tui.approval.inputs import (
     not_to_sign,
     reading_of,
 )
-from pa_console.tui.approval.plan_rows import approval_rows, looked_at_rows
+from pa_console.tui.approval.plan_rows import age_words, approval_rows, looked_at_rows
 from pa_console.tui.approval.plan_text import PlanText, panel_rows
 from pa_console.tui.plan_preview import PlanPreview
 from pa_console.tui.status_words import term
@@ -39,6 +40,8 @@ ARM_DELAY_S = 0.6
 """Quiet seconds before the panel takes keys; every key before that is dropped and counts anew.
 
 The user may choose another delay."""
+
+_TITLE_MARGIN = 4
 
 
 class ApprovalPanel(Vertical, can_focus=True):
@@ -107,7 +110,10 @@ class ApprovalPanel(Vertical, can_focus=True):
         self._sent = False
         """True if a decision about the shown plan was sent."""
         self._trace: MissionTrace | None = None
-        self._shown: tuple[str, int, int, bool] | None = None
+        self._shown: tuple[object, ...] | None = None
+        self._age = "", ""
+        self._foreseen = "", ""
+        """The id of a request for a timed order, and how it would be planned now."""
         self._width = 0
         self._looked_at = ""
         self._playing = False
@@ -132,10 +138,13 @@ class ApprovalPanel(Vertical, can_focus=True):
             self._trace, self._shown = None, None
             self.display = False
             return False
-        key = (trace.mission.id, request.attempt, len(trace.decisions), bool(request.blocked_by))
+        blocked, warned = bool(request.blocked_by), request.acknowledge
+        key = (trace.mission.id, request.attempt, len(trace.decisions), blocked, warned)
         self._trace = trace
         if key == self._shown:
             self._tell(trace, preview)
+            if not self._looked_at and not self._playing:
+                self._body.schedule(preview)
             return False
         self._shown, self._sent = key, False
         self.display = True
@@ -158,7 +167,24 @@ class ApprovalPanel(Vertical, can_focus=True):
 
     def _tell(self, trace: MissionTrace, preview: PlanPreview | None) -> None:
         """Show the facts; meanwhile a workflow may have moved on."""
-        self._body.tell(tuple(approval_rows(trace, preview)))
+        request_id, foreseen = self._foreseen
+        asked = trace.approval.request_id if trace.approval is not None else ""
+        self._body.tell(
+            tuple(approval_rows(trace, preview, foreseen if asked == request_id else ""))
+        )
+
+    def tell_foreseen(self, request_id: str, foreseen: str) -> None:
+        """Show how the timed order of a request would be planned now."""
+        self._foreseen = request_id, foreseen
+        if self._trace is not None and self._request is not None:
+            self._tell(self._trace, None)
+
+    def tell_age(self, now_s: float) -> None:
+        """Show in the title how old the plan is at a moment of the session's clock."""
+        age = age_words(self._trace, now_s) if self._trace is not None else ("", "")
+        if age != self._age:
+            self._age = age
+            self._tell_state()
 
     def show_moment(self, preview: PlanPreview | None, now_s: float | None) -> None:
         """Show the schedule of the plan that is looked at; `now_s` while it is played."""
@@ -264,7 +290,8 @@ class ApprovalPanel(Vertical, can_focus=True):
         why = self._why_not()
         self._buttons.of("approve").disabled = bool(why)
         waiting = "" if self.armed else "keys are ignored for a moment"
-        line = "decision sent" if self._sent else why or waiting or self._next_key()
+        meaning = self._meaning_key() if self.armed else ""
+        line = "decision sent" if self._sent else meaning or why or waiting or self._next_key()
         self.border_subtitle = "Space stops the rehearsal" if self._playing else line
         self._tell_state()
 
@@ -273,12 +300,19 @@ class ApprovalPanel(Vertical, can_focus=True):
         joined = self._joined is not None
         if self.has_focus:
             return "a goes to Countersign" if joined else "r, m or a goes to a button"
-        if self._looked_at:
-            return "Enter reads the order so, Esc goes back to the plan"
         if self._buttons.of("approve").has_focus:
             return "Enter signs it" if joined else "Enter approves, r goes back to Reject"
         plays = self._request is not None and self._request.standing is None
         return "Space plays it, Alt+C compares plans" if plays and self.has_focus_within else ""
+
+    def _meaning_key(self) -> str:
+        """Return the effect of Enter on what the order may mean, '' where that has no focus."""
+        focused = self.screen.focused
+        if not isinstance(focused, MeaningButton):
+            return ""
+        if focused.answers:
+            return "Enter gives this answer, Esc goes back"
+        return "Enter takes this reading, Esc goes back to the plan"
 
     def on_descendant_focus(self) -> None:
         """Leave a reading whose button has lost the focus, and show the effect of the next key.
@@ -313,13 +347,16 @@ class ApprovalPanel(Vertical, can_focus=True):
     def _tell_state(self) -> None:
         """Show the most important fact in the title and by the colour of the frame."""
         request = self._request
-        state = (request.state if request else None) or "none"
+        if request is None:  # decided: the panel closes with the next frame
+            return
+        state = request.state or "none"
         mark = term("approval", state)
-        self.border_title = f"{mark.glyph} {mark.word}"
-        refused = request is not None and bool(request.blocked_by) and state != "not_understood"
+        titles = [f"{mark.glyph} {mark.word} · {age}".removesuffix(" · ") for age in self._age]
+        self.border_title = titles[len(titles[0]) + _TITLE_MARGIN > self.size.width]
+        refused = bool(request.blocked_by) and state != "not_understood"
         self.set_class(refused or state == "judge_objects", "-blocked")
         self.set_class(state == "approve", "-sure")
-        self._buttons.of("modify").disabled = request is not None and not may_modify(request)
+        self._buttons.of("modify").disabled = not may_modify(request)
 
     def _why_not(self) -> str:
         """Return why Approve is not admissible, apart from the arm delay."""

@@ -19,7 +19,7 @@ from pa_console.schema.events.event import ApprovalRequested, StandingOrderRead
 from pa_console.schema.mission import ELSEWHERE, Mission, StandingOrder
 from pa_console.schema.plan import Action
 from pa_console.schema.telemetry import AssetTelemetry
-from pa_console.schema.text import count
+from pa_console.schema.text import clock_text, count
 from pa_console.session.confidence import UNSURE
 from pa_console.session.mission_trace import Attempt, MissionTrace
 from pa_console.tui.plan_preview import PlanPreview
@@ -65,6 +65,37 @@ def step_rows(preview: PlanPreview) -> Iterator[WrappedRow]:
     yield phrased(("Steps  ", QUIET), spent)
     if changed := cover_row(preview):
         yield changed
+
+
+YOUNG_S = 10.0
+"""The age of a plan from which on it is shown, seconds."""
+
+
+def age_words(trace: MissionTrace, now_s: float) -> tuple[str, str]:
+    """Return how old the plan that waits is, with the age of its rehearsal and without.
+
+    Both are '' for a young plan; of a timed order, they say in how much time it starts.
+    """
+    request = trace.approval
+    if request is not None and request.standing is not None and trace.standing is not None:
+        first_s = trace.standing.first_s
+        left = f"in {clock_text(max(first_s - now_s, 0.0))}" if first_s is not None else ""
+        return left, left
+    attempt = trace.find(request.attempt) if request is not None else None
+    if attempt is None or attempt.rehearsal is None or attempt.made_s is None:
+        return "", ""
+    made_s, rehearsed_s = now_s - attempt.made_s, now_s - attempt.rehearsal.before.time_s
+    if made_s < YOUNG_S:
+        return "", ""
+    old = f"{_age(made_s)} old"
+    if rehearsed_s == made_s:
+        return old, old
+    again = f"{_age(rehearsed_s)} ago" if rehearsed_s >= YOUNG_S else "just now"
+    return f"{old}, rehearsed {again}", old
+
+
+def _age(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} min"
 
 
 def unrehearsed_row(action: Action) -> WrappedRow:
@@ -151,10 +182,13 @@ def _unfinished(names: Sequence[str], preview: PlanPreview) -> Iterator[str]:
             yield f"{name}: {line.detail or 'does not finish'}"
 
 
-def approval_rows(trace: MissionTrace, preview: PlanPreview | None = None) -> Iterator[WrappedRow]:
+def approval_rows(
+    trace: MissionTrace, preview: PlanPreview | None = None, foreseen: str = ""
+) -> Iterator[WrappedRow]:
     """Yield all facts of the plan that waits; none without one.
 
-    `preview` is that plan as its rehearsal has shown it, None without a rehearsal.
+    `preview` is that plan as its rehearsal has shown it, None without a rehearsal; `foreseen` says
+    how a timed order would be planned now.
     """
     request = trace.approval
     if request is None:
@@ -171,7 +205,7 @@ def approval_rows(trace: MissionTrace, preview: PlanPreview | None = None) -> It
         yield row("  ", f"Nobody moves. {told}, or reject this.")
         return
     if request.standing is not None and trace.standing is not None:
-        yield from offered_rows(trace.standing)
+        yield from offered_rows(trace.standing, foreseen)
         yield from _blocked(request)
         return
     for text in attempt.unmet if attempt else ():
@@ -202,7 +236,17 @@ def _order(trace: MissionTrace, request: ApprovalRequested) -> Iterator[WrappedR
         yield row(("▲ ", WARN), (mission.origin[0].upper() + mission.origin[1:], f"bold {WARN}"))
     again = request.attempt > 1 and len(request.plan.steps) == 1
     later = [(f"  (plan {request.attempt})", QUIET)] if again else []
-    yield row((who[mission.source], QUIET), *typed_words(mission), *later)
+    void = trace.find(trace.voided_attempt)
+    if void is not None and attempt is not None and void.round == attempt.round:
+        yield row(
+            ("△ ", WARN), (f"Plan {void.number} was withdrawn  ", f"bold {WARN}"), trace.voided
+        )
+    if mission.offered:
+        yield row(("▶ ", NOTE), ("Low-battery policy of this world. ", f"bold {NOTE}"),
+                  "Approve it once, and it acts while you are away; reject it, and every asset "
+                  "with a low battery waits for your order.")  # fmt: skip
+    name = "policy " if mission.offered else who[mission.source]
+    yield row((name, QUIET), *typed_words(mission), *later)
     asked = asked_words(attempt.plan.reason).rstrip("; ") if attempt and attempt.plan else ""
     if asked and not request.readings:
         yield row(("read   ", QUIET), plain_reading(asked))
@@ -355,24 +399,35 @@ def looked_at_rows(preview: PlanPreview | None, faults: tuple[str, ...]) -> Iter
 
 def reading_label(number: int, asked: str) -> Content:
     """Return what else the order may mean, after the key that shows it."""
-    or_ = ("or: ", QUIET) if asked.startswith(ASKED) else ""
+    or_ = "or: " if asked.startswith(ASKED) else ""
     return Content.assemble((f"(Alt+{number}) ", "bold"), or_, plain_reading(asked))
 
 
 _LEAD = 10
 
 
-def offered_rows(read: StandingOrderRead) -> Iterator[WrappedRow]:
-    """Yield all facts of a standing order before its approval."""
-    yield row(("▶ ", NOTE), (f"Standing order {read.order.id}: ", f"bold {NOTE}"),
-              "it holds from your approval until you revoke it or the session ends")  # fmt: skip
-    yield from order_rows(read.order, read.allowed)
-    if read.order.schedule is not None:
-        yield row(_lead("next"), (moments_in_words(read.moments), "bold"))
-    for start in read.now:
+def offered_rows(read: StandingOrderRead, foreseen: str = "") -> Iterator[WrappedRow]:
+    """Yield all facts of a standing order before its approval.
+
+    `foreseen` says how its order would be planned now, '' where that is not known.
+    """
+    if read.order.once and read.moments:
+        yield row(("▶ ", NOTE), (f"Will run once at {moments_in_words(read.moments)}", "bold"),
+                  f", as {read.order.id}; it is planned and checked then")  # fmt: skip
+        yield row(_lead("order"), read.order.order_in_words)
+        yield row(_lead("approval"), asked_in_words(read.order, read.allowed))
+    else:
+        holds = "it holds from your approval until you revoke it or the session ends"
+        yield row(("▶ ", NOTE), (f"Standing order {read.order.id}: ", f"bold {NOTE}"), holds)
+        yield from order_rows(read.order, read.allowed)
+        if read.order.schedule is not None:
+            yield row(_lead("next"), (moments_in_words(read.moments), "bold"))
+    if foreseen:
+        yield row(_lead("now"), foreseen.removeprefix("reads as: "))
+    for start in () if read.order.once else read.now:
         about = f"{start.subject}: " * bool(start.subject)
         yield row(_lead("now"), (about, "bold"), (start.order, WARN))
-    if not read.now:
+    if not read.now and read.order.schedule is None:
         yield row(_lead("now"), "it would start nothing: the condition holds of nobody")
 
 

@@ -1,5 +1,7 @@
 """Takes decisions on plans and questions at the prompt to the station, and shows the answers."""
 
+from contextlib import suppress
+
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import VerticalScroll
@@ -8,6 +10,7 @@ from textual.screen import ModalScreen, Screen
 
 from pa_console.language.canonical.reading import plain_reading
 from pa_console.language.questions import Question
+from pa_console.mission.examine import Examination
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.events.intake import QuestionAnswered
 from pa_console.schema.mission import Decision
@@ -52,8 +55,10 @@ class ApprovalController:
     def __init__(self, session: ConsoleSession, commands: CommandController) -> None:
         self._session, self._commands = session, commands
         self._drafts: dict[PlanKey, str] = {}
-        self._editing: tuple[PlanKey, Screen[Plan | None]] | None = None
+        self._editing: tuple[PlanKey, Screen[Plan | str | None]] | None = None
         self._comparing: tuple[str, PlanComparison] | None = None
+        self._foreseen = ""
+        """The last request for a timed order whose plan was looked for."""
 
     def go_to_it(self) -> None:
         """Go to the plan that waits, from any screen that is not modal."""
@@ -186,29 +191,57 @@ class ApprovalController:
         plan = PlanPreview(session.world, found.plan, found.rehearsal, words)
         main.look_at(asked, plan, found.faults)
 
-    def modify(self) -> None:
-        """Open the editor on the waiting plan, or on the draft that was left."""
-        trace = self._session.state.current
-        if trace is None or trace.approval is None:
+    def modify(self, *, as_json: bool = False) -> None:
+        """Open the form on the waiting plan, or on the draft that was left; JSON on demand."""
+        trace, station = self._session.state.current, self._session.station
+        if trace is None or trace.approval is None or station is None:
             return
         from pa_console.tui.screens.plan_editor import PlanEditor, plan_json  # noqa: PLC0415
+        from pa_console.tui.screens.plan_form import JSON, PlanForm  # noqa: PLC0415
 
-        key = trace.mission.id, trace.approval.attempt
+        key, text = (trace.mission.id, trace.approval.attempt), trace.mission.text
         waiting, request_id = trace.approval.plan, trace.approval.request_id
         proposed = _proposed(trace, trace.approval)
         draft = self._drafts.get(key) or plan_json(waiting)
-        editor = PlanEditor(plan_json(proposed), draft)
+
+        async def examine(plan: Plan) -> Examination:
+            return await station.examine(plan, text)
+
+        editor: PlanForm | PlanEditor = PlanEditor(plan_json(proposed), draft)
+        if not as_json:
+            with suppress(ValueError):  # a draft that is no plan in rows is left as JSON
+                editor = PlanForm(self._session.world, plan_json(proposed), draft, examine)
         self._editing = key, editor
 
-        def closed(plan: Plan | None) -> None:
+        def closed(plan: Plan | str | None) -> None:
             self._drafts[key], self._editing = editor.draft, None
-            if plan == waiting:
+            if isinstance(plan, str):
+                self.modify(as_json=plan == JSON)
+            elif plan == waiting:
                 self._session.tell("the plan is as it was, and still waits", "Nothing was changed")
             elif plan is not None:
                 back = BACK_TO_PROPOSED if plan == proposed else ""
                 self.decide(Decision(kind="modify", request_id=request_id, plan=plan, reason=back))
 
         self._session.app.push_screen(editor, closed)
+
+    def look_ahead(self) -> None:
+        """Have a timed order that waits for approval planned as it would be now, once."""
+        trace, session = self._session.state.current, self._session
+        request = trace.approval if trace is not None else None
+        order = request.standing if request is not None else None
+        if request is None or order is None or not order.once or session.player is not None:
+            return
+        if request.request_id != self._foreseen and session.station is not None:
+            self._foreseen = request.request_id
+            work = self._look_ahead(request.request_id, order.order)
+            session.app.run_worker(work, group="foreseen", exclusive=True, exit_on_error=False)
+
+    async def _look_ahead(self, request_id: str, order: str) -> None:
+        session = self._session
+        line = await session.station.foresee(order) if session.station is not None else ""
+        if line and session.main is not None:
+            session.main.query_one(ApprovalPanel).tell_foreseen(request_id, line)
 
     def close_void(self) -> None:
         """Close the editor and the comparison of a plan that no longer waits."""

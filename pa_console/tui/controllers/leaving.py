@@ -1,4 +1,4 @@
-"""Leaves the console: after a question while a mission is active, or when the terminal is gone."""
+"""Leaves the console: after a question where something ends by it, or when the terminal is gone."""
 
 import asyncio
 import signal
@@ -52,16 +52,20 @@ class LeavingController:
         self._app.run_worker(self._close(why), exit_on_error=False)
 
     def leave(self) -> None:
-        """Leave, after a question when a mission is active."""
-        session = self._session
-        if session.state.active is None or session.player is not None or session.readonly:
+        """Leave, after a question when something would end by that."""
+        session, state = self._session, self._session.state
+        ends: list[str] = []
+        if state.active is not None:
+            ends.append(f"Mission {state.active} is still active: it is cancelled.")
+        ends += [
+            f"Standing order {each.order.id} is in force and ends: {each.order.text}"
+            for each in state.standing.values()
+            if each.in_force
+        ]
+        if not ends or session.player is not None or session.readonly:
             self._leave_now()
             return
-        question = (
-            f"Mission {session.state.active} is still active.\n"
-            "Leaving ends the session; the mission is cancelled."
-        )
-
+        question = "\n".join(["Leaving ends the session.", *ends])
         session.confirm(question, self._leave_now, yes="Leave", no="Stay")
 
     def _leave_now(self) -> None:
@@ -90,9 +94,8 @@ class LeavingController:
             raise SkipAction
         keys = shown_keys(action_of("quit"), self._settings.loaded.values.keys)
         back = "Esc goes back; there " if self._app.screen.is_modal else ""
-        self._session.tell(
-            f"{back}{keys} leaves the console, after a question while a mission is active", "Leave?"
-        )
+        what = "after a question if a mission or a standing order ends by it"
+        self._session.tell(f"{back}{keys} leaves the console, {what}", "Leave?")
 
     async def _close(self, reason: str = "closed by the operator") -> None:
         if self._session.station is not None:

@@ -139,7 +139,8 @@ class SessionFeed:
         """Show the present wait on the main screen."""
         main = self._main()
         if main is not None:
-            main.show_waiting(self.waiting.line(self._session.clock(), self._session.folded))
+            session = self._session
+            main.show_waiting(self.waiting.line(session.clock(), session.folded, session.rate))
 
     def look(self) -> None:
         """Look how long the session has been silent, and how long a step takes."""

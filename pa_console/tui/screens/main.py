@@ -11,7 +11,6 @@ from textual.screen import Screen
 from textual.timer import Timer
 from textual.widgets import Button, Input, Static
 
-from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
 from pa_console.session.state import MissionTrace, SessionState
@@ -91,7 +90,7 @@ class MainScreen(Screen[None]):
         self._names = OrderNames(world)
         self._view = "map"
         self._selected: str | None = None
-        self._waits: tuple[ApprovalRequested, PlanPreview | None] | None = None
+        self._waits: tuple[object, PlanPreview | None] | None = None
         self._plan: PlanPreview | None = None
         self._playback: Playback | None = None
         self._play_timer: Timer | None = None
@@ -213,6 +212,8 @@ class MainScreen(Screen[None]):
             bar = self.query_one(StatusBar)
             bar.show(state, self._world.title, self.mode, rate, silent_s)
             self.query_one(AlarmBar).show(state)
+            if state.picture is not None:
+                self.query_one(ApprovalPanel).tell_age(state.picture.time_s)
         if "map" in views:
             self._names.use_tracks(state.picture.tracks if state.picture is not None else ())
             self.query_one(MapView).show(
@@ -254,8 +255,10 @@ class MainScreen(Screen[None]):
         panel, prompt = self.query_one(ApprovalPanel), self.query_one(MissionPrompt)
         had_keys, in_reason = panel.has_focus_within, isinstance(self.focused, Input)
         plan = self._plan_that_waits(state)
+        before = self._plan
         appeared = panel.show(state.current, plan)
-        if appeared or not panel.display:
+        other = plan is not before and not panel.looks_at_reading and self._playback is None
+        if appeared or not panel.display or other:
             self.show_plan(plan)
         if not self._decides:
             return
@@ -281,8 +284,11 @@ class MainScreen(Screen[None]):
         request = trace.approval if trace is not None else None
         if trace is None or request is None:
             self._waits = None
-        elif self._waits is None or self._waits[0] is not request:
-            self._waits = request, waiting_plan(self._world, trace)
+        else:
+            attempt = trace.find(request.attempt)
+            key = request, attempt.rehearsal if attempt is not None else None
+            if self._waits is None or self._waits[0] != key:
+                self._waits = key, waiting_plan(self._world, trace)
         return self._waits[1] if self._waits is not None else None
 
     def show_plan(self, plan: PlanPreview | None) -> None:

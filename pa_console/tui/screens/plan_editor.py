@@ -1,4 +1,4 @@
-"""Lets the operator change a plan's JSON, checked while it is typed."""
+"""Lets the operator change a plan's JSON, checked while it is typed: the form's other side."""
 
 import json
 
@@ -31,19 +31,24 @@ def read_plan(text: str) -> Plan | str:
         return f"{place}: {first['msg']}" if place else first["msg"]
 
 
+FORM = "form"
+"""The answer of somebody who wants to go back to the form."""
+
+
 class PlanField(TextField):
     """The text of a plan, which one key selects as a whole, to be replaced by another."""
 
     BINDINGS = [Binding("ctrl+a", "select_all", "Select all", show=False)]
 
 
-class PlanEditor(ModalScreen[Plan | None]):
-    """Returns the changed plan, or None; the draft survives in `draft` when it is left."""
+class PlanEditor(ModalScreen["Plan | str | None"]):
+    """Returns the changed plan, FORM, or None; the draft survives in `draft` when it is left."""
 
     BINDINGS = [
         Binding("escape", "dismiss", "Back, keep the draft"),
         Binding("ctrl+s,f10", "send", "Send to the safeguards"),
         Binding("ctrl+r", "revert", "The plan as it was proposed"),
+        Binding("f4", "form", "As a form"),
     ]
 
     def __init__(self, proposed: str, draft: str) -> None:
@@ -67,7 +72,7 @@ class PlanEditor(ModalScreen[Plan | None]):
         self.query_one(TextArea).cursor_blink = False
         editor = self.query_one("#editor")
         editor.border_title = "Modify the plan"
-        editor.border_subtitle = "^A selects all   ^R plan as proposed   ^Z undo"
+        editor.border_subtitle = "^A selects all   ^R plan as proposed   ^Z undo   F4 form"
         self.query_one(TextArea).focus()
         self._check()
 
@@ -97,6 +102,11 @@ class PlanEditor(ModalScreen[Plan | None]):
         plan = self._check()
         if plan is not None:
             self.dismiss(plan)
+
+    def action_form(self) -> None:
+        """Go back to the form, if the text is a plan."""
+        if self._check() is not None:
+            self.dismiss(FORM)
 
     def action_revert(self) -> None:
         """Put the proposed plan back; what was typed comes again with an undo."""

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from itertools import groupby
+from typing import NamedTuple
 
 from textual import events
 from textual.binding import Binding
@@ -14,7 +15,7 @@ from pa_console.schema.text import clock_text, count, few
 from pa_console.session.state import SessionState, TakTrace
 from pa_console.session.timeline import MarkKind, RecordingTimeline
 from pa_console.tui.actions import first_key
-from pa_console.tui.status_words import QUIET, WARN, cover_state, short_names, term
+from pa_console.tui.status_words import NOTE, QUIET, WARN, cover_state, short_names, term
 
 LEAST = 10
 
@@ -112,6 +113,7 @@ JOINED = "JOINED"
 """The beginning of the mode of a joined console; the station's name follows."""
 
 RELIEVED = " NOT IN COMMAND: NOTHING IS SENT "
+_ALARM = "bold reverse $text-error"
 UNLOGGED = " LOG NOT WRITTEN: NOTHING IS DISPATCHED "
 
 
@@ -128,34 +130,67 @@ class StatusBar(Static):
         time = clock_text(state.picture.time_s) if state.picture else "--:--"
         stale = silent_s > self.stale_after_s and (mode == "LIVE" or mode.startswith(JOINED))
         worker = term("worker", state.worker.state if state.worker else "none")
-        parts: list[tuple[str, str] | Content | str] = []
-        named = [("PA Console  ", "bold $text-primary")] if wide else []
-        titled = [(f"{title}  ", QUIET)] if wide and state.active is None else []
-        clock = ("session ", QUIET) if mode == "REPLAY" else ""
-        parts += [self._mode(mode), "  ", clock, f"{time} ", (f"×{rate:g}", QUIET)]
-        if state.started is not None and (alarm := _rules_alarm(state.started.rules_seal)):
-            parts += ["  ", (f" {alarm} ", "bold reverse $text-error")]
-        if state.log_problem:
-            parts += ["  ", (UNLOGGED, "bold reverse $text-error")]
-        if state.relieved:
-            parts += ["  ", (RELIEVED, "bold reverse $text-error")]
-        if stale:
-            parts.append((f"  ▲ no telemetry for {silent_s:.0f} s", "bold $text-error"))
-        if wide or worker.word != "ready":
-            parts += [("  model ", QUIET), worker.part]
-        parts += self._servers(state)
-        mission, tak = ["  ", self._mission(state, mode)], self._tak(state.tak, wide=wide)
         idle = state.active is None and state.stop is None
-        parts += ["  ", self._gates(state)]
         manual = self._manual(state)
-        if manual and idle and not state.ended:
-            mission = []  # the bar of a narrow screen has no room for both
-        parts += [*tak, *mission] if idle and state.tak.away else [*mission, *tak]
-        parts += manual
-        line = Content.assemble(*named, *titled, *parts)
-        if line.cell_length > self.content_size.width:
-            line = Content.assemble(*named, *parts)
-        self.update(line, layout=False)
+        items: list[_Item] = []
+
+        def add(rank: int, *parts: str | tuple[str, str] | Content, short: str = "") -> None:
+            items.append(_Item(rank, Content.assemble(*parts), short))
+
+        if wide:
+            add(8, ("PA Console  ", "bold $text-primary"))
+        if wide and state.active is None:
+            add(9, (f"{title}  ", QUIET))
+        add(0, self._mode(mode))
+        add(1, "  ", ("session ", QUIET) if mode == "REPLAY" else "", f"{time} ")
+        add(4, (f"×{rate:g}", QUIET))
+        if state.started is not None and (alarm := _rules_alarm(state.started.rules_seal)):
+            add(0, "  ", (f" {alarm} ", _ALARM))
+        if state.log_problem:
+            add(0, "  ", (UNLOGGED, _ALARM), short=" LOG NOT WRITTEN ")
+        if state.relieved:
+            add(0, "  ", (RELIEVED, _ALARM), short=" NOT IN COMMAND ")
+        if stale:
+            add(0, (f"  ▲ no telemetry for {silent_s:.0f} s", "bold $text-error"), short="▲ silent")
+        if wide or worker.word != "ready":
+            add(5 if worker.word == "ready" else 1, ("  model ", QUIET), worker.part)
+        if servers := self._servers(state):
+            ready = all(one.state == "ready" for one in state.servers.values())
+            add(5 if ready else 1, *servers)
+        gates, fewer = self._gates(state)
+        add(0 if fewer else 6, "  ", gates, short=fewer)
+        tak = _Item(2 if state.tak.away else 4, Content.assemble(*self._tak(state.tak, wide=wide)))
+        if idle and state.tak.away:
+            items.append(tak)
+        # The bar of a narrow screen has no room for both.
+        if not (manual and idle and not state.ended):
+            told, waits = self._mission(state, mode)
+            add(3 if state.active is not None and state.stop is None else 0, "  ", told)
+            if waits:
+                add(0, (waits, "bold $text-accent"))
+        if not (idle and state.tak.away):
+            items.append(tak)
+        if manual:
+            add(2, *manual)
+        if following := self._next_start(state):
+            add(7, following)
+        self.update(_fitted(items, self.content_size.width), layout=False)
+
+    def _next_start(self, state: SessionState) -> Content | None:
+        """Return the number of standing orders in force, and the countdown to the next moment."""
+        given = [each for each in state.standing.values() if each.in_force]
+        if not given or state.ended:
+            return None
+        coming = [
+            (each.next.at_s - state.time_s, each.order.id)
+            for each in given
+            if not each.paused and each.next and each.next.at_s is not None
+        ]
+        told = f"  {count(len(given), 'standing order')}"
+        if coming:
+            left_s, order = min(coming)
+            told = f"  {order} in {clock_text(max(left_s, 0.0))}"
+        return Content.styled(told, NOTE)
 
     def _servers(self, state: SessionState) -> list[tuple[str, str] | Content | str]:
         """Return the state of the models on servers, the worst of several."""
@@ -181,24 +216,29 @@ class StatusBar(Static):
         style = {"LIVE": "bold $text-success"}.get(mode, "bold reverse $text-warning")
         return Content.styled("● LIVE" if mode == "LIVE" else f" {mode} ", style)
 
-    def _gates(self, state: SessionState) -> Content:
-        """Name the gates that are not covered; one of which nothing is known is not covered."""
+    def _gates(self, state: SessionState) -> tuple[Content, str]:
+        """Name the gates that are not covered, and count them in short; '' if all are covered.
+
+        One of which nothing is known is not covered.
+        """
         if state.picture is None:
-            return Content.styled("? gates unknown", "$text-warning")
+            return Content.styled("? gates unknown", "$text-warning"), "? gates"
         by: dict[str, list[str]] = {"uncovered": [], "unknown": [], "covered": []}
         for name, cover in state.picture.gates.items():
             by[cover_state(cover)].append(name)
         parts: list[tuple[str, str]] = []
+        short: list[str] = []
         for name in ("uncovered", "unknown"):
             if by[name]:
                 mark = term("gate", name)
                 gap = ", " if parts else ""
                 words = f"{gap}{mark.glyph} {few(by[name], 2)} {mark.word}"
                 parts.append((words, f"bold {mark.style}"))
+                short.append(f"{mark.glyph} {len(by[name])} {mark.word}")
         if parts:
-            return Content.assemble(*parts)
+            return Content.assemble(*parts), " ".join(short)
         mark = term("gate", "covered")
-        return Content.styled(f"{mark.glyph} all gates covered", mark.style)
+        return Content.styled(f"{mark.glyph} all gates covered", mark.style), ""
 
     def _manual(self, state: SessionState) -> list[tuple[str, str]]:
         """Name the assets under manual control."""
@@ -208,23 +248,49 @@ class StatusBar(Static):
         words = f"  {mark.glyph} {few(names, 2)} {mark.word}"
         return [(words, f"bold {mark.style}")] if names else []
 
-    def _mission(self, state: SessionState, mode: str) -> Content:
+    def _mission(self, state: SessionState, mode: str) -> tuple[Content, str]:
+        """Return the mission that is worked on, and who is waited for."""
         if state.ended:
-            return Content.styled(f"session ended: {state.ended}", "$text-warning")
+            return Content.styled(f"session ended: {state.ended}", "$text-warning"), ""
         if state.stop is not None:
             how = f": {first_key('release')} releases it" if mode == "LIVE" else ""
-            return Content.styled(f"■ STOPPED{how}", "bold $text-error")
+            return Content.styled(f"■ STOPPED{how}", "bold $text-error"), ""
         if state.active is None:
-            return Content.styled("no mission", QUIET)
+            return Content.styled("no mission", QUIET), ""
         trace = state.missions[state.active]
         waiting = " ▲ WAITS FOR YOU" if trace.approval else ""
         if trace.approval and mode.startswith(JOINED):
             station = mode.removeprefix(JOINED).strip()
             waiting = " ▲ TO SIGN" if trace.approval.approvals else f" waits for {station}"
         phase = f" {trace.phase}:" if trace.phase else ""
-        return Content.assemble(
-            f"{trace.mission.id}{phase} {trace.stage}", (waiting, "bold $text-accent")
-        )
+        return Content(f"{trace.mission.id}{phase} {trace.stage}"), waiting
+
+
+class _Item(NamedTuple):
+    """A part of the status bar; parts of a higher rank are left out first, those of 0 never."""
+
+    rank: int
+    content: Content
+    short: str = ""
+    """Fewer words of a part that is never left out."""
+
+
+def _fitted(items: list[_Item], width: int) -> Content:
+    """Return the parts in one line: without those that have no room, then in fewer words."""
+    shown = list(items)
+    while _cells(shown) > width and (least := max((each.rank for each in shown), default=0)) > 0:
+        shown = [each for each in shown if each.rank < least]
+    for number, each in enumerate(shown):
+        if _cells(shown) <= width:
+            break
+        if each.short:
+            style = each.content.spans[-1].style if each.content.spans else ""
+            shown[number] = each._replace(content=Content.assemble(" ", (each.short, style)))
+    return Content.assemble(*(each.content for each in shown))
+
+
+def _cells(items: list[_Item]) -> int:
+    return sum(each.content.cell_length for each in items)
 
 
 def _rules_alarm(seal: RulesSeal | None) -> str:

@@ -1,0 +1,158 @@
+"""A plan that waits for the operator: it is rehearsed again when what it stands on has changed."""
+
+import asyncio
+from collections.abc import Iterable
+from dataclasses import replace
+from math import dist
+
+from pa_console.mission.context import MissionContext
+from pa_console.mission.decide import AdmissibleDecision, Decide, Readings, decide
+from pa_console.mission.examine import Examination
+from pa_console.mission.plan import Candidate, PlanForDecision, safeguards
+from pa_console.schema.events import event as ev
+from pa_console.schema.finding import Finding
+from pa_console.schema.mission import Decision, Mission
+from pa_console.schema.plan import Plan
+from pa_console.schema.telemetry import Picture
+
+DRIFT_PCT = 3.0
+"""The change of an agent's charge from which on a rehearsal no longer tells it."""
+DRIFT_M = 10.0
+"""The same for its place, metres."""
+AT_ONCE_S, LEAST_S, MOST_S = 2.0, 5.0, 60.0
+"""Seconds between two rehearsals: after a sudden change, and after a drift of a young and of an
+old plan."""
+
+
+class _PlanChangedError(Exception):
+    """The safeguards now decide otherwise on the waiting plan."""
+
+    def __init__(self, found: Examination) -> None:
+        super().__init__("; ".join(found.broken))
+        self.found = found
+
+
+class WaitingPlan:
+    """Follows the picture while a plan waits, and examines the plan again where that matters."""
+
+    def __init__(self, context: MissionContext, task: Mission, shown: Candidate) -> None:
+        """Follow the plan of `shown` for `task`."""
+        self._context, self._task, self._shown = context, task, shown
+        self.found = shown.examination
+        """The last examination of the plan."""
+        rehearsal = self.found.rehearsal
+        self._known = rehearsal.before if rehearsal else context.services.fleet.picture()
+        """The picture that the last examination began with."""
+        self._since_s = self._known.time_s
+        self._due = asyncio.Event()
+
+    def see(self, picture: Picture) -> None:
+        """Note whether the plan is to be examined again."""
+        if self._drifted(picture) or self._sudden(picture):
+            self._due.set()
+
+    def _sudden(self, picture: Picture) -> bool:
+        """Return whether a gate, a visitor, the weather or the state of an agent has changed."""
+        if picture.time_s - self._known.time_s < AT_ONCE_S:
+            return False
+        plan = self.found.plan
+        return _stands_on(plan, picture) != _stands_on(plan, self._known)
+
+    def _drifted(self, picture: Picture) -> bool:
+        """Return whether an agent has another charge or place than it was rehearsed with.
+
+        The longer a plan waits, the rarer its drifts are rehearsed: each is logged.
+        """
+        waited_s = self._known.time_s - self._since_s
+        if picture.time_s - self._known.time_s < min(LEAST_S + waited_s / 10, MOST_S):
+            return False
+        for name in set(self.found.plan.agents):
+            now, then = picture.assets.get(name), self._known.assets.get(name)
+            if now is None or then is None:
+                continue
+            if abs(now.battery_pct - then.battery_pct) >= DRIFT_PCT:
+                return True
+            if dist(now.position, then.position) >= DRIFT_M:
+                return True
+        return False
+
+    async def decided(
+        self, planned: PlanForDecision, before: Readings, answer: Decide
+    ) -> AdmissibleDecision | Examination:
+        """Return the decision on the plan, or a new examination that makes it another question."""
+        try:
+            return await decide(self._context, planned, before, lambda: self._answered(answer))
+        except _PlanChangedError as changed:
+            return changed.found
+
+    async def _answered(self, answer: Decide) -> Decision:
+        """Return the operator's answer; raises _PlanChangedError if the safeguards answer first."""
+        deciding, watching = asyncio.ensure_future(answer()), asyncio.ensure_future(self._watch())
+        both = deciding, watching
+        try:
+            await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
+            if deciding.done():
+                return deciding.result()
+            raise _PlanChangedError(watching.result())
+        finally:
+            for task in both:
+                task.cancel()
+            await asyncio.gather(*both, return_exceptions=True)
+
+    async def _watch(self) -> Examination:
+        """Keep the rehearsal fresh; return the examination that finds other rules broken."""
+        while True:
+            await self._due.wait()
+            was = self.found
+            self._known = self._context.services.fleet.picture()
+            self._due.clear()
+            self.found = found = await safeguards(self._context, self._task, was.plan)
+            self._tell(found, same=_statuses(was.findings) == _statuses(found.findings))
+            if _broken(was.findings) != _broken(found.findings):
+                return found
+
+    def _tell(self, found: Examination, *, same: bool) -> None:
+        attempt, shown, emit = self._shown.attempt, self._shown, self._context.emit
+        if found.rehearsal is not None:
+            emit(
+                ev.PlanRehearsed(
+                    attempt=attempt, rehearsal=found.rehearsal, seconds=found.rehearsal_s
+                )
+            )
+        if not same:
+            emit(
+                ev.PlanChecked(
+                    attempt=attempt,
+                    findings=found.findings,
+                    seconds=found.checks_s,
+                    unmet=shown.unmet,
+                    gaps=shown.mentions.gaps,
+                )
+            )
+
+
+def examined_again(planned: PlanForDecision, found: Examination) -> PlanForDecision:
+    """Return the same plan for decision with a newer examination of it."""
+    return replace(planned, best=replace(planned.best, examination=found))
+
+
+def _stands_on(plan: Plan, picture: Picture) -> tuple[object, ...]:
+    """Return the facts of a picture whose change may change what a plan leads to."""
+    agents = ((name, picture.assets.get(name)) for name in dict.fromkeys(plan.agents))
+    return (
+        tuple((n, a and (a.available, a.at, a.post, a.status, a.low_battery)) for n, a in agents),
+        tuple((gate, frozenset(cover.by)) for gate, cover in picture.gates.items()),
+        tuple(
+            (t.id, t.gate, t.status, t.identity, t.intent, t.warned)
+            for t in picture.tracks.values()
+        ),
+        picture.weather,
+    )
+
+
+def _broken(findings: Iterable[Finding]) -> frozenset[str]:
+    return frozenset(finding.rule_id for finding in findings if finding.broken)
+
+
+def _statuses(findings: Iterable[Finding]) -> frozenset[tuple[str, str]]:
+    return frozenset((finding.rule_id, finding.status) for finding in findings)

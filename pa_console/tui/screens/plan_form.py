@@ -1,0 +1,351 @@
+"""A form for a plan: one row an action, with names to pick, checked while it is edited."""
+
+import asyncio
+import json
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, cast
+
+from pydantic import ValidationError
+from rapidfuzz import fuzz, process
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.content import Content
+from textual.screen import ModalScreen
+from textual.suggester import SuggestFromList
+from textual.widgets import Button, Input, Static
+
+from pa_console.mission.examine import Examination
+from pa_console.schema.command import COMMANDS, Verb
+from pa_console.schema.plan import Plan
+from pa_console.schema.world import World
+from pa_console.tui.plan_preview import PlanPreview
+from pa_console.tui.status_words import BAD, GOOD, KIND_WORDS, QUIET, WARN
+from pa_console.tui.widgets.fields import LineField
+
+CHECK_AFTER_S = 0.3
+"""The pause in editing after which the plan is rehearsed and checked, seconds."""
+LIKE = 60.0
+"""The likeness from which on a name is suggested, of 100."""
+
+Examine = Callable[[Plan], Awaitable[Examination]]
+"""Checks and rehearses a plan; nothing is decided by that."""
+
+
+def nearest(text: str, options: Sequence[str]) -> str:
+    """Return the option that is most like a text, '' for none."""
+    found = process.extractOne(
+        text, options, scorer=fuzz.WRatio, processor=str.lower, score_cutoff=LIKE
+    )
+    return found[0] if found is not None else ""
+
+
+def _unknown(text: str, what: str, options: Sequence[str]) -> str:
+    near = nearest(text, options)
+    hint = f"did you mean {near}? ↓ takes it" if near else f"known: {', '.join(options[:6])}"
+    return f"{what}: {hint}"
+
+
+@dataclass(frozen=True)
+class FormRow:
+    """One action as it is written, which may not be one yet."""
+
+    agent: str = ""
+    verb: str = ""
+    place: str = ""
+    after: str = ""
+    stay_s: float = 0.0
+
+    @property
+    def action(self) -> dict[str, object]:
+        """The action as JSON has it."""
+        found: dict[str, object] = {
+            "agent": self.agent,
+            "command": f"{self.verb} {self.place}".strip(),
+        }
+        numbers = self.after.replace(",", " ").split()
+        if numbers:
+            found["after"] = [int(word) if word.isdecimal() else word for word in numbers]
+        return found | ({"stay_s": self.stay_s} if self.stay_s else {})
+
+    def fault(self, world: World) -> str:
+        """Return what is wrong with the row by itself, '' for nothing."""
+        if self.agent not in world.assets:
+            return _unknown(self.agent, f"no asset “{self.agent}”", tuple(world.assets))
+        spec = COMMANDS.get(cast(Verb, self.verb))
+        kind = world.assets[self.agent].kind
+        able = tuple(verb for verb, each in COMMANDS.items() if kind in each.kinds)
+        if spec is None:
+            return _unknown(self.verb, f"no command “{self.verb}”", able)
+        if kind not in spec.kinds:
+            return f"a {KIND_WORDS[kind]} cannot {self.verb}; it can {', '.join(able)}"
+        if not spec.takes_frame:
+            return f"{self.verb} takes no place" if self.place else ""
+        if self.place not in world.frames:
+            return _unknown(self.place, f"no place “{self.place}”", tuple(world.frames))
+        if not all(word.isdecimal() for word in self.after.replace(",", " ").split()):
+            return "after: the numbers of other rows, such as 1 or 1, 2"
+        return ""
+
+
+def rows_of(draft: str) -> tuple[str, list[FormRow]]:
+    """Return the reason and the rows in a draft; raises ValueError for one with no rows."""
+    try:
+        read: Any = json.loads(draft)
+        rows = [_row_of(action) for action in read["actions"]]
+        return str(read["reason"]), rows
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ValueError("no plan in rows") from error
+
+
+def _row_of(action: Mapping[str, Any]) -> FormRow:
+    verb, _, place = str(action["command"]).partition(" ")
+    after = ", ".join(str(number) for number in action.get("after", ()))
+    return FormRow(str(action["agent"]), verb, place, after, float(action.get("stay_s", 0.0)))
+
+
+class PickField(LineField):
+    """A field for a name out of a list: arrows go through it, Enter takes the likest."""
+
+    BINDINGS = [
+        Binding("down", "pick(1)", "Next name", show=False),
+        Binding("up", "pick(-1)", "Name before", show=False),
+    ]
+
+    def __init__(self, value: str, placeholder: str, options: Sequence[str]) -> None:
+        super().__init__(value, placeholder=placeholder)
+        self.options = tuple(options)
+        self.suggester = SuggestFromList(self.options, case_sensitive=False)
+
+    def action_pick(self, step: int) -> None:
+        """Go to the next name; from what is none, to the one most like it."""
+        if self.value in self.options:
+            at = self.options.index(self.value) + step
+            self.value = self.options[at % len(self.options)]
+        elif self.options:
+            self.value = nearest(self.value, self.options) or self.options[0]
+        self.cursor_position = len(self.value)
+
+    def settle(self) -> None:
+        """Take the name that is most like what was typed."""
+        if self.value and self.value not in self.options:
+            self.value = nearest(self.value, self.options) or self.value
+
+
+class ActionRow(Vertical):
+    """The fields of one action, and below them what the checks say."""
+
+    def __init__(self, row: FormRow, world: World) -> None:
+        super().__init__()
+        self._stay_s = row.stay_s
+        self.agent = PickField(row.agent, "asset", tuple(world.assets))
+        self.verb = PickField(row.verb, "command", tuple(COMMANDS))
+        self.place = PickField(row.place, "place", tuple(world.frames))
+        self.after = LineField(row.after, placeholder="after")
+        self._number, self._said = Static("", classes="-number"), Static("", classes="-said")
+
+    def compose(self) -> ComposeResult:
+        """Yield the fields in one line, and the line below it."""
+        with Horizontal():
+            yield from (self._number, self.agent, self.verb, self.place, self.after)
+        yield self._said
+
+    @property
+    def row(self) -> FormRow:
+        """The action as it is written now."""
+        agent, verb, place, after = (
+            field.value.strip() for field in (self.agent, self.verb, self.place, self.after)
+        )
+        return FormRow(agent, verb, place, after, self._stay_s)
+
+    def tell(self, number: int, said: str, style: str) -> None:
+        """Show the row's number, and what is said of it."""
+        self._number.update(Content(f"{number}"))
+        self._said.update(Content.styled(said, style))
+
+
+JSON = "json"
+"""The answer of somebody who wants to write the plan as JSON."""
+
+
+class PlanForm(ModalScreen["Plan | str | None"]):
+    """Returns the changed plan, JSON, or None; the draft survives in `draft` when it is left."""
+
+    BINDINGS = [
+        Binding("escape", "leave", "Back, keep the draft"),
+        Binding("ctrl+s,f10", "send", "Send to the safeguards", priority=True),
+        Binding("ctrl+n", "add", "Add a row", priority=True),
+        Binding("ctrl+d", "remove", "Remove the row", priority=True),
+        Binding("ctrl+r", "revert", "The plan as it was proposed", priority=True),
+        Binding("f4", "json", "As JSON", priority=True),
+    ]
+
+    def __init__(self, world: World, proposed: str, draft: str, examine: Examine) -> None:
+        """Begin with `draft`; ValueError if it cannot be shown in rows."""
+        super().__init__()
+        self._world, self._proposed, self.draft, self._examine = world, proposed, draft, examine
+        self._reason, self._first = rows_of(draft)
+
+    def compose(self) -> ComposeResult:
+        """Yield the rows, the verdict on all of them, and the buttons."""
+        with Vertical(id="plan-form"):
+            yield VerticalScroll(*self._made(self._first), id="plan-rows", can_focus=False)
+            yield Static(id="plan-verdict", markup=False)
+            with Horizontal(id="plan-buttons"):
+                yield Button("Back (Esc)", id="leave", compact=True)
+                yield Button("Add (^N)", id="add", compact=True)
+                yield Button("Remove (^D)", id="remove", compact=True)
+                yield Button("JSON (F4)", id="json", compact=True)
+                yield Button("Send (^S)", id="send", variant="primary", compact=True)
+
+    def _made(self, rows: Sequence[FormRow]) -> list[ActionRow]:
+        return [ActionRow(row, self._world) for row in rows]
+
+    def on_mount(self) -> None:
+        """Start in the first row."""
+        form = self.query_one("#plan-form")
+        form.border_title = "Modify the plan"
+        form.border_subtitle = "↑ ↓ pick a name   Enter takes the likest   ^R plan as proposed"
+        if rows := self._rows:
+            rows[0].agent.focus()
+        self._check()
+
+    @property
+    def _rows(self) -> list[ActionRow]:
+        return list(self.query(ActionRow))
+
+    @on(Input.Changed)
+    def _changed(self, event: Input.Changed) -> None:
+        event.stop()
+        self._check()
+
+    @on(Input.Submitted)
+    def _entered(self, event: Input.Submitted) -> None:
+        """Take the likest name, and go to the next field."""
+        event.stop()
+        if isinstance(event.input, PickField):
+            event.input.settle()
+        self.focus_next()
+
+    def _check(self) -> Plan | None:
+        """Tell what is wrong at once; examine the plan in the next pause if nothing is."""
+        rows = self._rows
+        self.draft = _json(self._reason, [each.row for each in rows])
+        faults = [each.row.fault(self._world) for each in rows]
+        plan, why = _plan_in(self.draft) if not any(faults) else (None, "")
+        for number, (each, fault) in enumerate(zip(rows, faults, strict=True), start=1):
+            each.tell(number, f"✘ {fault}" if fault else "…", BAD if fault else QUIET)
+        waits = "checking …" if plan is not None else why or "✘ see the rows"
+        self._tell(waits, QUIET if plan is not None else BAD)
+        self.query_one("#send", Button).disabled = plan is None
+        if plan is not None:
+            look = partial(self._look, plan)
+            self.run_worker(look, group="check", exclusive=True, exit_on_error=False)
+        else:
+            self.workers.cancel_group(self, "check")
+        return plan
+
+    def _tell(self, said: str, style: str) -> None:
+        self.query_one("#plan-verdict", Static).update(Content.styled(said, style))
+
+    async def _look(self, plan: Plan) -> None:
+        """Rehearse and check the plan, and tell each row what it comes to."""
+        await asyncio.sleep(CHECK_AFTER_S)
+        found = await self._examine(plan)
+        broken = [finding for finding in found.findings if finding.broken]
+        preview = (
+            PlanPreview(self._world, plan, found.rehearsal) if found.rehearsal is not None else None
+        )
+        for number, each in enumerate(self._rows, start=1):
+            row = each.row
+            mine = [f for f in broken if row.agent in f.message]
+            if mine:
+                said = "; ".join(f"{finding.rule_id}: {finding.message}" for finding in mine)
+                bad = any(finding.blocking for finding in mine)
+                each.tell(number, f"{'✘' if bad else '△'} {said}", BAD if bad else WARN)
+            else:
+                each.tell(number, f"✔ {'; '.join(_outlook(row, preview))}", GOOD)
+        blocking = any(finding.blocking for finding in broken)
+        others = [f"{finding.rule_id}: {finding.message}" for finding in broken]
+        if broken:
+            mark = "✘" if blocking else "△"
+            self._tell(f"{mark} {'; '.join(others)}", BAD if blocking else WARN)
+        else:
+            self._tell("✔ no rule is broken", GOOD)
+
+    def action_send(self) -> None:
+        """Return the plan if it is one."""
+        if (plan := self._check()) is not None:
+            self.dismiss(plan)
+
+    def action_leave(self) -> None:
+        """Leave, and keep what was written."""
+        self._check()
+        self.dismiss(None)
+
+    def action_json(self) -> None:
+        """Write the plan as JSON instead."""
+        self._check()
+        self.dismiss(JSON)
+
+    async def action_add(self) -> None:
+        """Add a row at the end."""
+        [row] = self._made([FormRow()])
+        await self.query_one("#plan-rows").mount(row)
+        row.agent.focus()
+        self._check()
+
+    async def action_remove(self) -> None:
+        """Remove the row that has the focus, else the last one."""
+        rows = self._rows
+        gone = next((each for each in rows if self.focused in each.walk_children()), None)
+        if gone is None and rows:
+            gone = rows[-1]
+        if gone is not None:
+            await gone.remove()
+        if left := self._rows:
+            left[-1].agent.focus()
+        self._check()
+
+    async def action_revert(self) -> None:
+        """Put the proposed plan back."""
+        self._reason, rows = rows_of(self._proposed)
+        listed = self.query_one("#plan-rows")
+        await listed.remove_children()
+        await listed.mount_all(self._made(rows))
+        self._check()
+
+    async def on_button_pressed(self, event: Button.Pressed) -> None:
+        """Do what the button says."""
+        event.stop()
+        await self.run_action(event.button.id or "")
+
+
+def _outlook(row: FormRow, preview: PlanPreview | None) -> Iterator[str]:
+    """Yield when an asset arrives, and what charge it has left."""
+    if preview is None:
+        yield "it can be carried out"
+        return
+    line = preview.rehearsal.timeline.assets.get(row.agent)
+    arrival_s = preview.arrival_s(row.agent, row.place)
+    if row.place and arrival_s is not None:
+        yield f"there after {arrival_s:.0f} s"
+    if line is not None:
+        yield f"battery {line.least_battery_pct:.0f} % left"
+
+
+def _json(reason: str, rows: Sequence[FormRow]) -> str:
+    """Write the rows as JSON for editing: one action a line."""
+    actions = ",\n".join(f"    {json.dumps(row.action)}" for row in rows)
+    listed = f"[\n{actions}\n  ]" if rows else "[]"
+    return f'{{\n  "reason": {json.dumps(reason)},\n  "actions": {listed}\n}}'
+
+
+def _plan_in(draft: str) -> tuple[Plan | None, str]:
+    try:
+        return Plan.model_validate_json(draft), ""
+    except ValidationError as error:
+        return None, f"✘ {error.errors(include_url=False)[0]['msg']}"
