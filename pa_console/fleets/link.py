@@ -37,7 +37,15 @@ class LinkNotice:
     text: str
 
 
-LinkNews = AssetReport | SensorReport | DeviceAnswer | LinkNotice
+@dataclass(frozen=True)
+class NotReady:
+    """The reason why an asset that is heard cannot start yet, '' once it can."""
+
+    agent: str
+    why: str
+
+
+LinkNews = AssetReport | SensorReport | DeviceAnswer | LinkNotice | NotReady
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""A link to drones over MAVLink: `--fleet mavlink:FILE.yaml`, or `mavlink:URL#FILE.yaml`.
+"""A link to vehicles over MAVLink: `--fleet mavlink:FILE.yaml`, or `mavlink:URL#FILE.yaml`.
 
 One thread does everything: it takes the station's commands, then what mavsdk has called back with.
 """
@@ -205,7 +205,11 @@ class MavlinkLink:
     def discover(self) -> Sequence[FoundRobot]:
         """Return the drones of the file that have been heard, and other vehicles on the link."""
         found = [
-            FoundRobot(name, "uav", flight.state.fix.at if flight.state.fix else None)
+            FoundRobot(
+                name,
+                self._vehicles.vehicles[name].kind,
+                flight.state.fix.at if flight.state.fix else None,
+            )
             for name, flight in list(self._flights.items())
         ]
         found += [
@@ -265,6 +269,7 @@ class MavlinkLink:
     def _step(self) -> None:
         for name, flight in self._flights.items():
             self._note_connection(name)
+            self._autopilots[name].step()
             flight.step()
         if self._dropped:
             dropped, self._dropped = self._dropped, 0
@@ -279,9 +284,10 @@ class MavlinkLink:
         self._up[name] = up
         if up:
             self._tell(LinkNotice("info", name, "is heard again"))
-            autopilot.ask_for_positions(self._rate_hz)
+            autopilot.ask_again()
         else:
             self._tell(LinkNotice("warning", name, "is not heard any more"))
+            self._flights[name].state.beats = False
 
     def _look_round(self) -> None:
         """Take in the vehicles that mavsdk has found since the last time."""
@@ -295,7 +301,9 @@ class MavlinkLink:
                 text = f"system id {number} is heard and is in no file of drones: not commanded"
                 self._tell(LinkNotice("warning", "mavlink", text))
                 continue
-            autopilot = self._autopilots[name] = MavsdkAutopilot(system, self._post)
+            kind = self._vehicles.vehicles[name].kind
+            autopilot = MavsdkAutopilot(system, self._post, kind, self._rate_hz)
+            self._autopilots[name] = autopilot
             flight = Flight(
                 name,
                 autopilot,
@@ -307,7 +315,7 @@ class MavlinkLink:
                 others=partial(self._taken, name),
             )
             self._flights[name], self._up[name] = flight, True
-            autopilot.listen(flight, self._rate_hz)
+            autopilot.listen(flight)
             self._heard.set()
 
     def _taken(self, name: str) -> list[Point]:
