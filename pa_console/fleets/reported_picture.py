@@ -390,7 +390,8 @@ class ReportedPicture:
         )
         integrity.compare(self.terrain, scene, self._seen())
         picture = station_side.build(self.terrain, scene, scene.assets).picture()
-        self._picture = picture.model_copy(update={"links": dict(self.links), "not_ready": dict(self._not_ready)})
+        known = {"links": dict(self.links), "not_ready": dict(self._not_ready)}
+        self._picture = picture.model_copy(update=known)
 
     def note_readiness(self, name: str, why: str) -> None:
         """Let the next picture show why an asset cannot start yet, '' once it can."""

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from pa_console.fleets.mavlink.vehicles_file import MavlinkVehicles
-from pa_console.schema.world import AssetKind, World
+from pa_console.schema.world import AssetKind
 
 ROVER_TYPES = frozenset((10, 11))
 """MAV_TYPE of vehicles that ArduPilot's Rover drives, on the ground and on water."""
@@ -38,6 +38,24 @@ def mode_name(vehicle_type: int, custom_mode: int) -> str:
     return modes.get(custom_mode, f"MODE {custom_mode}")
 
 
+BATTERY = "BATT_MONITOR"
+"""The parameter that brings the battery's level."""
+
+POLYGON = 4
+"""The bit of FENCE_TYPE for polygons."""
+
+GOES_ON = 2
+"""The bit of FS_OPTIONS with which a mission goes on without a station."""
+
+NO_FENCE = "it ignores its fence: it starts no flight"
+LOST = "it does not notice that the console is gone"
+
+
+def has_polygons(fence_type: float) -> bool:
+    """Return whether a FENCE_TYPE lets the autopilot act on polygons."""
+    return bool(int(fence_type) & POLYGON)
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One parameter and its value as it should be; `otherwise` is the consequence if it is not."""
@@ -48,42 +66,25 @@ class Parameter:
     otherwise: str
 
 
-def parameters(
-    kind: AssetKind, vehicles: MavlinkVehicles, world: World, station: int
-) -> tuple[Parameter, ...]:
+def parameters(kind: AssetKind, vehicles: MavlinkVehicles, station: int) -> tuple[Parameter, ...]:
     """Return the parameters to look at; `station` is the console's own system id."""
+    polygon = f"one with {POLYGON} in it"
     found = [
         Parameter(BATTERY, lambda v: v > 0, "4", "its battery counts as low"),
-        Parameter(
-            "BATT_FS_LOW_ACT", lambda v: v > 0, "2", "an empty battery does not bring it down safely"
-        ),
-        Parameter("FENCE_ACTION", lambda v: v > 0, "1", "it would not act on its geofence: it starts no flight"),
-        Parameter(
-            "FENCE_TYPE",
-            lambda v: bool(int(v) & POLYGON),
-            f"one with {POLYGON} in it",
-            "it does not keep to the perimeter: it starts no flight",
-        ),
-        Parameter("FS_GCS_ENABLE", lambda v: v > 0, "1", f"{LOST}; the world says {world.lost_link}"),
+        Parameter("BATT_FS_LOW_ACT", lambda v: v > 0, "2", "it goes on with an empty battery"),
+        Parameter("FENCE_ACTION", lambda v: v > 0, "1", NO_FENCE),
+        Parameter("FENCE_TYPE", has_polygons, polygon, NO_FENCE),
+        Parameter("FS_GCS_ENABLE", lambda v: v > 0, "1", LOST),
         Parameter("MAV_GCS_SYSID", lambda v: int(v) == station, str(station), LOST),
     ]
     if kind == "uav":
-        ceiling = vehicles.ceiling_m
+        ceiling, orders = vehicles.ceiling_m, ", ".join(vehicles.survives_lost_link)
+        high = f"it breaks its fence on a flight at ceiling_m, {ceiling:g} m"
         found.append(
-            Parameter(
-                "FENCE_ALT_MAX",
-                lambda v: v >= ceiling,
-                f"{ceiling:g} or more",
-                f"flights up to ceiling_m, {ceiling:g} m, break its fence",
-            )
+            Parameter("FENCE_ALT_MAX", lambda v: v >= ceiling, f"{ceiling:g} or more", high)
         )
+        if orders:
+            cut = f"its failsafe ends '{orders}' when the link is lost"
+            wanted = f"one with {GOES_ON} in it"
+            found.append(Parameter("FS_OPTIONS", lambda v: bool(int(v) & GOES_ON), wanted, cut))
     return tuple(found)
-
-
-BATTERY = "BATT_MONITOR"
-"""The parameter that brings the battery's level."""
-
-POLYGON = 4
-"""The bit of FENCE_TYPE for polygons."""
-
-LOST = "it does not notice that the console is gone"

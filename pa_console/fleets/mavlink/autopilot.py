@@ -39,6 +39,9 @@ PX4_ACTS = (2, 3, 4, 5)
 PREARM_CHECK = 0x1000_0000
 """The bit of SYS_STATUS for the checks before arming."""
 
+SENSORS = 0x0020_002F
+"""Its bits for gyrometers, accelerometers, magnetometer, barometer, GPS and position estimate."""
+
 UNANSWERED = frozenset((ActionResult.TIMEOUT, ActionResult.BUSY, ActionResult.CONNECTION_ERROR))
 
 
@@ -151,13 +154,13 @@ class MavsdkAutopilot:
             self._flight.mode_changed(ardupilot.mode_name(vehicle, int(message["custom_mode"])))
 
     def _checks(self, message: dict[str, Any]) -> None:
-        """Take in whether the vehicle's own checks let it arm."""
-        enabled, healthy = (
-            int(message[f"onboard_control_sensors_{which}"]) & PREARM_CHECK
-            for which in ("enabled", "health")
-        )
-        if self._flight is not None and enabled:
-            self._flight.checked(bool(healthy))
+        """Take in which of the vehicle's own checks fail: those before arming, and of sensors."""
+        enabled = int(message["onboard_control_sensors_enabled"])
+        fails = enabled & ~int(message["onboard_control_sensors_health"])
+        if self._flight is not None and enabled & PREARM_CHECK:
+            self._flight.checked(not fails & PREARM_CHECK)
+        if self._flight is not None and self.kind == "ardupilot":
+            self._flight.health(not fails & SENSORS)
 
     def _mode(self, mode: Any) -> None:
         if self._flight is not None and self.kind != "ardupilot":
@@ -174,7 +177,7 @@ class MavsdkAutopilot:
             self._flight.state.on_ground = known.get(landed, False)
 
     def _health(self, health: Any) -> None:
-        if self._flight is not None:
+        if self._flight is not None and self.kind != "ardupilot":
             self._flight.health(
                 bool(
                     health.is_gyrometer_calibration_ok
@@ -313,7 +316,7 @@ class MavsdkAutopilot:
         """Have an ArduPilot act on its fence, if its parameters let it."""
         if not action:
             self._enforced(f"its {FENCE_ACTION} is 0; set it to 1 (return) or to a stronger action")
-        elif not int(self.parameters.get(FENCE_TYPE, ardupilot.POLYGON)) & ardupilot.POLYGON:
+        elif not ardupilot.has_polygons(self.parameters.get(FENCE_TYPE, ardupilot.POLYGON)):
             self._enforced(f"its {FENCE_TYPE} is without polygons; add {ardupilot.POLYGON} to it")
         else:
             enable = self._addressed(command=int(Cmd.FENCE_ENABLE), param1=1.0)

@@ -137,7 +137,8 @@ class DroneState:
     @property
     def landed(self) -> bool:
         """True if it stands on the ground, or has never reported that it flies."""
-        return self.ground_bound or self.on_ground is True or (self.on_ground is None and not self.armed)
+        unheard = self.on_ground is None and not self.armed
+        return self.ground_bound or self.on_ground is True or unheard
 
     @property
     def parked(self) -> bool:

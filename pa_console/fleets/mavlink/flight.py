@@ -13,8 +13,8 @@ from typing import Any, cast
 
 from pa_console.fleets.link import DeviceAnswer, LinkNews, LinkNotice, NotReady
 from pa_console.fleets.mavlink import commands
-from pa_console.fleets.mavlink.commands import Autopilot, MavCommand, MavItem
 from pa_console.fleets.mavlink.ardupilot import BATTERY
+from pa_console.fleets.mavlink.commands import Autopilot, MavCommand, MavItem
 from pa_console.fleets.mavlink.drone_state import PREARM, DroneState
 from pa_console.fleets.mavlink.geofence import FenceWatch, fence_of
 from pa_console.fleets.mavlink.orders import (
@@ -93,6 +93,8 @@ class Flight:
         """`now` is a monotonic clock, seconds; `others` are places that other drones have."""
         self.agent, self.place = agent, cast("Point | None", None)
         """The place that it has, or is on its way to."""
+        self.heard = True
+        """False while its heartbeats do not come."""
         self._terrain, self._geography = terrain, geography
         self._autopilot, self._tell, self._now = autopilot, tell, now
         self._planner = OrderPlanner(agent, terrain, geography, vehicles, others)
@@ -252,7 +254,7 @@ class Flight:
 
     def heartbeat(self, base_mode: int, system_state: int) -> None:
         """Take in the flags of a heartbeat."""
-        was_manual, armed_flag = self.state.manual, 128
+        was_manual, armed_flag, self.heard = self.state.manual, 128, True
         self.state.armed, self.state.beats = bool(base_mode & armed_flag), True
         self.state.system_state = system_state
         self._look_for_pilot(was_manual)
@@ -333,12 +335,19 @@ class Flight:
             return ""
         if state.manual:
             return f"a pilot flies it ({state.mode}): it takes orders again in another mode"
+        return self._defect() or self._why_grounded(command)
+
+    def _defect(self) -> str:
+        """Return what keeps it from every order but a report and a hold, '' if nothing does."""
         if self._found_kind != self._kind:
             return f"it is a {self._found_kind} by its heartbeat, and a {self._kind} in the file"
         if not self._complete():
             return "it has not reported everything yet: where it is, its mode, whether it flies"
-        if state.status == "failed":
-            return "it reports an emergency"
+        return "it reports an emergency" if self.state.status == "failed" else ""
+
+    def _why_grounded(self, command: DeviceCommand) -> str:
+        """Return what keeps it from setting out, '' if nothing does."""
+        state = self.state
         goes_home = command.verb == "return_to_base" and not state.landed
         if self.fence.problem and not goes_home:
             return f"{self.fence.problem}: it starts no flight"
@@ -350,7 +359,7 @@ class Flight:
         """Emit why it cannot start yet, and that it can; its own reasons are asked for."""
         state = self.state
         parts: list[str] = []
-        if state.beats and state.parked:
+        if self.heard and state.parked:
             parts = [] if state.fix is not None else [NO_ESTIMATE]
             if problem := state.prearm_problem(now):
                 parts.append(problem)
@@ -422,6 +431,8 @@ class Flight:
         fix = self.state.fix
         if fix is not None and fix.altitude_m >= CLIMBED * step.altitude_m:
             self._next(order)
+        elif self._left_for_itself(order.step_s):
+            self._end(order, "failed", self._left_words(order))
         elif now - order.step_s > STALL_S:
             height = f"{fix.altitude_m:.0f} m" if fix is not None else "an unknown height"
             reason = f"it does not take off: at {height} after {STALL_S:.0f} s"
@@ -455,15 +466,21 @@ class Flight:
             gap += abs((0.0 if order.target is None else order.altitude_m) - fix.altitude_m)
         if gap < order.nearest_m - NEARER_M:
             order.nearest_m, order.nearest_s = gap, now
-        told_since = state.mode_s > order.started_s + HOLD_S
-        if order.target is not None and state.mode not in _HERE and told_since:
-            words = f"it has changed to {state.mode} by itself"
-            self._end(order, "failed", self._with_words(words, order.since_s))
+        if order.target is not None and self._left_for_itself(order.started_s):
+            self._end(order, "failed", self._left_words(order))
         elif now - order.nearest_s > STALL_S:
             words = f"it has not come nearer for {STALL_S:.0f} s, {gap:.0f} m to go"
             self._end(order, "failed", self._with_words(words, order.since_s))
         else:
             self._progress(order, f"{gap:.0f} m to go", now)
+
+    def _left_for_itself(self, since_s: float) -> bool:
+        """Return whether it has changed to a mode of its own since then."""
+        return self.state.mode not in _HERE and self.state.mode_s > since_s + HOLD_S
+
+    def _left_words(self, order: FlightOrder) -> str:
+        words = f"it has changed to {self.state.mode} by itself"
+        return self._with_words(words, order.since_s)
 
     def _progress(self, order: FlightOrder, words: str, now: float) -> None:
         """Report the progress of an order every few seconds: one without news is sent again."""

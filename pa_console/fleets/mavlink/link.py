@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from threading import Condition, Event, Thread
+from typing import Any
 
 from mavsdk import ComponentType, Configuration, Mavsdk
 from mavsdk.cmavsdk_loader import _cmavsdk_lib  # pyright: ignore[reportPrivateUsage]
@@ -55,13 +56,13 @@ def open_link(address: str, world: World, settings: Settings) -> "MavlinkLink":
 
     Raises ValueError with the remedy when it cannot be used, or nobody answers there.
     """
-    url, vehicles = _found(address, world)
-    scheme = url.partition("://")[0]
-    if "://" not in url or scheme not in SCHEMES:
-        raise ValueError(
-            f"--fleet mavlink:{address}: {url!r} is no connection; give udp://0.0.0.0:PORT to "
-            f"listen, or one of {', '.join(f'{s}://' for s in SCHEMES)}"
-        )
+    urls, vehicles = _found(address, world)
+    for url in urls:
+        if "://" not in url or url.partition("://")[0] not in SCHEMES:
+            raise ValueError(
+                f"--fleet mavlink:{address}: {url!r} is no connection; give udp://0.0.0.0:PORT to "
+                f"listen, or one of {', '.join(f'{s}://' for s in SCHEMES)}"
+            )
     if vehicles.origin is not None and world.origin not in (None, vehicles.origin):
         raise ValueError(
             f"--fleet mavlink:{address}: the world {world.name!r} has another origin than the file "
@@ -72,19 +73,20 @@ def open_link(address: str, world: World, settings: Settings) -> "MavlinkLink":
     else:
         options = "tak_origin in the settings, 'origin' in the file of the drones"
         geography = geography_of(world, settings.tak_origin, options)
-    link = MavlinkLink(url, world, geography, vehicles)
+    link = MavlinkLink(urls, world, geography, vehicles)
     if not link.await_vehicle(PATIENCE_S):
         link.close()
         ids = ", ".join(str(spec.system_id) for spec in vehicles.vehicles.values())
         raise ValueError(
-            f"--fleet mavlink:{address}: no drone was heard at {url} within {PATIENCE_S:.0f} s; "
+            f"--fleet mavlink:{address}: no drone was heard at {', '.join(urls)} within "
+            f"{PATIENCE_S:.0f} s; "
             f"expected system id {ids}: start the drones, and check address and ids"
         )
     return link
 
 
-def _found(address: str, world: World) -> tuple[str, MavlinkVehicles]:
-    """Return the connection and the drones that `address` names; raises ValueError."""
+def _found(address: str, world: World) -> tuple[tuple[str, ...], MavlinkVehicles]:
+    """Return the connections and the drones that `address` names; raises ValueError."""
     url, _, file = address.rpartition("#") if "#" in address else ("", "", address)
     if "://" in file or not file:
         raise ValueError(
@@ -96,10 +98,11 @@ def _found(address: str, world: World) -> tuple[str, MavlinkVehicles]:
         vehicles = read_vehicles(path, world)
     except DocumentError as error:
         raise ValueError(str(error)) from error
-    url = url or vehicles.connection
-    if not url:
+    own = vehicles.connection
+    urls = (url,) if url else (own,) if isinstance(own, str) else own
+    if not urls or not all(urls):
         raise ValueError(f"{path}: connection: missing; give for example udp://0.0.0.0:14540")
-    return url, vehicles
+    return urls, vehicles
 
 
 def _silent(*_arguments: object) -> bool:
@@ -114,13 +117,13 @@ _cmavsdk_lib.mavsdk_log_subscribe(_SILENT, None)
 
 
 class MavlinkLink:
-    """The drones of one connection; the callbacks of mavsdk only put work on its list."""
+    """The vehicles of one file; the callbacks of mavsdk only put work on its list."""
 
     def __init__(
-        self, url: str, world: World, geography: Geography, vehicles: MavlinkVehicles
+        self, urls: Sequence[str], world: World, geography: Geography, vehicles: MavlinkVehicles
     ) -> None:
         """Raises ValueError for a connection that cannot be opened."""
-        self._url, self._vehicles, self._geography = url, vehicles, geography
+        self._url, self._vehicles, self._geography = ", ".join(urls), vehicles, geography
         self._terrain = Terrain(world)
         self._rate_hz = 2.0 / world.telemetry_period_s
         self._agent_of = {spec.system_id: name for name, spec in vehicles.vehicles.items()}
@@ -137,15 +140,17 @@ class MavlinkLink:
         self._mavsdk = Mavsdk(
             Configuration.create_with_component_type(ComponentType.GROUND_STATION)
         )
-        try:
-            self._connection = self._mavsdk.add_any_connection_with_handle(url)
-        except CannotConnect as error:
-            self._mavsdk.destroy()
-            word = str(error).rpartition(": ")[2].lower().replace("_", " ")
-            raise ValueError(
-                f"--fleet mavlink:{url} cannot be opened ({word}): check the address, and whether "
-                "another program has the port"
-            ) from None
+        self._connections: list[Any] = []
+        for url in urls:
+            try:
+                self._connections.append(self._mavsdk.add_any_connection_with_handle(url))
+            except CannotConnect as error:
+                self._mavsdk.destroy()
+                word = str(error).rpartition(": ")[2].lower().replace("_", " ")
+                raise ValueError(
+                    f"--fleet mavlink:{url} cannot be opened ({word}): check the address, and "
+                    "whether another program has the port"
+                ) from None
         self._authorizer = ArmAuthorizerServer(self._mavsdk.server_component(0))
         self._authorizer.subscribe_arm_authorization(self._asked_to_arm)
         self._mavsdk.subscribe_on_new_system(lambda _data: self._post(self._look_round))
@@ -199,7 +204,8 @@ class MavlinkLink:
         self._thread.join()
         # No message may come in while mavsdk takes its plugins down: it hands them to these plugins
         # in threads of its own.
-        self._mavsdk.remove_connection(self._connection)
+        for connection in self._connections:
+            self._mavsdk.remove_connection(connection)
         self._mavsdk.destroy()
 
     def discover(self) -> Sequence[FoundRobot]:
@@ -287,7 +293,7 @@ class MavlinkLink:
             autopilot.ask_again()
         else:
             self._tell(LinkNotice("warning", name, "is not heard any more"))
-            self._flights[name].state.beats = False
+            self._flights[name].heard = False
 
     def _look_round(self) -> None:
         """Take in the vehicles that mavsdk has found since the last time."""

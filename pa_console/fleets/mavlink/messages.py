@@ -29,10 +29,13 @@ POSITION = "GLOBAL_POSITION_INT"
 NEEDED = (
     NeededMessage("HEARTBEAT", 0, 1.0, "its mode is unknown, and it takes no orders"),
     NeededMessage(POSITION, 33, 0.25, "its place is unknown, and it takes no orders"),
-    NeededMessage("SYS_STATUS", 1, 1.0, "its battery counts as low, and why it does not arm is unknown"),
+    NeededMessage(
+        "SYS_STATUS", 1, 1.0, "its battery counts as low, and why it does not arm is unknown"
+    ),
     NeededMessage("EXTENDED_SYS_STATE", 245, 1.0, "it counts as landed while disarmed", flown=True),
-    NeededMessage("GPS_RAW_INT", 24, 1.0, "it counts as degraded"),
-    NeededMessage("HOME_POSITION", 242, 5.0, "the place that it returns to is unknown", patience_s=90.0),
+    NeededMessage(
+        "HOME_POSITION", 242, 5.0, "the place that it returns to is unknown", patience_s=90.0
+    ),
 )
 
 GRACE_S = 2.0

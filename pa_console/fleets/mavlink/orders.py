@@ -126,7 +126,9 @@ class OrderPlanner:
             route = found
         steps: list[Step] = [commands.LOOK_AHEAD] if self._looks else []
         if flies:
-            steps += self._flown(command, kind, state, fix.home_msl_m + altitude, altitude, route)
+            steps += self._flown(
+                command, kind, state.landed, (altitude, fix.home_msl_m + altitude), route
+            )
         else:
             steps += self._driven(kind, state, fix, route)
         self._looks = command.verb == "observe"
@@ -154,12 +156,12 @@ class OrderPlanner:
         self,
         command: DeviceCommand,
         kind: Kind,
-        state: DroneState,
-        msl_m: float,
-        altitude: float,
+        on_ground: bool,
+        heights_m: tuple[float, float],
         route: Sequence[Point],
     ) -> list[Step]:
-        on_ground = state.landed
+        """Return the steps of a drone; its height is given above home and above sea level."""
+        altitude, msl_m = heights_m
         interest = self._interest(command.target or "") if command.verb == "observe" else None
         way: list[Degrees] = [self.geography.degrees(at) for at in route]
         if route and (command.verb in self.vehicles.survives_lost_link or len(route) > 1):

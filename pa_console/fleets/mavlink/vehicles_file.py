@@ -40,7 +40,9 @@ class VehicleSpec(StrictModel):
 class MavlinkVehicles(StrictModel):
     """The vehicles of one link; altitudes are metres above the place of arming."""
 
-    connection: str = Field(default="", description="used when the file itself is the address")
+    connection: str | tuple[str, ...] = Field(
+        default="", description="one or several, used when the file itself is the address"
+    )
     origin: Origin | None = Field(default=None, description="for a world that has none")
     floor_m: Altitude = 5.0
     ceiling_m: Altitude = 100.0
@@ -81,7 +83,9 @@ def read_vehicles(path: Path, world: World) -> MavlinkVehicles:
             remedy = "only drones and ground vehicles are driven over MAVLink"
             if asset.kind in ("uav", "ugv"):
                 remedy = f"give it 'kind: {asset.kind}'"
-            problem = f"is a {asset.kind} in the world {world.name!r}, not a {vehicle.kind}: {remedy}"
+            problem = (
+                f"is a {asset.kind} in the world {world.name!r}, not a {vehicle.kind}: {remedy}"
+            )
             raise document.error(field, problem)
         if (other := owners.setdefault(vehicle.system_id, agent)) != agent:
             problem = f"{vehicle.system_id} is the system id of {other} too: each has its own"

@@ -1,6 +1,6 @@
 """Ways to an order: one of many lines, narrowed by typed words; the card of a thing on the map."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 from textual import events, on
