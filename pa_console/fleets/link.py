@@ -110,6 +110,28 @@ class Discovering(Link, Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class LinkFinding:
+    """One thing that was looked at on a robot, such as a message or a parameter of it."""
+
+    agent: str
+    what: str
+    found: str
+    wanted: str = ""
+    """The value as it should be, '' if it is."""
+    consequence: str = ""
+    """What will not work as it is, '' if nothing is wrong."""
+
+
+@runtime_checkable
+class Examined(Link, Protocol):
+    """A link that can say what its robots send, and how they are set up."""
+
+    def examine(self, seconds: float) -> Sequence[LinkFinding]:
+        """Look at every robot, for `seconds` at most; nothing is commanded."""
+        ...
+
+
 OpenLink = Callable[[str, World, Settings], Link]
 """The function of an entry point: returns the link to an ADDRESS, for the assets of a world.
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from pa_console.fleets.link import LinkFinding
 from pa_console.fleets.mavlink.vehicles_file import MavlinkVehicles
 from pa_console.schema.world import AssetKind
 
@@ -64,6 +65,15 @@ class Parameter:
     good: Callable[[float], bool]
     wanted: str
     otherwise: str
+
+    def finding(self, agent: str, values: Mapping[str, float]) -> LinkFinding:
+        """Return the parameter as it is on a vehicle; one that it does not have is not wrong."""
+        value = values.get(self.name)
+        if value is None:
+            return LinkFinding(agent, self.name, "not reported")
+        if self.good(value):
+            return LinkFinding(agent, self.name, f"{value:g}")
+        return LinkFinding(agent, self.name, f"{value:g}", self.wanted, self.otherwise)
 
 
 def parameters(kind: AssetKind, vehicles: MavlinkVehicles, station: int) -> tuple[Parameter, ...]:

@@ -142,6 +142,11 @@ class Flight:
         else:
             self._begin(command)
 
+    @property
+    def not_ready(self) -> str:
+        """Why it cannot start yet, '' if it can."""
+        return self._not_ready
+
     def may_arm(self) -> bool:
         """Return whether an order from the station needs the drone armed now."""
         return self._order is not None and self._order.arming

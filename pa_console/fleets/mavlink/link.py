@@ -5,7 +5,7 @@ One thread does everything: it takes the station's commands, then what mavsdk ha
 
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from threading import Condition, Event, Thread
@@ -21,9 +21,11 @@ from mavsdk.plugins.arm_authorizer_server import (
     RejectionReason,
 )
 
-from pa_console.fleets.link import FoundRobot, LinkNews, LinkNotice
+from pa_console.fleets.link import FoundRobot, LinkFinding, LinkNews, LinkNotice
+from pa_console.fleets.mavlink.ardupilot import Parameter, parameters
 from pa_console.fleets.mavlink.autopilot import MavsdkAutopilot
 from pa_console.fleets.mavlink.flight import Flight
+from pa_console.fleets.mavlink.messages import message_findings
 from pa_console.fleets.mavlink.vehicles_file import MavlinkVehicles, read_vehicles
 from pa_console.schema.base import Point
 from pa_console.schema.command import DeviceCommand
@@ -39,6 +41,9 @@ PATIENCE_S = 10.0
 
 SILENT_S = 5.0
 """The silence of all vehicles that counts as a problem of the link, seconds."""
+
+READ_S = 0.5
+"""A parameter is asked for so often until it comes."""
 
 MOST_WAITING = 20_000
 """The number of messages that may wait; further ones are dropped and counted."""
@@ -137,9 +142,9 @@ class MavlinkLink:
         self._awake, self._news_there = Condition(), Event()
         self._heard, self._closed = Event(), False
         self._news: deque[LinkNews] = deque(maxlen=MOST_WAITING)
-        self._mavsdk = Mavsdk(
-            Configuration.create_with_component_type(ComponentType.GROUND_STATION)
-        )
+        configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
+        self._station: int = configuration.system_id
+        self._mavsdk = Mavsdk(configuration)
         self._connections: list[Any] = []
         for url in urls:
             try:
@@ -223,6 +228,40 @@ class MavlinkLink:
             for number in sorted(self._strangers)
         ]
         return found
+
+    def examine(self, seconds: float) -> Sequence[LinkFinding]:
+        """Read the parameters of every vehicle; return them and its messages as found."""
+        names = [name for name, autopilot in self._autopilots.items() if autopilot.connected]
+        wanted = {
+            name: parameters(self._vehicles.vehicles[name].kind, self._vehicles, self._station)
+            for name in names
+            if self._autopilots[name].kind == "ardupilot"
+        }
+        until = time.monotonic() + seconds
+        while time.monotonic() < until and (left := self._unread(wanted)):
+            for autopilot, parameter in left:
+                self._post(partial(autopilot.read_parameter, parameter))
+            time.sleep(READ_S)
+        found: list[LinkFinding] = []
+        for name in names:
+            autopilot, why = self._autopilots[name], self._flights[name].not_ready
+            rest = "it starts nothing" if why else ""
+            found.append(LinkFinding(name, "ready", f"no: {why}" if why else "yes", "", rest))
+            found += message_findings(name, autopilot.messages, time.monotonic())
+            values = dict(autopilot.parameters)
+            found += [parameter.finding(name, values) for parameter in wanted.get(name, ())]
+        return found
+
+    def _unread(
+        self, wanted: Mapping[str, Sequence[Parameter]]
+    ) -> list[tuple[MavsdkAutopilot, str]]:
+        """Return the parameters that are not known yet, each with whom to ask."""
+        return [
+            (self._autopilots[name], parameter.name)
+            for name, parameters in wanted.items()
+            for parameter in parameters
+            if parameter.name not in self._autopilots[name].parameters
+        ]
 
     def _post(self, work: Callable[[], object]) -> None:
         with self._awake:

@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from pa_console.fleets.link import LinkFinding
 from pa_console.schema.world import AssetKind
 
 
@@ -99,6 +100,10 @@ class MessageWatch:
             if now_s - max(self._last(needed.name), self.began_s) > needed.patience_s
         ]
 
+    def count(self, name: str) -> int:
+        """Return how many of a message have come lately."""
+        return len(self._heard.get(name, ()))
+
     def rate_hz(self, name: str, now_s: float) -> float:
         """Return how often a message has come lately, 0 if it did not."""
         times = self._heard.get(name, ())
@@ -112,3 +117,14 @@ class MessageWatch:
     def _last(self, name: str) -> float:
         times = self._heard.get(name)
         return times[-1] if times else -1e9
+
+
+def message_findings(agent: str, watch: MessageWatch, now_s: float) -> list[LinkFinding]:
+    """Return how often each needed message of a vehicle comes, and what lacks without it."""
+    found: list[LinkFinding] = []
+    for needed in watch.needed:
+        count, rate = watch.count(needed.name), watch.rate_hz(needed.name, now_s)
+        said = f"{rate:.1f} a second" if rate else f"{count} so far" if count else "never"
+        wanted = "" if count else f"every {watch.period_s(needed):g} s"
+        found.append(LinkFinding(agent, needed.name, said, wanted, "" if count else needed.lacking))
+    return found
