@@ -4,6 +4,7 @@ The programs are no part of the project. They are looked for in the folder that 
 in `../shared/ardupilot` beside the checkout.
 """
 
+import math
 import os
 import select
 import socket
@@ -136,6 +137,21 @@ class OtherStation:
         self._link.mav.command_int_send(self.system, 1, 6, 192, 0, 0, -1, 1, 0, 0, x, y, altitude_m)
         return self._result(192)
 
+    def follow(self, rate_hz: float) -> None:
+        """Have it report its position so often."""
+        assert self.command(511, 33, 1e6 / rate_hz) == 0
+
+    def speed(self) -> tuple[float, float]:
+        """Wait for its next report; return the time (`perf_counter`) and its ground speed."""
+        said = self._link.recv_match(type="GLOBAL_POSITION_INT", blocking=True, timeout=5)
+        return time.perf_counter(), float(math.hypot(said.vx, said.vy)) / 100.0
+
+    def set_home(self, place: tuple[float, float]) -> None:
+        """Have it return to a place, latitude and longitude, from now on."""
+        x, y = (round(degrees * 1e7) for degrees in place)
+        self._link.mav.command_int_send(self.system, 1, 0, 179, 0, 0, 0, 0, 0, 0, x, y, 0)
+        assert self._result(179) == 0
+
     def take_over(self, mode: int) -> None:
         """Take the sticks, throttle in the middle, and change the mode."""
         self.hold_sticks()
@@ -193,15 +209,15 @@ class OtherStation:
 class Radio:
     """A TCP relay to an autopilot: what is sent while it is cut is lost, both ways.
 
-    The console connects to `address`. The time of each change of mode that passes is noted.
+    The console connects to `address`.
     """
 
     def __init__(self, port: int) -> None:
         self._port, self.cut, self._closed = port, False, False
         self._parser: Any = mavutil.mavlink.MAVLink(None)
         self._parser.robust_parsing = True
-        self.commands: list[tuple[float, int]] = []
-        """The commands that the console has sent, each with its time (`perf_counter`)."""
+        self.commands: list[tuple[float, int, float]] = []
+        """The commands that the console has sent: time (`perf_counter`), MAV_CMD, parameter 2."""
         self._server = socket.create_server(("127.0.0.1", 0))
         self.address = f"tcpout://127.0.0.1:{self._server.getsockname()[1]}"
         threading.Thread(target=self._serve, daemon=True).start()
@@ -246,7 +262,7 @@ class Radio:
         at = time.perf_counter()
         for message in self._parser.parse_buffer(data) or ():
             if message.get_type() in ("COMMAND_LONG", "COMMAND_INT"):
-                self.commands.append((at, int(message.command)))
+                self.commands.append((at, int(message.command), float(message.param2)))
 
 
 def vehicles_yaml(world: World, addresses: Sequence[str], names: Sequence[str], more: str) -> str:
@@ -256,3 +272,9 @@ def vehicles_yaml(world: World, addresses: Sequence[str], names: Sequence[str], 
         for number, name in enumerate(names, 1)
     ]
     return "\n".join([f"connection: [{', '.join(addresses)}]", more, "vehicles:", *lines, ""])
+
+
+def moves_it(_at: float, number: int, parameter: float) -> bool:
+    """Return whether a command sets a vehicle in motion: one in `Radio.commands`."""
+    guided = number == 176 and parameter in (4.0, 15.0)
+    return guided or number in (20, 22, 192, 300, 400)
