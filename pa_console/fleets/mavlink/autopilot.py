@@ -54,7 +54,8 @@ class MavsdkAutopilot:
 
     def __init__(self, system: System, post: Post, asset_kind: AssetKind, rate_hz: float) -> None:
         """Ask the vehicle for positions at `rate_hz`."""
-        self._system, self._post, self._asset_kind = system, post, asset_kind
+        self._system, self._post = system, post
+        self._stands = float(ardupilot.STANDS[asset_kind])
         self.messages = MessageWatch(asset_kind, 1.0 / rate_hz, time.monotonic())
         self.parameters: dict[str, float] = {}
         """The values of parameters that were read."""
@@ -219,8 +220,7 @@ class MavsdkAutopilot:
     def hold(self) -> None:
         """Change to the mode in which it holds its place; mavsdk repeats it until an answer."""
         if self.kind == "ardupilot":
-            stands = float(ardupilot.STANDS[self._asset_kind])
-            fields = self._addressed(command=int(Cmd.SET_MODE), param1=1.0, param2=stands)
+            fields = self._addressed(command=int(Cmd.SET_MODE), param1=1.0, param2=self._stands)
             self._direct.send_command_async(self._message("COMMAND_LONG", fields), self._stood)
             return
 

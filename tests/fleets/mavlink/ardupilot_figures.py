@@ -153,9 +153,7 @@ def main() -> None:
         try:
             if arguments.histories:
                 after, before = histories(measured, arguments.histories, arguments.seed)
-                print(
-                    f"{arguments.histories} histories: {after} moves after, {before} before"
-                )
+                print(f"{arguments.histories} histories: {after} moves after, {before} before")
             if arguments.stops:
                 for what, times in zip(
                     ("on the wire", "standing"),

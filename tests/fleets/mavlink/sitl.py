@@ -13,7 +13,7 @@ import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 os.environ["MAVLINK20"] = "1"
 
@@ -214,7 +214,7 @@ class Radio:
 
     def __init__(self, port: int) -> None:
         self._port, self.cut, self._closed = port, False, False
-        self._parser: Any = mavutil.mavlink.MAVLink(None)
+        self._parser: Any = cast("Any", mavutil.mavlink).MAVLink(None)
         self._parser.robust_parsing = True
         self.commands: list[tuple[float, int, float]] = []
         """The commands that the console has sent: time (`perf_counter`), MAV_CMD, parameter 2."""

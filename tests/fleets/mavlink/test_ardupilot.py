@@ -10,6 +10,7 @@ import pytest
 from pa_console.fleets.linked_fleet import LinkedFleet
 from pa_console.fleets.mavlink.link import open_link
 from pa_console.mission.approval import standing_approver
+from pa_console.schema.base import Point
 from pa_console.schema.events import event as ev
 from pa_console.schema.world import World
 from pa_console.session.state import SessionState
@@ -20,7 +21,7 @@ from pa_console.station.clock import DevicesClock
 from pa_console.station.headless import run_missions
 from tests.fleets.mavlink import sitl
 from tests.fleets.mavlink.drones import Driven, on_the_earth
-from tests.fleets.mavlink.sitl import PARAMETERS, Radio, Sitl, moves_it, vehicles_yaml
+from tests.fleets.mavlink.sitl import PARAMETERS, Frame, Radio, Sitl, moves_it, vehicles_yaml
 from tests.scripted import ScriptedEngine, plan
 
 pytestmark = [
@@ -40,16 +41,14 @@ class Team(Driven):
     def __init__(self, folder: Path, world: World) -> None:
         places = Terrain.of(world).places(world.base, "uav")
         self.world, self.number = world, 0
+        three: tuple[tuple[str, Frame, Point], ...] = (
+            (ONE, "copter", places[3]),
+            (TWO, "copter", places[4]),
+            (ROVER, "rover", places[1]),
+        )
         self.sitls = {
             name: Sitl(folder, frame, system, place, speedup=SPEEDUP)
-            for system, (name, frame, place) in enumerate(
-                (
-                    (ONE, "copter", places[3]),
-                    (TWO, "copter", places[4]),
-                    (ROVER, "rover", places[1]),
-                ),
-                1,
-            )
+            for system, (name, frame, place) in enumerate(three, 1)
         }
         self.radio = Radio(self.sitls[ONE].port)
         addresses = [self.radio.address, self.sitls[TWO].address, self.sitls[ROVER].address]
