@@ -83,6 +83,8 @@ class Air:
         self.link, self._ground = link, ground
         self.name, self.agents = link.name, link.agents
         self._latest: dict[str, AssetReport] = {}
+        self.failed: set[str] = set()
+        """The vehicles that have reported a failure: their autopilots are mute."""
 
     @property
     def problem(self) -> str:
@@ -109,7 +111,8 @@ class Air:
             self._ground.show(report)
             age = max(datetime.now(UTC) - report.sent, timedelta())
             sent = now - age if checkpoint.tick else now
-            news.append(replace(report, sent=sent))
+            status = "failed" if report.agent in self.failed else report.status
+            news.append(replace(report, sent=sent, status=status))
         for each in came:
             if not isinstance(each, AssetReport):
                 if isinstance(each, DeviceAnswer) and each.status not in ("progress", "done"):
@@ -185,6 +188,7 @@ class RealVehicles(LinkedFleet):
         real = getattr(incident, "asset", "") in self.sitls
         if isinstance(incident, FailAsset) and real:
             self.sitls[incident.asset].kill()
+            self._air.failed.add(incident.asset)
         if not (isinstance(incident, PlaceAsset) and real):  # it stands there already
             self.checkpoint.inject(incident)
         if self.tick == 0:
