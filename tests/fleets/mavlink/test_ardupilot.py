@@ -350,3 +350,24 @@ async def test_a_mission_of_the_first_second_waits_until_the_drone_is_ready(
         assert said[1] == "goes on"
     finally:
         lone.close()
+
+
+def test_doctor_names_parameters_that_are_not_as_they_should_be(
+    world: World, tmp_path: Path
+) -> None:
+    lone = Lone(tmp_path, on_the_earth(world), parameters=())
+    try:
+        lone.ready()
+        found = {each.what: each for each in lone.link.examine(10.0)}
+    finally:
+        lone.close()
+    assert found["ready"].found == "yes"
+    assert found["GLOBAL_POSITION_INT"].found.endswith("a second")
+    wrong = {what: each.wanted for what, each in found.items() if each.consequence}
+    assert wrong == {
+        "BATT_FS_LOW_ACT": "2",
+        "FS_GCS_ENABLE": "1",
+        "MAV_GCS_SYSID": "245",
+        "FS_OPTIONS": "one with 2 in it",
+    }
+    assert found["BATT_MONITOR"].found == "4"
