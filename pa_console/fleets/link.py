@@ -37,7 +37,15 @@ class LinkNotice:
     text: str
 
 
-LinkNews = AssetReport | SensorReport | DeviceAnswer | LinkNotice
+@dataclass(frozen=True)
+class NotReady:
+    """The reason why an asset that is heard cannot start yet, '' once it can."""
+
+    agent: str
+    why: str
+
+
+LinkNews = AssetReport | SensorReport | DeviceAnswer | LinkNotice | NotReady
 
 
 @dataclass(frozen=True)
@@ -99,6 +107,28 @@ class Discovering(Link, Protocol):
 
     def discover(self) -> Sequence[FoundRobot]:
         """Return every robot on the link so far, those of the world among them."""
+        ...
+
+
+@dataclass(frozen=True)
+class LinkFinding:
+    """One thing that was looked at on a robot, such as a message or a parameter of it."""
+
+    agent: str
+    what: str
+    found: str
+    wanted: str = ""
+    """The value as it should be, '' if it is."""
+    consequence: str = ""
+    """What will not work as it is, '' if nothing is wrong."""
+
+
+@runtime_checkable
+class Examined(Link, Protocol):
+    """A link that can say what its robots send, and how they are set up."""
+
+    def examine(self, seconds: float) -> Sequence[LinkFinding]:
+        """Look at every robot, for `seconds` at most; nothing is commanded."""
         ...
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from pydantic import ValidationError
 
 from pa_console.fleets.fleet import Received
-from pa_console.fleets.link import DeviceAnswer, Link, LinkNews, LinkNotice
+from pa_console.fleets.link import DeviceAnswer, Link, LinkNews, LinkNotice, NotReady
 from pa_console.fleets.reported_picture import ReportedFleet, ReportedPicture
 from pa_console.fleets.reports import AssetReport, Belief, Notices, SensorReport
 from pa_console.fleets.simulated import Authorize, Verify
@@ -260,6 +260,9 @@ class LinkedFleet(ReportedFleet):
                 self._say(level, subject, text)
             case DeviceAnswer():
                 self._take_answer(link, news)
+            case NotReady(agent, why):
+                if self._is_on(link, agent):
+                    self._known.note_readiness(agent, why[:MOST_DETAIL])
             case AssetReport():
                 if self._is_on(link, news.agent) and link.name not in self._down:
                     self._take_report(link, news)
@@ -325,6 +328,7 @@ class LinkedFleet(ReportedFleet):
         world, (x, y) = terrain.world, report.position
         if not (isfinite(x) and isfinite(y)):
             raise ValueError(f"its position ({x}, {y}) is no place")
+        battery = world.low_battery_pct if report.battery_pct is None else report.battery_pct
         at = terrain.frame_at(x, y)
         sent = self._sent_as(report.command_id or "")
         command = sent.command if sent is not None else None
@@ -345,10 +349,11 @@ class LinkedFleet(ReportedFleet):
             speed_mps=report.speed_mps,
             status=report.status,
             task=report.task,
-            battery_pct=report.battery_pct,
-            low_battery=report.battery_pct < world.low_battery_pct,
+            battery_pct=battery,
+            battery_known=report.battery_pct is not None,
+            low_battery=report.battery_pct is None or battery < world.low_battery_pct,
             comms="ok",
-            available=report.status != "failed" and report.battery_pct > 0.0 and not report.manual,
+            available=report.status != "failed" and battery > 0.0 and not report.manual,
             route=tuple(report.route),
             command_id=command.command_id if command is not None else None,
             stamp_s=terrain.seconds(tick),

@@ -10,7 +10,15 @@ from time import monotonic
 
 from pydantic import TypeAdapter, ValidationError
 
-from pa_console.fleets.link import Discovering, FoundRobot, LinkNews, LinkNotice, open_link
+from pa_console.fleets.link import (
+    Discovering,
+    Examined,
+    FoundRobot,
+    LinkFinding,
+    LinkNews,
+    LinkNotice,
+    open_link,
+)
 from pa_console.fleets.reports import AssetReport
 from pa_console.schema.base import Name, Point
 from pa_console.schema.world import AssetSpec, Background, Frame, World
@@ -165,6 +173,8 @@ class LinkSurvey:
     notices: tuple[str, ...]
     found: tuple[FoundRobot, ...]
     """Every robot on it; none where the link finds no robots of itself."""
+    findings: tuple[LinkFinding, ...] = ()
+    """The set-up of its robots, if that was asked for."""
 
     @property
     def silent(self) -> list[str]:
@@ -184,8 +194,12 @@ class LinkSurvey:
         return f"{self.name}: {'; '.join([*parts, *self.notices])}"
 
 
-def survey(url: str, world: World, settings: Settings, seconds: float = LOOK_S) -> LinkSurvey:
+def survey(
+    url: str, world: World, settings: Settings, seconds: float = LOOK_S, *, examine: bool = False
+) -> LinkSurvey:
     """Look at the link at `url` for `seconds`, less where all there is has reported.
+
+    With `examine`, the set-up of its robots is looked at too.
 
     Raises ValueError for a link that cannot be opened.
     """
@@ -203,6 +217,7 @@ def survey(url: str, world: World, settings: Settings, seconds: float = LOOK_S) 
             {each.agent: each for each in news if isinstance(each, AssetReport)},
             tuple(dict.fromkeys(n.text for n in news if isinstance(n, LinkNotice))),
             tuple(link.discover()) if isinstance(link, Discovering) else (),
+            tuple(link.examine(LOOK_S)) if examine and isinstance(link, Examined) else (),
         )
     finally:
         link.close()

@@ -192,6 +192,7 @@ class ReportedPicture:
         self.terrain = Terrain.of(world)
         self.links: dict[str, str] = {}
         """The link that each asset is on, by name; empty in a fleet that has only one."""
+        self._not_ready: dict[str, str] = {}
         self._manual: frozenset[str] = frozenset()
         self.begin(0)
 
@@ -389,7 +390,15 @@ class ReportedPicture:
         )
         integrity.compare(self.terrain, scene, self._seen())
         picture = station_side.build(self.terrain, scene, scene.assets).picture()
-        self._picture = picture.model_copy(update={"links": dict(self.links)})
+        known = {"links": dict(self.links), "not_ready": dict(self._not_ready)}
+        self._picture = picture.model_copy(update=known)
+
+    def note_readiness(self, name: str, why: str) -> None:
+        """Let the next picture show why an asset cannot start yet, '' once it can."""
+        if why:
+            self._not_ready[name] = why
+        else:
+            self._not_ready.pop(name, None)
 
     def mark_manual(self, assets: frozenset[str]) -> None:
         """Let the next picture show `assets`, and no others, as taken at the station."""

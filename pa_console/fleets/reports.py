@@ -35,7 +35,8 @@ class AssetReport:
     speed_mps: float
     status: AssetStatus
     task: Task
-    battery_pct: float
+    battery_pct: float | None
+    """None while it is not reported: then it counts as low."""
     command_id: str | None = None
     """The command that it carries out, None for none."""
     manual: bool = False

@@ -5,6 +5,7 @@ premise of the running plan breaks. Each is planned, checked, judged and approve
 """
 
 import asyncio
+import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
@@ -66,6 +67,9 @@ MAX_TRIES = 2
 """Plans that may be executed for one task without bringing it to its end."""
 
 INTERRUPTED = "the mission was interrupted before its outcome could be judged"
+
+READY_S = 90.0
+"""The longest wait for assets that cannot start yet, seconds: an autopilot takes half a minute."""
 
 WATCH_S = 12.0
 """The time that the situation is watched after a plan, seconds."""
@@ -164,6 +168,7 @@ class MissionRun:
             if outcome is not None or self._understood is None:
                 outcome = await self._understand(outcome)
             if outcome is None:
+                await self._await_assets()
                 if self._services.variant.workflows:
                     self._tell(self._progress.begin(self._now()))
                 outcome = await self._plan_after_plan()
@@ -203,6 +208,36 @@ class MissionRun:
                         return answer
                     self._questions += 1
                     self._answered(asked, answer)
+
+    async def _await_assets(self) -> None:
+        """Wait until the assets that an order may need can start, READY_S at most.
+
+        An order that names assets waits for those alone; no alarm waits.
+        """
+        fleet = self._services.fleet
+        end_s = fleet.time_s + READY_S
+        if self.mission.source != "operator" or not (awaited := self._unready()):
+            return
+        self._notice(f"waits for {', '.join(f'{n} (not ready: {w})' for n, w in awaited.items())}")
+        self.moving = True
+        try:
+            with self._station.feed.follow() as steps:
+                async for _ in steps:
+                    if not self._unready() or fleet.time_s >= end_s:
+                        break
+        finally:
+            self.moving = False
+        left = ", ".join(self._unready())
+        self._notice(f"goes on without {left}: not ready in {READY_S:.0f} s" if left else "goes on")
+
+    def _unready(self) -> dict[str, str]:
+        """Return the assets that the order may need and that cannot start yet, with the reasons."""
+        picture, text = self._services.fleet.picture(), self.mission.text
+        named = {name for name in picture.assets if re.search(rf"\b{re.escape(name)}\b", text)}
+        return {n: why for n, why in picture.not_ready.items() if not named or n in named}
+
+    def _notice(self, text: str) -> None:
+        self._emit(ev.Noticed(level="info", subject=self.mission.id, text=text))
 
     def _answered(self, asked: NotUnderstood, answer: str) -> None:
         """Let an answer join the order: for the words that were not clear, or for all of them.

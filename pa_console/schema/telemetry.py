@@ -59,6 +59,17 @@ class AssetTelemetry(StrictModel):
         repr=False,
         description="a person drives it: the console sends it no command but a stop's hold",
     )
+    battery_known: bool = Field(
+        default=True,
+        exclude_if=lambda known: known,
+        repr=False,
+        description="false while it does not report its battery, which then counts as low",
+    )
+
+    @property
+    def charge(self) -> str:
+        """Return the level of the battery in words."""
+        return f"{self.battery_pct:.0f} %" if self.battery_known else "unknown"
 
 
 class Track(StrictModel):
@@ -148,6 +159,11 @@ class Picture(StrictModel):
         default={},
         exclude_if=lambda links: not links,
         description="asset -> the link that it is on; empty in a fleet that has no links",
+    )
+    not_ready: dict[Name, str] = Field(
+        default={},
+        exclude_if=lambda why: not why,
+        description="asset -> why it cannot start yet, such as its checks before arming",
     )
 
 

@@ -50,7 +50,7 @@ class Draft(NamedTuple):
     def picture(self) -> Picture:
         """Return the picture."""
         assets = {name: said.telemetry() for name, said in self.assets.items()}
-        return Picture.of_valid({**self._asdict(), "assets": assets, "links": {}})
+        return Picture.of_valid({**self._asdict(), "assets": assets, "links": {}, "not_ready": {}})
 
 
 def begin(terrain: Terrain, scene: Scene) -> Draft:

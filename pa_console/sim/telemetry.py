@@ -86,6 +86,7 @@ def report_of(terrain: Terrain, tick: int, asset: AssetState) -> SelfReport:
             "command_id": asset.command.command_id if asset.command else None,
             "stamp_s": stamp_s,
             "manual": asset.manual,
+            "battery_known": True,
         }
     )
     return SelfReport.of(asset.said)

@@ -70,8 +70,9 @@ def asset_lines(state: SessionState) -> list[str]:
         return ["nothing was reported yet"]
     return [
         f"{asset.id}: {asset.task} {f'at {asset.at}' if asset.at else f'to {asset.post}'}, "
-        f"{asset.status}, battery {asset.battery_pct:.0f} %, link {asset.comms}"
+        f"{asset.status}, battery {asset.charge}, link {asset.comms}"
         f"{f' {over}' if (over := link_in_words(asset.id, state.picture.links)) else ''}"
+        f"{f', not ready: {why}' if (why := state.picture.not_ready.get(asset.id)) else ''}"
         f"{', report is old' if asset.stale else ''}"
         f"{f', MANUAL, {_by_hand(asset, state)}' if asset.manual else ''}"
         for asset in state.picture.assets.values()

@@ -100,6 +100,7 @@ class Reliance:
 
     def __init__(self, picture: Picture, stale_s: float) -> None:
         self._now_s, self._stale_s = picture.time_s, stale_s
+        self._not_ready = picture.not_ready
 
     def age(self, item: AssetTelemetry | Track | CameraReport) -> float:
         """Return the seconds since the report was sent, or the track was last detected."""
@@ -120,6 +121,8 @@ class Reliance:
             return term("asset", "failed")
         if state == "fresh" and asset.manual:
             return term("asset", "manual")
+        if asset.id in self._not_ready:
+            return term("asset", "unready")
         if state == "fresh":
             return term("asset", asset.status if asset.available else "down")
         mark = term("report", state)
@@ -135,7 +138,7 @@ class Reliance:
             return 0
         if state != "fresh":
             return {"suspect": 1, "silent": 2, "stale": 3}[state]
-        if asset.manual:
+        if asset.manual or asset.id in self._not_ready:
             return 4
         if asset.low_battery:
             return 4

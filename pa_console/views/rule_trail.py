@@ -62,7 +62,7 @@ def _asset(asset: AssetTelemetry, now_s: float) -> str:
         f"at {asset.at or 'no frame'}",
         asset.status,
         asset.task,
-        f"battery {asset.battery_pct:.0f} %",
+        f"battery {asset.charge}",
         f"link {asset.comms}",
         *(["stale"] if asset.stale else []),
         *(["suspect"] if asset.integrity != "ok" else []),

@@ -71,6 +71,7 @@ STATUSES: dict[str, Status] = {
     "asset.failed": Status("✘", "FAILED", "bad"),
     "asset.down": Status("✘", "DOWN", "bad"),
     "asset.manual": Status("⊕", "MANUAL", "warn"),
+    "asset.unready": Status("◌", "not ready", "warn"),
     "comms.ok": Status("●", "ok", "good"),
     "comms.degraded": Status("◐", "weak", "warn"),
     "comms.lost": Status("✘", "LOST", "bad"),

@@ -69,7 +69,7 @@ def test_the_console_names_the_link_of_each_asset(desk: Desk) -> None:
     assert rows[UGV].endswith(f"link lost over {ON_GROUND}, report is old")
     assert "link lost on no link" in rows["Drone_T02"]
     assert f"{ON_AIR}: {DRONE}" in session_lines.status_lines(state)
-    shown = [card.asset_lines(picture.assets[name], picture.links) for name in (DRONE, "Ugv_T02")]
+    shown = [card.asset_lines(picture.assets[name], picture) for name in (DRONE, "Ugv_T02")]
     assert [lines[-1] for lines in shown] == [f"over {ON_AIR}", "on no link"]
 
 

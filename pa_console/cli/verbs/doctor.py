@@ -125,9 +125,25 @@ def _print(checks: list[Check], missing: list[str]) -> None:
             Text(check.name), Text(check.state, STYLES[check.state]), Text(said, overflow="fold")
         )
     out.print(table)
+    for check in checks:
+        if check.details:
+            out.print_line(f"\n{check.name}")
+            out.print(_details(check))
     warnings = sum(check.state == "warning" for check in checks)
     end = f"missing: {', '.join(missing)}" if missing else "nothing is missing"
     out.print_line(f"\n{end}; {count(warnings, 'warning')}")
+
+
+def _details(check: Check) -> Table:
+    """Return the table of a link's robots: what was found, and what will not work because of it."""
+    table = Table(box=None, pad_edge=False)
+    for title in ("asset", "message or parameter", "found", "should be", "consequence"):
+        table.add_column(title, overflow="fold")
+    for each in check.details:
+        style = STYLES["warning"] if each.consequence else ""
+        cells = (each.agent, each.what, each.found, each.wanted, each.consequence)
+        table.add_row(*(Text(cell, style) for cell in cells))
+    return table
 
 
 SPEED = "model's speed"

@@ -17,7 +17,7 @@ from typing import Literal
 from rich.console import Console
 
 from pa_console.child_processes import python_command
-from pa_console.fleets.link import OWN, link_schemes
+from pa_console.fleets.link import OWN, LinkFinding, link_schemes
 from pa_console.fleets.newcomers import survey
 from pa_console.fleets.vda5050.site_files import CONFIGURATION, unbound
 from pa_console.llm.backend import ModelError
@@ -57,6 +57,8 @@ class Check:
     state: State
     found: str
     remedy: str = ""
+    details: tuple[LinkFinding, ...] = ()
+    """The robots of a link, one by one."""
 
 
 def check_python() -> Check:
@@ -385,14 +387,16 @@ def check_link(url: str, settings: Settings) -> Check:
     name = f"link {url}"
     try:
         world, _ = open_world(settings.world)
-        seen = survey(url, world, settings)
+        seen = survey(url, world, settings, examine=True)
     except (ValueError, DocumentError) as error:
         return Check(name, "missing", str(error), "see 'pa-console manual connect-a-robot'")
     if seen.problem:
         return Check(name, "missing", seen.in_words(), "see its address and the network")
-    if seen.silent or not seen.agents:
-        return Check(name, "warning", seen.in_words(), "switch on what is silent; see its names")
-    return Check(name, "ok", seen.in_words())
+    remedy = "switch on what is silent; see its names" if seen.silent or not seen.agents else ""
+    if any(finding.consequence for finding in seen.findings):
+        remedy = remedy or "see the table: set the parameters as it says, and start the robot again"
+    state: State = "warning" if remedy else "ok"
+    return Check(name, state, seen.in_words(), remedy, seen.findings)
 
 
 def check_terminal() -> Iterator[Check]:

@@ -6,6 +6,7 @@ mavsdk calls back on threads of its own. Nothing is decided there: each call is 
 import json
 import math
 import struct
+import time
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from functools import partial
@@ -18,8 +19,11 @@ from mavsdk.plugins.mission_raw import MissionItem, MissionRaw, MissionRawResult
 from mavsdk.plugins.telemetry import LandedState, Telemetry
 from mavsdk.system import System
 
+from pa_console.fleets.mavlink import ardupilot
 from pa_console.fleets.mavlink.commands import ACCEPTED, RESULTS, Cmd, Kind, MavCommand, MavItem
 from pa_console.fleets.mavlink.flight import Flight
+from pa_console.fleets.mavlink.messages import POSITION, MessageWatch
+from pa_console.schema.world import AssetKind
 
 Post = Callable[[Callable[[], object]], None]
 """Has something done by the link's own thread."""
@@ -28,9 +32,15 @@ AUTOPILOT = 1
 """The component id of an autopilot: cameras and radios of the same vehicle are not heard."""
 
 FENCE, MISSION = 1, 0
-PX4_FENCE_ACTION = "GF_ACTION"
+PX4_FENCE_ACTION, FENCE_ACTION, FENCE_TYPE = "GF_ACTION", "FENCE_ACTION", "FENCE_TYPE"
 PX4_ACTS = (2, 3, 4, 5)
 """PX4's hold, return, terminate and land at the fence; 0 does nothing, and 1 warns."""
+
+PREARM_CHECK = 0x1000_0000
+"""The bit of SYS_STATUS for the checks before arming."""
+
+SENSORS = 0x0020_002F
+"""Its bits for gyrometers, accelerometers, magnetometer, barometer, GPS and position estimate."""
 
 UNANSWERED = frozenset((ActionResult.TIMEOUT, ActionResult.BUSY, ActionResult.CONNECTION_ERROR))
 
@@ -42,8 +52,14 @@ class _Arguments(Protocol):
 class MavsdkAutopilot:
     """A vehicle that mavsdk has found; `hears` is given what it says."""
 
-    def __init__(self, system: System, post: Post) -> None:
+    def __init__(self, system: System, post: Post, asset_kind: AssetKind, rate_hz: float) -> None:
+        """Ask the vehicle for positions at `rate_hz`."""
         self._system, self._post = system, post
+        self._stands = float(ardupilot.STANDS[asset_kind])
+        self.messages = MessageWatch(asset_kind, 1.0 / rate_hz, time.monotonic())
+        self.parameters: dict[str, float] = {}
+        """The values of parameters that were read."""
+        self._unnamed = frozenset[str]()
         self._telemetry, self._action = Telemetry(system), Action(system)
         self._mission, self._direct = MissionRaw(system), MavlinkDirect(system)
         self.system_id: int = system.get_system_id()
@@ -62,40 +78,66 @@ class MavsdkAutopilot:
         """True while its heartbeats come."""
         return bool(self._system.is_connected())
 
-    def listen(self, flight: Flight, rate_hz: float) -> None:
-        """Give `flight` what the vehicle reports, positions at `rate_hz`."""
+    def listen(self, flight: Flight) -> None:
+        """Give `flight` what the vehicle reports, and ask for all that is needed."""
         self._flight, telemetry = flight, self._telemetry
-
-        def message(name: str, take: Callable[[dict[str, Any]], None]) -> None:
-            def heard(received: Any, _data: Any) -> None:
-                if received.component_id == AUTOPILOT:
-                    self._post(partial(_decoded, take, received.fields_json))
-
-            self._direct.subscribe_message(name, heard)
-
-        def positioned(received: Any, _data: Any) -> None:
-            if received.component_id == AUTOPILOT:
-                arrived = datetime.now(UTC)
-                take = partial(flight.positioned, arrived=arrived)
-                self._post(partial(_decoded, take, received.fields_json))
-
-        self._direct.subscribe_message("GLOBAL_POSITION_INT", positioned)
-        message("STATUSTEXT", flight.said)
-        message("COMMAND_ACK", lambda m: flight.acknowledged(int(m["command"]), int(m["result"])))
-        message("PARAM_VALUE", self._parameter)
-        message(
-            "HEARTBEAT", lambda m: flight.heartbeat(int(m["base_mode"]), int(m["system_status"]))
+        self._subscribe("STATUSTEXT", flight.said)
+        self._subscribe(
+            "COMMAND_ACK", lambda m: flight.acknowledged(int(m["command"]), int(m["result"]))
         )
+        self._subscribe("PARAM_VALUE", self._parameter)
+        takes: dict[str, Callable[[dict[str, Any]], None]] = {
+            "HEARTBEAT": self._heartbeat,
+            "SYS_STATUS": self._checks,
+        }
+        for needed in self.messages.needed:
+            if needed.name != POSITION:
+                self._subscribe(needed.name, takes.get(needed.name))
+        self._direct.subscribe_message(POSITION, self._positioned)
         telemetry.subscribe_flight_mode(self._posts(self._mode))
         telemetry.subscribe_battery(self._posts(self._battery))
         telemetry.subscribe_landed_state(self._posts(self._landed))
         telemetry.subscribe_health(self._posts(self._health))
         telemetry.subscribe_home(self._posts(self._home))
-        self.ask_for_positions(rate_hz)
+        self.step()
 
-    def ask_for_positions(self, rate_hz: float) -> None:
-        """Ask the vehicle for positions at `rate_hz`; not every autopilot can choose."""
-        self._telemetry.set_rate_position_async(rate_hz, _ignore)
+    def _subscribe(self, name: str, take: Callable[[dict[str, Any]], None] | None) -> None:
+        def heard(received: Any, _data: Any) -> None:
+            if received.component_id == AUTOPILOT:
+                self._post(partial(self._heard, name, take, received.fields_json))
+
+        self._direct.subscribe_message(name, heard)
+
+    def _heard(
+        self, name: str, take: Callable[[dict[str, Any]], None] | None, fields_json: str
+    ) -> None:
+        self.messages.heard(name, time.monotonic())
+        if take is not None:
+            take(cast("dict[str, Any]", json.loads(fields_json)))
+
+    def _positioned(self, received: Any, _data: Any) -> None:
+        if received.component_id == AUTOPILOT and self._flight is not None:
+            take = partial(self._flight.positioned, arrived=datetime.now(UTC))
+            self._post(partial(self._heard, POSITION, take, received.fields_json))
+
+    def step(self) -> None:
+        """Ask for the messages that do not come, and tell the flight which are missing."""
+        now_s = time.monotonic()
+        for needed in self.messages.due(now_s):
+            micros = self.messages.period_s(needed) * 1e6
+            asked = MavCommand(Cmd.SET_MESSAGE_INTERVAL, (float(needed.number), micros))
+            self.send(asked, 0)
+        missing = self.messages.missing(now_s)
+        names = frozenset(needed.name for needed in missing)
+        if self._flight is not None and self.connected and not names <= self._unnamed:
+            lines = [f"{needed.name}: {needed.lacking}" for needed in missing]
+            self._flight.lacks("; ".join(lines))
+        self._unnamed = names
+
+    def ask_again(self) -> None:
+        """Ask for every message: the vehicle may have forgotten what it was asked for."""
+        self.messages.ask_again(time.monotonic())
+        self.step()
 
     def _posts(self, take: Callable[[Any], None]) -> _Arguments:
         def heard(value: Any, _data: Any) -> None:
@@ -103,8 +145,26 @@ class MavsdkAutopilot:
 
         return heard
 
+    def _heartbeat(self, message: dict[str, Any]) -> None:
+        if self._flight is None:
+            return
+        self._flight.heartbeat(int(message["base_mode"]), int(message["system_status"]))
+        if self.kind == "ardupilot":
+            vehicle = int(message["type"])
+            self._flight.is_a("ugv" if vehicle in ardupilot.ROVER_TYPES else "uav")
+            self._flight.mode_changed(ardupilot.mode_name(vehicle, int(message["custom_mode"])))
+
+    def _checks(self, message: dict[str, Any]) -> None:
+        """Take in which of the vehicle's own checks fail: those before arming, and of sensors."""
+        enabled = int(message["onboard_control_sensors_enabled"])
+        fails = enabled & ~int(message["onboard_control_sensors_health"])
+        if self._flight is not None and enabled & PREARM_CHECK:
+            self._flight.checked(not fails & PREARM_CHECK)
+        if self._flight is not None and self.kind == "ardupilot":
+            self._flight.health(not fails & SENSORS)
+
     def _mode(self, mode: Any) -> None:
-        if self._flight is not None:
+        if self._flight is not None and self.kind != "ardupilot":
             self._flight.mode_changed(mode.name)
 
     def _battery(self, battery: Any) -> None:
@@ -118,7 +178,7 @@ class MavsdkAutopilot:
             self._flight.state.on_ground = known.get(landed, False)
 
     def _health(self, health: Any) -> None:
-        if self._flight is not None:
+        if self._flight is not None and self.kind != "ardupilot":
             self._flight.health(
                 bool(
                     health.is_gyrometer_calibration_ok
@@ -159,12 +219,26 @@ class MavsdkAutopilot:
 
     def hold(self) -> None:
         """Change to the mode in which it holds its place; mavsdk repeats it until an answer."""
+        if self.kind == "ardupilot":
+            fields = self._addressed(command=int(Cmd.SET_MODE), param1=1.0, param2=self._stands)
+            self._direct.send_command_async(self._message("COMMAND_LONG", fields), self._stood)
+            return
 
         def done(result: ActionResult, _data: Any) -> None:
             problem = "" if result == ActionResult.SUCCESS else _word(result)
             self._post(partial(self._held, problem, result not in UNANSWERED))
 
         self._action.hold_async(done)
+
+    def _stood(self, _result: Any, ack: Any, _data: Any) -> None:
+        """Take in an ArduPilot's answer to a hold, on a thread of mavsdk."""
+
+        def taken() -> None:
+            result = _result_of(ack)
+            problem = "" if result == ACCEPTED else RESULTS.get(result, "timeout")
+            self._held(problem, result >= 0)
+
+        self._post(taken)
 
     def _held(self, problem: str, answered: bool) -> None:
         if self._flight is not None:
@@ -214,31 +288,44 @@ class MavsdkAutopilot:
 
     def enforce_fence(self) -> None:
         """Have an ArduPilot act on its fence, and ask a PX4 whether it does."""
-        kind = self.kind
-        if kind == "px4":
-            asked = self._addressed(param_id=PX4_FENCE_ACTION, param_index=-1)
-            self._send("PARAM_REQUEST_READ", asked)
-        elif kind == "ardupilot":
-            enable = self._addressed(command=int(Cmd.FENCE_ENABLE), param1=1.0)
-            message = self._message("COMMAND_LONG", enable)
-            self._direct.send_command_async(message, self._ardupilot_enabled)
+        if self.kind == "px4":
+            self.read_parameter(PX4_FENCE_ACTION)
+        elif self.kind == "ardupilot":
+            self.read_parameter(FENCE_TYPE)
+            self.read_parameter(FENCE_ACTION)
         else:
             self._enforced("")
 
+    def read_parameter(self, name: str) -> None:
+        """Ask for a parameter, once; an answer goes to `parameters`."""
+        self._send("PARAM_REQUEST_READ", self._addressed(param_id=name, param_index=-1))
+
     def _parameter(self, message: dict[str, Any]) -> None:
         """Take in a parameter: a PX4's whole numbers come as the bytes of a float."""
-        if message["param_id"] != PX4_FENCE_ACTION or self.kind != "px4":
-            return
-        (action,) = struct.unpack("<i", struct.pack("<f", float(message["param_value"])))
-        self._enforced(
-            ""
-            if action in PX4_ACTS
-            else f"its {PX4_FENCE_ACTION} is {action}; set it to 2 (hold) or to a stronger action"
-        )
+        name, value = str(message["param_id"]), float(message["param_value"])
+        if name == PX4_FENCE_ACTION and self.kind == "px4":
+            (action,) = struct.unpack("<i", struct.pack("<f", value))
+            wrong = f"its {name} is {action}; set it to 2 (hold) or to a stronger action"
+            self._enforced("" if action in PX4_ACTS else wrong)
+        elif self.kind == "ardupilot":
+            self.parameters[name] = value
+            if name == FENCE_ACTION:
+                self._enable_fence(value)
+
+    def _enable_fence(self, action: float) -> None:
+        """Have an ArduPilot act on its fence, if its parameters let it."""
+        if not action:
+            self._enforced(f"its {FENCE_ACTION} is 0; set it to 1 (return) or to a stronger action")
+        elif not ardupilot.has_polygons(self.parameters.get(FENCE_TYPE, ardupilot.POLYGON)):
+            self._enforced(f"its {FENCE_TYPE} is without polygons; add {ardupilot.POLYGON} to it")
+        else:
+            enable = self._addressed(command=int(Cmd.FENCE_ENABLE), param1=1.0)
+            message = self._message("COMMAND_LONG", enable)
+            self._direct.send_command_async(message, self._ardupilot_enabled)
 
     def _ardupilot_enabled(self, _result: Any, ack: Any, _data: Any) -> None:
         def taken() -> None:
-            result = int(json.loads(ack.fields_json or "{}").get("result", -1))
+            result = _result_of(ack)
             word = RESULTS.get(result, "no answer")
             self._enforced("" if result == ACCEPTED else f"it does not enable its fence ({word})")
 
@@ -252,8 +339,9 @@ class MavsdkAutopilot:
             self._flight.fence.enforced(problem)
 
 
-def _decoded(take: Callable[[dict[str, Any]], Any], fields_json: str) -> None:
-    take(cast("dict[str, Any]", json.loads(fields_json)))
+def _result_of(ack: Any) -> int:
+    """Return the MAV_RESULT of an acknowledgement, -1 if none came."""
+    return int(json.loads(ack.fields_json or "{}").get("result", -1))
 
 
 def _raw(items: Sequence[MavItem], mission_type: int) -> list[MissionItem]:
@@ -281,7 +369,3 @@ def _problem(result: MissionRawResult) -> str:
 def _word(result: Any) -> str:
     """Return a result of mavsdk in words."""
     return str(result.name).lower().replace("_", " ")
-
-
-def _ignore(_result: Any, _data: Any) -> None:
-    """Take no notice of how a request ended."""

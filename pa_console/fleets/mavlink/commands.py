@@ -9,6 +9,9 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal, Protocol
 
+from pa_console.fleets.mavlink.ardupilot import GUIDED
+from pa_console.schema.world import AssetKind
+
 Kind = Literal["px4", "ardupilot", "other"]
 Degrees = tuple[float, float]
 """Latitude and longitude."""
@@ -36,6 +39,8 @@ class Cmd(IntEnum):
     FENCE_ENABLE = 207
     SET_MISSION_CURRENT = 224
     START_MISSION = 300
+    RUN_PREARM_CHECKS = 401
+    SET_MESSAGE_INTERVAL = 511
     ARM = 400
     FENCE_INSIDE = 5001
     FENCE_OUTSIDE = 5002
@@ -125,14 +130,15 @@ class Autopilot(Protocol):
         """Have it act on its geofence, or find out whether it does."""
         ...
 
+    def ask_again(self) -> None:
+        """Ask for every message that is needed: the vehicle may have forgotten that."""
+        ...
+
 
 def e7(degrees: float) -> int:
     """Return degrees as MAVLink's integer."""
     return round(degrees * E7)
 
-
-COPTER_GUIDED = 4
-"""ArduPilot's mode for commands from a station; a copter takes off from the ground in it only."""
 
 _CUSTOM_MODE = 1.0
 
@@ -147,12 +153,12 @@ def start_flight(kind: Kind, altitude_m: float, msl_m: float) -> tuple[MavComman
     take_off = MavCommand(Cmd.TAKEOFF, (0.0, 0.0, 0.0, KEEP, KEEP, KEEP, height))
     if kind == "ardupilot":
         take_off = MavCommand(Cmd.TAKEOFF, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, height))
-    return (*arm(kind), take_off)
+    return (*arm(kind, "uav"), take_off)
 
 
-def arm(kind: Kind) -> tuple[MavCommand, ...]:
-    """Return the commands that arm a drone for a flight from the station."""
-    guided = MavCommand(Cmd.SET_MODE, (_CUSTOM_MODE, float(COPTER_GUIDED)))
+def arm(kind: Kind, asset: AssetKind) -> tuple[MavCommand, ...]:
+    """Return the commands that arm a vehicle for orders from the station."""
+    guided = MavCommand(Cmd.SET_MODE, (_CUSTOM_MODE, float(GUIDED[asset])))
     return (*((guided,) if kind == "ardupilot" else ()), MavCommand(Cmd.ARM, (1.0,)))
 
 
@@ -169,6 +175,7 @@ def look_at(place: Degrees) -> MavCommand:
 
 LOOK_AHEAD = MavCommand(Cmd.NO_REGION_OF_INTEREST, optional=True)
 GO_HOME = MavCommand(Cmd.RETURN_TO_LAUNCH)
+CHECK_AGAIN = MavCommand(Cmd.RUN_PREARM_CHECKS)
 
 
 def mission_of(
@@ -194,11 +201,11 @@ def mission_of(
     return tuple(items)
 
 
-def start_mission(kind: Kind, *, on_ground: bool) -> tuple[MavCommand, ...]:
-    """Return the commands that fly the uploaded mission from its first item."""
+def start_mission(kind: Kind, asset: AssetKind, *, disarmed: bool) -> tuple[MavCommand, ...]:
+    """Return the commands that carry the uploaded mission out from its first item."""
     first = 1.0 if kind == "ardupilot" else 0.0
     return (
         MavCommand(Cmd.SET_MISSION_CURRENT, (first,), optional=True),
-        *(arm(kind) if on_ground else ()),
+        *(arm(kind, asset) if disarmed else ()),
         MavCommand(Cmd.START_MISSION, (0.0, 0.0)),
     )

@@ -1,4 +1,4 @@
-"""The state of one drone by its own MAVLink messages, in the world's metres and station time."""
+"""The state of one vehicle by its own MAVLink messages, in the world's metres and station time."""
 
 import math
 from collections import deque
@@ -23,9 +23,19 @@ DRIFT = 1e-4
 REBOOT_S = 5.0
 """A drone whose time since its start goes back by more than this has started again."""
 
+NO_PLACE = "does not know where it is any more"
 MOST_TEXT = 200
-PILOT_MODES = frozenset(("MANUAL", "ALTCTL", "POSCTL", "ACRO", "STABILIZED", "RATTITUDE"))
+PILOT_MODES = frozenset(
+    ("MANUAL", "ALTCTL", "POSCTL", "ACRO", "STABILIZED", "RATTITUDE", "LOITER", "DRIFT", "SPORT",
+     "FLIP", "AUTOTUNE", "FLOWHOLD", "ZIGZAG", "STEERING", "SIMPLE")
+)  # fmt: skip
 """The flight modes in which a pilot's stick steers."""
+
+PREARM = "PreArm:"
+"""The beginning of the texts in which an ArduPilot says why it does not arm."""
+
+PREARM_S = 12.0
+"""A reason that has not been repeated for so long does not count; it is asked for every 5 s."""
 
 CRITICAL, EMERGENCY, TERMINATING = 5, 6, 8
 """System states of a heartbeat, MAV_STATE."""
@@ -95,9 +105,10 @@ class StatusText:
 
 @dataclass
 class DroneState:
-    """The latest reports of one drone."""
+    """The latest reports of one vehicle; one that is `ground_bound` never flies."""
 
     geography: Geography
+    ground_bound: bool = False
     clock: BootClock = field(default_factory=BootClock)
     fix: Fix | None = None
     mode: str = "UNKNOWN"
@@ -109,6 +120,10 @@ class DroneState:
     system_state: int = 0
     on_ground: bool | None = None
     healthy: bool = True
+    may_arm: bool | None = None
+    """False while its own checks keep it from arming, None while they are unknown."""
+    prearm: dict[str, float] = field(default_factory=dict[str, float])
+    """Why they do, each with the time at which it was said last."""
     battery_pct: float | None = None
     home: Point | None = None
     texts: deque[StatusText] = field(default_factory=lambda: deque[StatusText](maxlen=32))
@@ -122,7 +137,21 @@ class DroneState:
     @property
     def landed(self) -> bool:
         """True if it stands on the ground, or has never reported that it flies."""
-        return self.on_ground is True or (self.on_ground is None and not self.armed)
+        unheard = self.on_ground is None and not self.armed
+        return self.ground_bound or self.on_ground is True or unheard
+
+    @property
+    def parked(self) -> bool:
+        """True if it stands on the ground, disarmed."""
+        return self.landed and not self.armed
+
+    def prearm_problem(self, now_s: float) -> str:
+        """Return why its own checks keep it from arming, '' if they do not."""
+        if self.armed or self.may_arm is not False:
+            self.prearm.clear()
+            return ""
+        fresh = [text for text, at_s in self.prearm.items() if now_s - at_s < PREARM_S]
+        return "; ".join(fresh[:3]) or "its checks before arming fail"
 
     @property
     def status(self) -> AssetStatus:
@@ -137,7 +166,7 @@ class DroneState:
         if not (-90.0 <= latitude <= 90.0 and -180.0 <= longitude <= 180.0):
             return "reports a position that is not on the earth"
         if latitude == 0.0 and longitude == 0.0:
-            return "does not know where it is"
+            return NO_PLACE if self.fix is not None else ""
         at = self.geography.near(latitude, longitude)
         if at is None or math.hypot(*at) > FAR_M:
             return (
@@ -178,6 +207,8 @@ class DroneState:
         if sequence and self.texts:
             self.texts.pop()
         self.texts.append(line)
+        if line.text.startswith(PREARM):
+            self.prearm[line.text] = now_s
         return line
 
     def reasons(self, since_s: float) -> Iterator[str]:

@@ -11,10 +11,11 @@ from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any, cast
 
-from pa_console.fleets.link import DeviceAnswer, LinkNews, LinkNotice
+from pa_console.fleets.link import DeviceAnswer, LinkNews, LinkNotice, NotReady
 from pa_console.fleets.mavlink import commands
+from pa_console.fleets.mavlink.ardupilot import BATTERY
 from pa_console.fleets.mavlink.commands import Autopilot, MavCommand, MavItem
-from pa_console.fleets.mavlink.drone_state import DroneState
+from pa_console.fleets.mavlink.drone_state import PREARM, DroneState
 from pa_console.fleets.mavlink.geofence import FenceWatch, fence_of
 from pa_console.fleets.mavlink.orders import (
     Climb,
@@ -30,6 +31,7 @@ from pa_console.schema.base import Point
 from pa_console.schema.command import COMMANDS, DeviceCommand, ReplyStatus
 from pa_console.schema.events.event import Level
 from pa_console.schema.telemetry import Task
+from pa_console.schema.world import AssetKind
 from pa_console.sim.worlds.geography import Geography
 from pa_console.sim.worlds.terrain import Terrain
 
@@ -39,9 +41,10 @@ ACK_S, TRIES = 1.0, 4
 REASON_S = 0.4
 """A vehicle's words on a refusal may come so long after it, or as long before it."""
 
-ARRIVED_M = 1.5
+ARRIVED_M, DRIVEN_M = 1.5, 3.5
 HEIGHT_M = 2.0
-"""The distances within which a drone has arrived, across and in height."""
+"""The distances within which a drone has arrived, across and in height; a ground vehicle stops as
+soon as it is within its own, 2 to 3 m."""
 
 CLIMBED = 0.9
 """The part of its altitude at which a drone has taken off."""
@@ -54,6 +57,9 @@ PROGRESS_S = 5.0
 HOLD_S = 1.0
 """A hold is asked for again after this time in another mode."""
 
+CHECK_AGAIN_S = 5.0
+"""A vehicle that does not arm is asked so often for its reasons."""
+
 REPEAT_TEXT_S = 30.0
 COMPLETE_S = 5.0
 """A drone that does not report its battery, or whether it flies, is taken as it is after that."""
@@ -61,7 +67,9 @@ COMPLETE_S = 5.0
 KNOWN = 512
 """The number of command ids that are remembered."""
 
-_HERE = ("HOLD", "OFFBOARD", "TAKEOFF", "MISSION", "READY", "UNKNOWN")
+_HERE = ("HOLD", "OFFBOARD", "GUIDED", "TAKEOFF", "MISSION", "READY", "UNKNOWN")
+_NOUNS = {"uav": "drone", "ugv": "ground vehicle"}
+NO_ESTIMATE = "it has no position estimate yet"
 
 
 class Flight:
@@ -85,10 +93,15 @@ class Flight:
         """`now` is a monotonic clock, seconds; `others` are places that other drones have."""
         self.agent, self.place = agent, cast("Point | None", None)
         """The place that it has, or is on its way to."""
+        self.heard = True
+        """False while its heartbeats do not come."""
         self._terrain, self._geography = terrain, geography
         self._autopilot, self._tell, self._now = autopilot, tell, now
         self._planner = OrderPlanner(agent, terrain, geography, vehicles, others)
-        self.state = DroneState(geography)
+        self._kind = vehicles.vehicles[agent].kind
+        self.state = DroneState(geography, ground_bound=self._kind == "ugv")
+        self._found_kind = self._kind
+        self._not_ready, self._checks_s = "", 0.0
         areas = fence_of(terrain.world, geography)
         self.fence = FenceWatch(areas, geography, autopilot, self._say, vehicles.fence_check_s)
         self._order: FlightOrder | None = None
@@ -98,6 +111,7 @@ class Flight:
         self._texts: dict[str, float] = {}
         """The times of recent notices by their texts."""
         self._task: Task = "idle"
+        self._told_once: set[str] = set()
         self._busy_until: dict[int, float] = {}
         self._first_s: float | None = None
         self._known_healthy = False
@@ -127,6 +141,11 @@ class Flight:
             self._answer(command, "done", self._words())
         else:
             self._begin(command)
+
+    @property
+    def not_ready(self) -> str:
+        """Why it cannot start yet, '' if it can."""
+        return self._not_ready
 
     def may_arm(self) -> bool:
         """Return whether an order from the station needs the drone armed now."""
@@ -173,7 +192,7 @@ class Flight:
         if not problem:
             hold.accepted_s, hold.accepted_at = self._now(), datetime.now(UTC)
             self._answer(hold.command, "acknowledged")
-        elif answered and not (self.state.landed and not self.state.armed):
+        elif answered and not self.state.parked:
             hold.refused = (f"hold {problem}", self._now())
         elif answered:
             self._answer(hold.command, "acknowledged")
@@ -206,6 +225,8 @@ class Flight:
         if self.state.clock.restarted(int(message["time_boot_ms"]) / 1e3):
             self._say("alarm", "has started again")
             self.fence.start_again()
+            self.state.fix, self.state.may_arm = None, None
+            self._autopilot.ask_again()
             if self._order is not None:
                 self._end(self._order, "failed", "it has started again")
         state, before = self.state, self.state.fix
@@ -215,6 +236,22 @@ class Flight:
             self._look()
             self._tell(self._report())
 
+    def is_a(self, kind: AssetKind) -> None:
+        """Take in the kind of vehicle that a heartbeat says it is."""
+        if kind != self._found_kind:
+            self._found_kind = kind
+            if kind != self._kind:
+                text = f"is a {kind} by its heartbeat and a {self._kind} in the file: no orders"
+                self._say("alarm", text)
+
+    def checked(self, may_arm: bool) -> None:
+        """Take in whether its own checks let it arm."""
+        self.state.may_arm = may_arm
+
+    def lacks(self, messages: str) -> None:
+        """Take in the messages that do not come although they were asked for."""
+        self._say_now_and_then("warning", f"does not send {messages}")
+
     def mode_changed(self, mode: str) -> None:
         """Take in its flight mode, by mavsdk's name; it comes with every heartbeat."""
         was_manual, self.state.mode, self.state.mode_s = self.state.manual, mode, self._now()
@@ -222,7 +259,7 @@ class Flight:
 
     def heartbeat(self, base_mode: int, system_state: int) -> None:
         """Take in the flags of a heartbeat."""
-        was_manual, armed_flag = self.state.manual, 128
+        was_manual, armed_flag, self.heard = self.state.manual, 128, True
         self.state.armed, self.state.beats = bool(base_mode & armed_flag), True
         self.state.system_state = system_state
         self._look_for_pilot(was_manual)
@@ -236,7 +273,8 @@ class Flight:
     def said(self, message: Mapping[str, Any]) -> None:
         """Take in a STATUSTEXT; warnings go to the operator."""
         line, warning = self.state.said(message, self._now()), 4
-        if line is not None and line.severity <= warning:
+        # why it does not arm is on its card, as long as that lasts
+        if line is not None and line.severity <= warning and not line.text.startswith(PREARM):
             level = "alarm" if line.severity < warning else "warning"
             self._say_now_and_then(level, f"says: {line.text}")
 
@@ -248,12 +286,13 @@ class Flight:
         if state.fix is not None:
             self.fence.step(now, self._why_no_fence(state.fix.at))
         self._step_hold(now)
+        self._note_readiness(now)
         order = self._order
         if order is None:
-            if state.landed and not state.armed:
+            if state.parked:
                 home = self._task == "charging" and self._at_base()
                 self._task = "charging" if home else "idle"
-            elif self._task in ("idle", "charging"):
+            elif self._task == "idle" or (self._task == "charging" and self._kind == "uav"):
                 self._task = "holding"
             return
         if self._fenced_off(order):
@@ -274,7 +313,8 @@ class Flight:
         state, world, fix = self.state, self._terrain.world, self.state.fix
         assert fix is not None
         home = command.verb == "return_to_base"
-        if home and state.landed and not state.armed and self._at_base():
+        stands = state.parked or (state.ground_bound and fix.speed_mps == 0.0)
+        if home and stands and self._at_base():
             self._replace(None)
             self._task = "charging"
             self._answer(command, "acknowledged")
@@ -292,22 +332,50 @@ class Flight:
     def _objection(self, command: DeviceCommand) -> str:
         """Return why a command cannot be carried out, '' when it can."""
         spec, state, frames = COMMANDS[command.verb], self.state, self._terrain.world.frames
-        if "uav" not in spec.kinds:
-            return f"a drone cannot {command.verb}"
+        if self._kind not in spec.kinds:
+            return f"a {_NOUNS[self._kind]} cannot {command.verb}"
         if spec.takes_frame and command.target not in frames:
             return f"unknown frame {command.target!r}; known: {', '.join(frames)}"
         if command.verb == "report":
             return ""
         if state.manual:
             return f"a pilot flies it ({state.mode}): it takes orders again in another mode"
+        return self._defect() or self._why_grounded(command)
+
+    def _defect(self) -> str:
+        """Return what keeps it from every order but a report and a hold, '' if nothing does."""
+        if self._found_kind != self._kind:
+            return f"it is a {self._found_kind} by its heartbeat, and a {self._kind} in the file"
         if not self._complete():
             return "it has not reported everything yet: where it is, its mode, whether it flies"
-        if state.status == "failed":
-            return "it reports an emergency"
+        return "it reports an emergency" if self.state.status == "failed" else ""
+
+    def _why_grounded(self, command: DeviceCommand) -> str:
+        """Return what keeps it from setting out, '' if nothing does."""
+        state = self.state
         goes_home = command.verb == "return_to_base" and not state.landed
         if self.fence.problem and not goes_home:
             return f"{self.fence.problem}: it starts no flight"
+        if state.parked and (why := state.prearm_problem(self._now())):
+            return f"not ready: {why}"
         return ""
+
+    def _note_readiness(self, now: float) -> None:
+        """Emit why it cannot start yet, and that it can; its own reasons are asked for."""
+        state = self.state
+        parts: list[str] = []
+        if self.heard and state.parked:
+            parts = [] if state.fix is not None else [NO_ESTIMATE]
+            if problem := state.prearm_problem(now):
+                parts.append(problem)
+                if now - self._checks_s >= CHECK_AGAIN_S:
+                    self._checks_s = now
+                    self._autopilot.send(commands.CHECK_AGAIN, 0)
+            if not parts and self.fence.pending:
+                parts.append(self.fence.problem)
+        if (why := "; ".join(parts)) != self._not_ready:
+            self._not_ready = why
+            self._tell(NotReady(self.agent, why))
 
     def _why_no_fence(self, at: Point) -> str:
         """Return why the fence of a drone `at` a place may not be replaced, '' when it may."""
@@ -368,6 +436,8 @@ class Flight:
         fix = self.state.fix
         if fix is not None and fix.altitude_m >= CLIMBED * step.altitude_m:
             self._next(order)
+        elif self._left_for_itself(order.step_s):
+            self._end(order, "failed", self._left_words(order))
         elif now - order.step_s > STALL_S:
             height = f"{fix.altitude_m:.0f} m" if fix is not None else "an unknown height"
             reason = f"it does not take off: at {height} after {STALL_S:.0f} s"
@@ -396,20 +466,26 @@ class Flight:
         target = (
             order.target or state.home or self._terrain.world.frames[self._terrain.world.base].at
         )
-        gap = math.dist(fix.at, target) + abs(
-            (0.0 if order.target is None else order.altitude_m) - fix.altitude_m
-        )
+        gap = math.dist(fix.at, target)
+        if not state.ground_bound:
+            gap += abs((0.0 if order.target is None else order.altitude_m) - fix.altitude_m)
         if gap < order.nearest_m - NEARER_M:
             order.nearest_m, order.nearest_s = gap, now
-        told_since = state.mode_s > order.started_s + HOLD_S
-        if order.target is not None and state.mode not in _HERE and told_since:
-            words = f"it has changed to {state.mode} by itself"
-            self._end(order, "failed", self._with_words(words, order.since_s))
+        if order.target is not None and self._left_for_itself(order.started_s):
+            self._end(order, "failed", self._left_words(order))
         elif now - order.nearest_s > STALL_S:
             words = f"it has not come nearer for {STALL_S:.0f} s, {gap:.0f} m to go"
             self._end(order, "failed", self._with_words(words, order.since_s))
         else:
             self._progress(order, f"{gap:.0f} m to go", now)
+
+    def _left_for_itself(self, since_s: float) -> bool:
+        """Return whether it has changed to a mode of its own since then."""
+        return self.state.mode not in _HERE and self.state.mode_s > since_s + HOLD_S
+
+    def _left_words(self, order: FlightOrder) -> str:
+        words = f"it has changed to {self.state.mode} by itself"
+        return self._with_words(words, order.since_s)
 
     def _progress(self, order: FlightOrder, words: str, now: float) -> None:
         """Report the progress of an order every few seconds: one without news is sent again."""
@@ -432,15 +508,16 @@ class Flight:
         if order is None or order.steps or order.refused is not None:
             return
         if order.target is None:
-            if state.landed and not state.armed and fix.speed_mps == 0.0:
+            if state.parked and fix.speed_mps == 0.0:
                 self._landed_home(order, fix.at)
         elif (
-            math.dist(fix.at, order.target) <= ARRIVED_M
-            and abs(fix.altitude_m - order.altitude_m) <= HEIGHT_M
+            math.dist(fix.at, order.target) <= (DRIVEN_M if state.ground_bound else ARRIVED_M)
+            and (state.ground_bound or abs(fix.altitude_m - order.altitude_m) <= HEIGHT_M)
             and fix.speed_mps == 0.0
         ):
             self._task = COMMANDS[order.command.verb].task or "holding"
-            self._end(order, "done", f"at {order.command.target}", keeps_task=True)
+            at = order.command.target or self._terrain.world.base
+            self._end(order, "done", f"at {at}", keeps_task=True)
 
     def _landed_home(self, order: FlightOrder, at: Point) -> None:
         world = self._terrain.world
@@ -498,7 +575,7 @@ class Flight:
                 self._give_reason(hold.command, what, since_s, hold.accepted_s is not None)
                 self._hold = None
             return
-        if hold.asked or hold.accepted_s is None or state.manual or state.landed:
+        if hold.asked or hold.accepted_s is None or state.manual or state.parked:
             return
         elsewhere = state.mode != "HOLD" and state.mode_s > hold.accepted_s
         if elsewhere and now - hold.accepted_s > HOLD_S and self._order is None:
@@ -553,7 +630,11 @@ class Flight:
         if now - self._first_s < COMPLETE_S:
             return False
         if state.battery_pct is None:
-            self._say_now_and_then("warning", "does not report its battery, which counts as empty")
+            remedy = f": set {BATTERY}" if self._autopilot.kind == "ardupilot" else ""
+            text = f"does not report its battery, which counts as low{remedy}"
+            if text not in self._told_once:
+                self._told_once.add(text)
+                self._say("warning", text)
         return True
 
     def _say(self, level: Level, text: str) -> None:
@@ -588,7 +669,7 @@ class Flight:
             fix.speed_mps,
             state.status,
             self._task if not state.manual else "none",
-            state.battery_pct if state.battery_pct is not None else 0.0,
+            state.battery_pct,
             order.command.command_id if order is not None else None,
             state.manual,
             (target,) if target is not None else (),

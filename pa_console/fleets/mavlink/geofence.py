@@ -123,11 +123,14 @@ class FenceWatch:
         """True if it was read and is not the world's."""
         self.problem = "its geofence has not been read yet"
         """The reason why the drone may not start a flight, '' if its geofence is the world's."""
+        self.pending = True
+        """True until it has been found to be the world's, or not, since the drone started."""
 
     def start_again(self) -> None:
         """Read the fence anew: the drone has started again, and may have lost it."""
         self._uploaded, self._asked, self._next_s = False, "", 0.0
         self._refuse("its geofence has not been read since it started", "info")
+        self.pending = True
 
     def step(self, now_s: float, why_not_upload: str) -> None:
         """Ask for the fence when it is time; `why_not_upload` keeps it from being replaced."""
@@ -183,7 +186,7 @@ class FenceWatch:
         if problem:
             self._refuse(f"it would not act on its geofence: {problem}", "alarm")
             return
-        self._uploaded = True
+        self._uploaded, self.pending = True, False
         if self.problem or not self._shown:
             self.problem, self._shown = "", True
             first, *zones = self._areas
@@ -202,6 +205,7 @@ class FenceWatch:
         return asked
 
     def _refuse(self, problem: str, level: Level) -> None:
+        self.pending = False
         if problem != self.problem:
             self.problem = problem
             self._say(level, f"{problem}: it starts no flight")

@@ -1,14 +1,15 @@
-"""A link to drones over MAVLink: `--fleet mavlink:FILE.yaml`, or `mavlink:URL#FILE.yaml`.
+"""A link to vehicles over MAVLink: `--fleet mavlink:FILE.yaml`, or `mavlink:URL#FILE.yaml`.
 
 One thread does everything: it takes the station's commands, then what mavsdk has called back with.
 """
 
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from threading import Condition, Event, Thread
+from typing import Any
 
 from mavsdk import ComponentType, Configuration, Mavsdk
 from mavsdk.cmavsdk_loader import _cmavsdk_lib  # pyright: ignore[reportPrivateUsage]
@@ -20,9 +21,11 @@ from mavsdk.plugins.arm_authorizer_server import (
     RejectionReason,
 )
 
-from pa_console.fleets.link import FoundRobot, LinkNews, LinkNotice
+from pa_console.fleets.link import FoundRobot, LinkFinding, LinkNews, LinkNotice
+from pa_console.fleets.mavlink.ardupilot import Parameter, parameters
 from pa_console.fleets.mavlink.autopilot import MavsdkAutopilot
 from pa_console.fleets.mavlink.flight import Flight
+from pa_console.fleets.mavlink.messages import message_findings
 from pa_console.fleets.mavlink.vehicles_file import MavlinkVehicles, read_vehicles
 from pa_console.schema.base import Point
 from pa_console.schema.command import DeviceCommand
@@ -38,6 +41,9 @@ PATIENCE_S = 10.0
 
 SILENT_S = 5.0
 """The silence of all vehicles that counts as a problem of the link, seconds."""
+
+READ_S = 0.5
+"""A parameter is asked for so often until it comes."""
 
 MOST_WAITING = 20_000
 """The number of messages that may wait; further ones are dropped and counted."""
@@ -55,13 +61,13 @@ def open_link(address: str, world: World, settings: Settings) -> "MavlinkLink":
 
     Raises ValueError with the remedy when it cannot be used, or nobody answers there.
     """
-    url, vehicles = _found(address, world)
-    scheme = url.partition("://")[0]
-    if "://" not in url or scheme not in SCHEMES:
-        raise ValueError(
-            f"--fleet mavlink:{address}: {url!r} is no connection; give udp://0.0.0.0:PORT to "
-            f"listen, or one of {', '.join(f'{s}://' for s in SCHEMES)}"
-        )
+    urls, vehicles = _found(address, world)
+    for url in urls:
+        if "://" not in url or url.partition("://")[0] not in SCHEMES:
+            raise ValueError(
+                f"--fleet mavlink:{address}: {url!r} is no connection; give udp://0.0.0.0:PORT to "
+                f"listen, or one of {', '.join(f'{s}://' for s in SCHEMES)}"
+            )
     if vehicles.origin is not None and world.origin not in (None, vehicles.origin):
         raise ValueError(
             f"--fleet mavlink:{address}: the world {world.name!r} has another origin than the file "
@@ -72,19 +78,20 @@ def open_link(address: str, world: World, settings: Settings) -> "MavlinkLink":
     else:
         options = "tak_origin in the settings, 'origin' in the file of the drones"
         geography = geography_of(world, settings.tak_origin, options)
-    link = MavlinkLink(url, world, geography, vehicles)
+    link = MavlinkLink(urls, world, geography, vehicles)
     if not link.await_vehicle(PATIENCE_S):
         link.close()
         ids = ", ".join(str(spec.system_id) for spec in vehicles.vehicles.values())
         raise ValueError(
-            f"--fleet mavlink:{address}: no drone was heard at {url} within {PATIENCE_S:.0f} s; "
+            f"--fleet mavlink:{address}: no drone was heard at {', '.join(urls)} within "
+            f"{PATIENCE_S:.0f} s; "
             f"expected system id {ids}: start the drones, and check address and ids"
         )
     return link
 
 
-def _found(address: str, world: World) -> tuple[str, MavlinkVehicles]:
-    """Return the connection and the drones that `address` names; raises ValueError."""
+def _found(address: str, world: World) -> tuple[tuple[str, ...], MavlinkVehicles]:
+    """Return the connections and the drones that `address` names; raises ValueError."""
     url, _, file = address.rpartition("#") if "#" in address else ("", "", address)
     if "://" in file or not file:
         raise ValueError(
@@ -96,10 +103,11 @@ def _found(address: str, world: World) -> tuple[str, MavlinkVehicles]:
         vehicles = read_vehicles(path, world)
     except DocumentError as error:
         raise ValueError(str(error)) from error
-    url = url or vehicles.connection
-    if not url:
+    own = vehicles.connection
+    urls = (url,) if url else (own,) if isinstance(own, str) else own
+    if not urls or not all(urls):
         raise ValueError(f"{path}: connection: missing; give for example udp://0.0.0.0:14540")
-    return url, vehicles
+    return urls, vehicles
 
 
 def _silent(*_arguments: object) -> bool:
@@ -114,13 +122,13 @@ _cmavsdk_lib.mavsdk_log_subscribe(_SILENT, None)
 
 
 class MavlinkLink:
-    """The drones of one connection; the callbacks of mavsdk only put work on its list."""
+    """The vehicles of one file; the callbacks of mavsdk only put work on its list."""
 
     def __init__(
-        self, url: str, world: World, geography: Geography, vehicles: MavlinkVehicles
+        self, urls: Sequence[str], world: World, geography: Geography, vehicles: MavlinkVehicles
     ) -> None:
         """Raises ValueError for a connection that cannot be opened."""
-        self._url, self._vehicles, self._geography = url, vehicles, geography
+        self._url, self._vehicles, self._geography = ", ".join(urls), vehicles, geography
         self._terrain = Terrain(world)
         self._rate_hz = 2.0 / world.telemetry_period_s
         self._agent_of = {spec.system_id: name for name, spec in vehicles.vehicles.items()}
@@ -134,18 +142,20 @@ class MavlinkLink:
         self._awake, self._news_there = Condition(), Event()
         self._heard, self._closed = Event(), False
         self._news: deque[LinkNews] = deque(maxlen=MOST_WAITING)
-        self._mavsdk = Mavsdk(
-            Configuration.create_with_component_type(ComponentType.GROUND_STATION)
-        )
-        try:
-            self._connection = self._mavsdk.add_any_connection_with_handle(url)
-        except CannotConnect as error:
-            self._mavsdk.destroy()
-            word = str(error).rpartition(": ")[2].lower().replace("_", " ")
-            raise ValueError(
-                f"--fleet mavlink:{url} cannot be opened ({word}): check the address, and whether "
-                "another program has the port"
-            ) from None
+        configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
+        self._station: int = configuration.system_id
+        self._mavsdk = Mavsdk(configuration)
+        self._connections: list[Any] = []
+        for url in urls:
+            try:
+                self._connections.append(self._mavsdk.add_any_connection_with_handle(url))
+            except CannotConnect as error:
+                self._mavsdk.destroy()
+                word = str(error).rpartition(": ")[2].lower().replace("_", " ")
+                raise ValueError(
+                    f"--fleet mavlink:{url} cannot be opened ({word}): check the address, and "
+                    "whether another program has the port"
+                ) from None
         self._authorizer = ArmAuthorizerServer(self._mavsdk.server_component(0))
         self._authorizer.subscribe_arm_authorization(self._asked_to_arm)
         self._mavsdk.subscribe_on_new_system(lambda _data: self._post(self._look_round))
@@ -199,13 +209,18 @@ class MavlinkLink:
         self._thread.join()
         # No message may come in while mavsdk takes its plugins down: it hands them to these plugins
         # in threads of its own.
-        self._mavsdk.remove_connection(self._connection)
+        for connection in self._connections:
+            self._mavsdk.remove_connection(connection)
         self._mavsdk.destroy()
 
     def discover(self) -> Sequence[FoundRobot]:
         """Return the drones of the file that have been heard, and other vehicles on the link."""
         found = [
-            FoundRobot(name, "uav", flight.state.fix.at if flight.state.fix else None)
+            FoundRobot(
+                name,
+                self._vehicles.vehicles[name].kind,
+                flight.state.fix.at if flight.state.fix else None,
+            )
             for name, flight in list(self._flights.items())
         ]
         found += [
@@ -213,6 +228,40 @@ class MavlinkLink:
             for number in sorted(self._strangers)
         ]
         return found
+
+    def examine(self, seconds: float) -> Sequence[LinkFinding]:
+        """Read the parameters of every vehicle; return them and its messages as found."""
+        names = [name for name, autopilot in self._autopilots.items() if autopilot.connected]
+        wanted = {
+            name: parameters(self._vehicles.vehicles[name].kind, self._vehicles, self._station)
+            for name in names
+            if self._autopilots[name].kind == "ardupilot"
+        }
+        until = time.monotonic() + seconds
+        while time.monotonic() < until and (left := self._unread(wanted)):
+            for autopilot, parameter in left:
+                self._post(partial(autopilot.read_parameter, parameter))
+            time.sleep(READ_S)
+        found: list[LinkFinding] = []
+        for name in names:
+            autopilot, why = self._autopilots[name], self._flights[name].not_ready
+            rest = "it starts nothing" if why else ""
+            found.append(LinkFinding(name, "ready", f"no: {why}" if why else "yes", "", rest))
+            found += message_findings(name, autopilot.messages, time.monotonic())
+            values = dict(autopilot.parameters)
+            found += [parameter.finding(name, values) for parameter in wanted.get(name, ())]
+        return found
+
+    def _unread(
+        self, wanted: Mapping[str, Sequence[Parameter]]
+    ) -> list[tuple[MavsdkAutopilot, str]]:
+        """Return the parameters that are not known yet, each with whom to ask."""
+        return [
+            (self._autopilots[name], parameter.name)
+            for name, parameters in wanted.items()
+            for parameter in parameters
+            if parameter.name not in self._autopilots[name].parameters
+        ]
 
     def _post(self, work: Callable[[], object]) -> None:
         with self._awake:
@@ -265,6 +314,7 @@ class MavlinkLink:
     def _step(self) -> None:
         for name, flight in self._flights.items():
             self._note_connection(name)
+            self._autopilots[name].step()
             flight.step()
         if self._dropped:
             dropped, self._dropped = self._dropped, 0
@@ -279,9 +329,10 @@ class MavlinkLink:
         self._up[name] = up
         if up:
             self._tell(LinkNotice("info", name, "is heard again"))
-            autopilot.ask_for_positions(self._rate_hz)
+            autopilot.ask_again()
         else:
             self._tell(LinkNotice("warning", name, "is not heard any more"))
+            self._flights[name].heard = False
 
     def _look_round(self) -> None:
         """Take in the vehicles that mavsdk has found since the last time."""
@@ -295,7 +346,9 @@ class MavlinkLink:
                 text = f"system id {number} is heard and is in no file of drones: not commanded"
                 self._tell(LinkNotice("warning", "mavlink", text))
                 continue
-            autopilot = self._autopilots[name] = MavsdkAutopilot(system, self._post)
+            kind = self._vehicles.vehicles[name].kind
+            autopilot = MavsdkAutopilot(system, self._post, kind, self._rate_hz)
+            self._autopilots[name] = autopilot
             flight = Flight(
                 name,
                 autopilot,
@@ -307,7 +360,7 @@ class MavlinkLink:
                 others=partial(self._taken, name),
             )
             self._flights[name], self._up[name] = flight, True
-            autopilot.listen(flight, self._rate_hz)
+            autopilot.listen(flight)
             self._heard.set()
 
     def _taken(self, name: str) -> list[Point]:

@@ -13,6 +13,7 @@ from pa_console.fleets.mavlink.drone_state import DroneState, Fix
 from pa_console.fleets.mavlink.vehicles_file import FlownVerb, MavlinkVehicles
 from pa_console.schema.base import Point
 from pa_console.schema.command import DeviceCommand
+from pa_console.schema.world import AssetKind
 from pa_console.sim.worlds.geography import Geography
 from pa_console.sim.worlds.terrain import Terrain
 
@@ -89,7 +90,7 @@ class HoldOrder:
 
 @dataclass
 class OrderPlanner:
-    """Makes orders of the commands to the drone `agent`, at altitudes that `vehicles` gives."""
+    """Makes orders of the commands to the vehicle `agent`, at altitudes that `vehicles` gives."""
 
     agent: str
     terrain: Terrain
@@ -100,30 +101,36 @@ class OrderPlanner:
     _looks: bool = field(default=False, init=False)
     """True while the drone looks at a region of interest."""
 
+    @property
+    def asset_kind(self) -> AssetKind:
+        """The kind of the vehicle, by the file of the vehicles."""
+        return self.vehicles.vehicles[self.agent].kind
+
     def plan(
         self, command: DeviceCommand, state: DroneState, fix: Fix, kind: Kind, now_s: float
     ) -> FlightOrder | str:
         """Return the order that carries `command` out from where the drone is, or why none does."""
         route: tuple[Point, ...] = ()
-        altitude = max(fix.altitude_m, self.vehicles.floor_m)
-        if command.verb != "return_to_base":
-            altitude = self.vehicles.altitude(self.agent, cast("FlownVerb", command.verb))
-            place = self._place(command.target or "", fix)
+        altitude, flies = max(fix.altitude_m, self.vehicles.floor_m), self.asset_kind == "uav"
+        # A ground vehicle's own way home is a straight line, through whatever stands there.
+        if command.verb != "return_to_base" or not flies:
+            if flies:
+                altitude = self.vehicles.altitude(self.agent, cast("FlownVerb", command.verb))
+            target = command.target or self.terrain.world.base
+            place = self._place(target, fix)
             if place is None:
-                return f"{command.target}: there is no free place for a drone"
-            found = self.terrain.planner.route("uav", fix.at, place)
+                return f"{target}: there is no free place for it"
+            found = self.terrain.planner.route(self.asset_kind, fix.at, place)
             if found is None:
-                return f"{command.target} cannot be reached"
+                return f"{target} cannot be reached"
             route = found
         steps: list[Step] = [commands.LOOK_AHEAD] if self._looks else []
-        steps += self._steps(
-            command,
-            kind,
-            on_ground=state.landed,
-            msl_m=fix.home_msl_m + altitude,
-            altitude=altitude,
-            route=route,
-        )
+        if flies:
+            steps += self._flown(
+                command, kind, state.landed, (altitude, fix.home_msl_m + altitude), route
+            )
+        else:
+            steps += self._driven(kind, state, fix, route)
         self._looks = command.verb == "observe"
         return FlightOrder(command, deque(steps), route[-1] if route else None, altitude, now_s)
 
@@ -131,23 +138,35 @@ class OrderPlanner:
         """Return where the drone is to stay at a frame: where it stands, else a free place."""
         if self.terrain.frame_at(*fix.at) == frame and fix.speed_mps == 0.0:
             return fix.at
-        return self.terrain.free_place(frame, "uav", self.others())
+        return self.terrain.free_place(frame, self.asset_kind, self.others())
 
-    def _steps(
+    def _driven(
+        self, kind: Kind, state: DroneState, fix: Fix, route: Sequence[Point]
+    ) -> list[Step]:
+        """Return the steps of a ground vehicle: it does not take off, and has no altitude."""
+        way = [self.geography.degrees(at) for at in route]
+        if len(way) > 1:
+            items = commands.mission_of(kind, way, 0.0, None, on_ground=False)
+            begin = commands.start_mission(kind, "ugv", disarmed=not state.armed)
+            return [Upload(items), *begin]
+        arming = () if state.armed else commands.arm(kind, "ugv")
+        return [*arming, commands.reposition(way[-1], fix.msl_m)]
+
+    def _flown(
         self,
         command: DeviceCommand,
         kind: Kind,
-        *,
         on_ground: bool,
-        msl_m: float,
-        altitude: float,
+        heights_m: tuple[float, float],
         route: Sequence[Point],
     ) -> list[Step]:
+        """Return the steps of a drone; its height is given above home and above sea level."""
+        altitude, msl_m = heights_m
         interest = self._interest(command.target or "") if command.verb == "observe" else None
         way: list[Degrees] = [self.geography.degrees(at) for at in route]
         if route and (command.verb in self.vehicles.survives_lost_link or len(route) > 1):
             items = commands.mission_of(kind, way, altitude, interest, on_ground=on_ground)
-            return [Upload(items), *commands.start_mission(kind, on_ground=on_ground)]
+            return [Upload(items), *commands.start_mission(kind, "uav", disarmed=on_ground)]
         steps: list[Step] = []
         if on_ground:
             steps += [*commands.start_flight(kind, altitude, msl_m), Climb(altitude)]

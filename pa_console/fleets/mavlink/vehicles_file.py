@@ -1,4 +1,4 @@
-"""The file of a MAVLink link: its drones and their altitudes.
+"""The file of a MAVLink link: its vehicles, and the altitudes of those that fly.
 
 connection: udp://0.0.0.0:14540
 floor_m: 10
@@ -7,6 +7,7 @@ altitude_m: 20
 vehicles:
   Drone_T01: {system_id: 1}
   Drone_T02: {system_id: 2, altitude_m: 25, altitudes_m: {observe: 40}}
+  Ugv_T01: {system_id: 3, kind: ugv}
 """
 
 from pathlib import Path
@@ -28,17 +29,20 @@ MOST_VEHICLES = 200
 
 
 class VehicleSpec(StrictModel):
-    """One drone: the MAVLink system id that it has, and altitudes of its own."""
+    """One vehicle: the MAVLink system id that it has, and altitudes of its own if it flies."""
 
     system_id: int = Field(ge=1, le=244)
+    kind: Literal["uav", "ugv"] = "uav"
     altitude_m: Altitude | None = None
     altitudes_m: dict[FlownVerb, Altitude] = {}
 
 
 class MavlinkVehicles(StrictModel):
-    """The drones of one link; altitudes are metres above the place of arming."""
+    """The vehicles of one link; altitudes are metres above the place of arming."""
 
-    connection: str = Field(default="", description="used when the file itself is the address")
+    connection: str | tuple[str, ...] = Field(
+        default="", description="one or several, used when the file itself is the address"
+    )
     origin: Origin | None = Field(default=None, description="for a world that has none")
     floor_m: Altitude = 5.0
     ceiling_m: Altitude = 100.0
@@ -69,16 +73,24 @@ def read_vehicles(path: Path, world: World) -> MavlinkVehicles:
         field = ("vehicles", agent)
         asset = world.assets.get(agent)
         if asset is None:
-            known = ", ".join(n for n, spec in world.assets.items() if spec.kind == "uav")
-            problem = f"the world {world.name!r} has no such asset; its drones: {known or 'none'}"
+            known = ", ".join(n for n, spec in world.assets.items() if spec.kind == vehicle.kind)
+            problem = (
+                f"the world {world.name!r} has no such asset; its assets of the kind "
+                f"{vehicle.kind}: {known or 'none'}"
+            )
             raise document.error(field, problem)
-        if asset.kind != "uav":
-            problem = f"is a {asset.kind} in the world {world.name!r}: only drones fly over MAVLink"
+        if asset.kind != vehicle.kind:
+            remedy = "only drones and ground vehicles are driven over MAVLink"
+            if asset.kind in ("uav", "ugv"):
+                remedy = f"give it 'kind: {asset.kind}'"
+            problem = (
+                f"is a {asset.kind} in the world {world.name!r}, not a {vehicle.kind}: {remedy}"
+            )
             raise document.error(field, problem)
         if (other := owners.setdefault(vehicle.system_id, agent)) != agent:
             problem = f"{vehicle.system_id} is the system id of {other} too: each has its own"
             raise document.error((*field, "system_id"), problem)
-        for verb in ("move_to", "observe"):
+        for verb in ("move_to", "observe") if vehicle.kind == "uav" else ():
             height = found.altitude(agent, verb)
             if not found.floor_m <= height <= found.ceiling_m:
                 raise document.error(

@@ -126,6 +126,7 @@ def telemetry_of(
             "command_id": running.action_id if running is not None else None,
             "stamp_s": stamp_s,
             "manual": manual,
+            "battery_known": True,
         }
     )
 

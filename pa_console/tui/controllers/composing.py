@@ -336,7 +336,7 @@ class ComposingController:
         if picture is not None and name in picture.assets:
             asset = picture.assets[name]
             where = asset.at or f"to {asset.post}" if asset.at or asset.post else "between posts"
-            return f"{KIND_WORDS[asset.kind]}, {where}, {asset.battery_pct:.0f} %"
+            return f"{KIND_WORDS[asset.kind]}, {where}, {asset.charge}"
         if picture is not None and name in picture.tracks:
             track = picture.tracks[name]
             return f"{track.identity} {track.kind} at {track.gate}"
@@ -349,7 +349,7 @@ class ComposingController:
         if picture is not None and name in picture.assets:
             asset = picture.assets[name]
             taken = self._session.shown_state.manual.get(name)
-            lines = asset_lines(asset, picture.links, taken.by if taken is not None else "")
+            lines = asset_lines(asset, picture, taken.by if taken is not None else "")
             choices = asset_choices(asset, taken=taken is not None)
         elif picture is not None and name in picture.tracks:
             track = picture.tracks[name]

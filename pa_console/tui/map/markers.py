@@ -68,7 +68,7 @@ def asset_symbol(
     if not health:
         return Symbol(arrow(asset.heading_deg), name, asset.kind)
     weak = term("comms", asset.comms).glyph if asset.comms != "ok" else ""
-    charge = f"{asset.battery_pct:.0f}%"
+    charge = f"{asset.battery_pct:.0f}%" if asset.battery_known else "?"
     warning, detail = (f"{charge}▼{weak}", "") if asset.low_battery else (weak, charge)
     return Symbol(arrow(asset.heading_deg), name, asset.kind, "", warning, detail)
 

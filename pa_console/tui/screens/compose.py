@@ -1,6 +1,6 @@
 """Ways to an order: one of many lines, narrowed by typed words; the card of a thing on the map."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 from textual import events, on
@@ -13,7 +13,7 @@ from textual.screen import ModalScreen
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
-from pa_console.schema.telemetry import AssetTelemetry, Track
+from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
 from pa_console.schema.text import visible_line
 from pa_console.schema.world import PLAIN_KINDS, World
 from pa_console.session.wording import link_in_words
@@ -248,16 +248,18 @@ def frame_choices(name: str, world: World) -> list[CardChoice]:
     return [*found, FOLLOW]
 
 
-def asset_lines(asset: AssetTelemetry, links: Mapping[str, str], taken_by: str = "") -> list[str]:
-    """Return the last report of an asset in lines; `links` are those of the picture.
+def asset_lines(asset: AssetTelemetry, picture: Picture, taken_by: str = "") -> list[str]:
+    """Return the last report of an asset of `picture` in lines.
 
     `taken_by` has taken manual control of it here, '' for nobody.
     """
     where = f"at {asset.at}" if asset.at else f"to {asset.post}" if asset.post else "between posts"
-    over = link_in_words(asset.id, links)
+    over = link_in_words(asset.id, picture.links)
+    why = picture.not_ready.get(asset.id)
     return [
         f"{KIND_WORDS[asset.kind]} {where}, {asset.task}",
-        f"{asset.status}, battery {asset.battery_pct:.0f} %, link {asset.comms}",
+        f"{asset.status}, battery {asset.charge}, link {asset.comms}",
+        *([f"not ready: {why}"] if why else []),
         *([over] if over else []),
         *([f"MANUAL, taken by {taken_by}"] if taken_by else []),
         *(["MANUAL, by its own report"] if asset.manual and not taken_by else []),

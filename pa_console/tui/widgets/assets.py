@@ -63,6 +63,7 @@ def asset_cells(asset: AssetTelemetry, short: Mapping[str, str], look: Reliance)
     status, comms, state = look.asset(asset), term("comms", asset.comms), look.report(asset)
     going = asset.at or (f"{arrow(asset.heading_deg)} {asset.post}" if asset.post else "between")
     low = "▼" if asset.low_battery else ""
+    level = f"{asset.battery_pct:3.0f}%" if asset.battery_known else "   ?"
     doubt = "" if state == "fresh" else "?"
     calm = asset.task in ("idle", "holding")
     return {
@@ -71,7 +72,7 @@ def asset_cells(asset: AssetTelemetry, short: Mapping[str, str], look: Reliance)
         "status": status.part,
         "task": (f"{asset.task}{doubt}", QUIET if calm or doubt else ""),
         "at / to": (_questioned(going, doubt), QUIET if doubt else "" if asset.at else WARN),
-        "batt": (f"{asset.battery_pct:3.0f}%{low or doubt}", WARN if low else QUIET * bool(doubt)),
+        "batt": (f"{level}{low or doubt}", WARN if low else QUIET * bool(doubt)),
         "link": comms.part,
         "age": age_cell(look.age(asset), old=state in ("stale", "silent")),
     }

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from pa_console.fleets.link import DeviceAnswer, LinkNotice
+from pa_console.fleets.link import DeviceAnswer, LinkNotice, NotReady
 from pa_console.fleets.mavlink.link import MavlinkLink, open_link
 from pa_console.fleets.reports import AssetReport
 from pa_console.schema.command import FINAL_REPLIES, DeviceCommand, Verb
@@ -103,6 +103,8 @@ class Driven:
         self.answers: list[DeviceAnswer] = []
         self.notices: list[LinkNotice] = []
         self.reports: dict[str, AssetReport] = {}
+        self.readiness: list[tuple[str, str]] = []
+        """Why vehicles were not ready, and '' when they were, in order."""
 
     def take(self) -> None:
         """Take in what has come."""
@@ -114,8 +116,15 @@ class Driven:
                     self.answers.append(news)
                 case LinkNotice():
                     self.notices.append(news)
+                case NotReady(agent, why):
+                    self.readiness.append((agent, why))
                 case _:
                     pass
+
+    @property
+    def not_ready(self) -> dict[str, str]:
+        """Why each vehicle is not ready, '' if it is."""
+        return dict(self.readiness)
 
     def until(self, done: Callable[[], bool], limit_s: float = LIMIT_S) -> None:
         """Take news in until `done`; raises TimeoutError when that takes too long."""

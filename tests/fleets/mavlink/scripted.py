@@ -41,10 +41,15 @@ class ScriptedAutopilot:
     fence_reads: int = 0
     fence_uploads: int = 0
     enforcements: int = 0
+    asked_again: int = 0
 
     def send(self, command: MavCommand, times: int) -> None:
         """Note a command."""
         self.sent.append(command)
+
+    def ask_again(self) -> None:
+        """Count a request for all messages."""
+        self.asked_again += 1
 
     def hold(self) -> None:
         """Count a hold."""

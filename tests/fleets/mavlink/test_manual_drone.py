@@ -20,16 +20,21 @@ PAGE = Path(__file__).parents[3] / "pa_console" / "manual" / "mavlink.md"
 DRONE = "Drone_T01"
 
 
-def block(kind: str) -> str:
-    return re.findall(rf"```{kind}\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)[0]
+def block(kind: str, words: str = "") -> str:
+    found = re.findall(rf"```{kind}\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
+    return next(text for text in found if words in text)
+
+
+def drone_line() -> str:
+    return next(line for line in block("sh", "drone.py").splitlines() if "drone.py" in line)
 
 
 @pytest.fixture
 def driven(world: World, tmp_path: Path) -> Iterator[Driven]:
     port = free_port()
-    (tmp_path / "drones.yaml").write_text(block("yaml"), encoding="utf-8")
+    (tmp_path / "drones.yaml").write_text(block("yaml", "14540"), encoding="utf-8")
     (tmp_path / "drone.py").write_text(block("python"), encoding="utf-8")
-    words = next(line for line in block("sh").splitlines() if "drone.py" in line).split()[1:]
+    words = drone_line().split()[1:]
     words[1] = f"127.0.0.1:{port}"
     process = subprocess.Popen([sys.executable, *words], cwd=tmp_path, env={**os.environ})
     try:
@@ -56,8 +61,8 @@ def test_it_observes_moves_holds_and_returns(driven: Driven) -> None:
 
 
 def test_the_page_puts_it_at_the_base_of_the_checkpoint(world: World) -> None:
-    origin = Origin(**yaml.safe_load(block("yaml"))["origin"])
-    at = next(line for line in block("sh").splitlines() if "drone.py" in line).split()[-2:]
+    origin = Origin(**yaml.safe_load(block("yaml", "14540"))["origin"])
+    at = drone_line().split()[-2:]
     place = Geography(origin).metres(float(at[0]), float(at[1]))
     assert place == pytest.approx(world.frames["Base"].at, abs=0.1)
 

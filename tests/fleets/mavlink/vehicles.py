@@ -34,8 +34,8 @@ PX4_MODES = {
     "MISSION": (4, 4), "RTL": (4, 5), "LAND": (4, 6), "STABILIZED": (7, 0),
 }  # fmt: skip
 COPTER_MODES = {
-    "STABILIZED": 0, "ALTCTL": 2, "MISSION": 3, "GUIDED": 4, "HOLD": 5, "RTL": 6, "LAND": 9,
-    "POSCTL": 16,
+    "STABILIZED": 0, "ALTCTL": 2, "MISSION": 3, "GUIDED": 4, "LOITER": 5, "RTL": 6, "LAND": 9,
+    "POSCTL": 16, "HOLD": 17,
 }  # fmt: skip
 SPEED_MPS, CLIMB_MPS, DT_S = 12.0, 4.0, 0.02
 HOVERS = ("HOLD", "GUIDED", "TAKEOFF", "MISSION")
@@ -347,6 +347,8 @@ class Flock:
                 self._mission(vehicle, message, kind)
             elif kind == "PARAM_REQUEST_READ" and vehicle.behaves.mode != "silent":
                 value = struct.unpack("<f", struct.pack("<i", vehicle.fence_action))[0]
+                if vehicle.autopilot == ARDUPILOT:
+                    value = float({"FENCE_TYPE": 7}.get(message.param_id, vehicle.fence_action))
                 self._mav(vehicle).param_value_send(message.param_id.encode(), value, 6, 1, 0)
             elif kind == "COMMAND_ACK":
                 vehicle.log.append(f"ack {message.command} {message.result}")

@@ -1,0 +1,100 @@
+"""ArduPilot's own words: its flight modes, and the parameters that the console relies on."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from pa_console.fleets.link import LinkFinding
+from pa_console.fleets.mavlink.vehicles_file import MavlinkVehicles
+from pa_console.schema.world import AssetKind
+
+ROVER_TYPES = frozenset((10, 11))
+"""MAV_TYPE of vehicles that ArduPilot's Rover drives, on the ground and on water."""
+
+COPTER_MODES: Mapping[int, str] = {
+    0: "STABILIZED", 1: "ACRO", 2: "ALTCTL", 3: "MISSION", 4: "GUIDED", 5: "LOITER", 6: "RTL",
+    7: "CIRCLE", 9: "LAND", 11: "DRIFT", 13: "SPORT", 14: "FLIP", 15: "AUTOTUNE", 16: "POSCTL",
+    17: "HOLD", 18: "THROW", 20: "GUIDED_NOGPS", 21: "SMART_RTL", 22: "FLOWHOLD", 23: "FOLLOW",
+    24: "ZIGZAG", 27: "AUTO_RTL",
+}  # fmt: skip
+"""Its modes by number, by PX4's names where both have one; 17 is BRAKE.
+
+LOITER is a mode of the pilot: a stick that is down, as without any remote control, makes it sink.
+"""
+
+ROVER_MODES: Mapping[int, str] = {
+    0: "MANUAL", 1: "ACRO", 3: "STEERING", 4: "HOLD", 5: "HOLD", 6: "FOLLOW", 7: "SIMPLE",
+    10: "MISSION", 11: "RTL", 12: "SMART_RTL", 15: "GUIDED", 16: "INITIALISING",
+}  # fmt: skip
+
+GUIDED: Mapping[AssetKind, int] = {"uav": 4, "ugv": 15}
+"""The mode for commands from a station; a copter takes off from the ground in it only."""
+
+STANDS: Mapping[AssetKind, int] = {"uav": 17, "ugv": 4}
+"""The mode in which it stops at once and keeps its place, whatever a remote control does."""
+
+
+def mode_name(vehicle_type: int, custom_mode: int) -> str:
+    """Return the name of a mode as a heartbeat has it."""
+    modes = ROVER_MODES if vehicle_type in ROVER_TYPES else COPTER_MODES
+    return modes.get(custom_mode, f"MODE {custom_mode}")
+
+
+BATTERY = "BATT_MONITOR"
+"""The parameter that brings the battery's level."""
+
+POLYGON = 4
+"""The bit of FENCE_TYPE for polygons."""
+
+GOES_ON = 2
+"""The bit of FS_OPTIONS with which a mission goes on without a station."""
+
+NO_FENCE = "it ignores its fence: it starts no flight"
+LOST = "it does not notice that the console is gone"
+
+
+def has_polygons(fence_type: float) -> bool:
+    """Return whether a FENCE_TYPE lets the autopilot act on polygons."""
+    return bool(int(fence_type) & POLYGON)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter and its value as it should be; `otherwise` is the consequence if it is not."""
+
+    name: str
+    good: Callable[[float], bool]
+    wanted: str
+    otherwise: str
+
+    def finding(self, agent: str, values: Mapping[str, float]) -> LinkFinding:
+        """Return the parameter as it is on a vehicle; one that it does not have is not wrong."""
+        value = values.get(self.name)
+        if value is None:
+            return LinkFinding(agent, self.name, "not reported")
+        if self.good(value):
+            return LinkFinding(agent, self.name, f"{value:g}")
+        return LinkFinding(agent, self.name, f"{value:g}", self.wanted, self.otherwise)
+
+
+def parameters(kind: AssetKind, vehicles: MavlinkVehicles, station: int) -> tuple[Parameter, ...]:
+    """Return the parameters to look at; `station` is the console's own system id."""
+    polygon = f"one with {POLYGON} in it"
+    found = [
+        Parameter(BATTERY, lambda v: v > 0, "4", "its battery counts as low"),
+        Parameter("BATT_FS_LOW_ACT", lambda v: v > 0, "2", "it goes on with an empty battery"),
+        Parameter("FENCE_ACTION", lambda v: v > 0, "1", NO_FENCE),
+        Parameter("FENCE_TYPE", has_polygons, polygon, NO_FENCE),
+        Parameter("FS_GCS_ENABLE", lambda v: v > 0, "1", LOST),
+        Parameter("MAV_GCS_SYSID", lambda v: int(v) == station, str(station), LOST),
+    ]
+    if kind == "uav":
+        ceiling, orders = vehicles.ceiling_m, ", ".join(vehicles.survives_lost_link)
+        high = f"it breaks its fence on a flight at ceiling_m, {ceiling:g} m"
+        found.append(
+            Parameter("FENCE_ALT_MAX", lambda v: v >= ceiling, f"{ceiling:g} or more", high)
+        )
+        if orders:
+            cut = f"its failsafe ends '{orders}' when the link is lost"
+            wanted = f"one with {GOES_ON} in it"
+            found.append(Parameter("FS_OPTIONS", lambda v: bool(int(v) & GOES_ON), wanted, cut))
+    return tuple(found)
