@@ -1,6 +1,8 @@
 """Orders of writers: every one can be read, and becomes samples of its reading alone."""
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 
 import pytest
 
@@ -11,28 +13,30 @@ from pa_training.phrasing.no_orders import NOTHING_ASKED
 from pa_training.samples.sample import Sample
 from pa_training.samples.written_orders import (
     Writer,
+    WrittenDialogue,
     asked_as_seen,
     drawn_situation,
+    meaning_now,
     read_writers,
     written_samples,
 )
 from pa_training.situations.worlds import generated_numbers, shipped_missions
 
-WRITERS = {
-    **read_writers(LANGUAGE / "written"),
-    **read_writers(LANGUAGE / "development"),
-}
+FOLDERS = ("written", "development", "sealed")
+WRITERS = {name: one for folder in FOLDERS for name, one in read_writers(LANGUAGE / folder).items()}
 
 
 def readings(writer: Writer) -> Iterator[tuple[str, str, set[str]]]:
-    """Yield text, reading and the names of the site of every order."""
+    """Yield text, reading and the names of the site of every order for a single plan."""
     forbidden = generated_numbers(shipped_missions())
     for each in writer.situations:
-        there = drawn_situation(each.seed, each.number, each.split, forbidden)
+        there = drawn_situation(each, forbidden)
         world = there.world
         names = {*world.assets, *world.frames, *world.zones}
-        for order in each.orders:
-            yield order.text, asked_as_seen(order.meaning, world, there.digest), names
+        for order in each.first_orders:
+            if meaning := meaning_now(order.meaning):
+                with suppress(ValueError):  # a condition about a place where sensors show nothing
+                    yield order.text, asked_as_seen(meaning, world, there.digest), names
 
 
 @pytest.mark.parametrize("name", WRITERS)
@@ -45,13 +49,48 @@ def test_every_meaning_is_of_the_language(name: str) -> None:
 
 
 def test_no_writer_who_is_kept_aside_is_learnt() -> None:
-    learnt = {file.name for file in (LANGUAGE / "written").glob("*.yaml")}
-    aside = {file.name for file in (LANGUAGE / "development").glob("*.yaml")}
-    assert learnt
-    assert aside
-    assert not learnt & aside
-    texts = [{text for text, _, _ in readings(writer)} for writer in WRITERS.values()]
-    assert sum(map(len, texts)) == len(set[str]().union(*texts))
+    writers = {folder: read_writers(LANGUAGE / folder) for folder in FOLDERS}
+    texts = {folder: {*map(_words, _texts(found.values()))} for folder, found in writers.items()}
+    assert all(texts.values())
+    for aside in ("development", "sealed"):
+        assert not writers["written"].keys() & writers[aside].keys()
+        common = texts["written"] & texts[aside]
+        assert len(common) <= SAID_BY_ANYBODY * len(texts[aside]), common
+
+
+SAID_BY_ANYBODY = 0.01
+"""The share of texts that are so short that two writers may have the same: *hold everything*."""
+
+
+def _texts(writers: Iterable[Writer]) -> Iterator[str]:
+    for writer in writers:
+        for situation in writer.situations:
+            for order in situation.orders:
+                turns = order.turns if isinstance(order, WrittenDialogue) else (order,)
+                yield from (turn.text for turn in turns)
+
+
+def _words(text: str) -> str:
+    return " ".join(re.findall(r"\w+", text.lower()))
+
+
+@pytest.mark.parametrize(
+    ("meaning", "now"),
+    [
+        ("Drone_T01 to EastGate", "Drone_T01 to EastGate"),
+        ("forbid any to EastGate", "nothing"),
+        ("not now", "nothing"),
+        ("question", ""),
+        ("unclear: gate", ""),
+        ("at 14:30: Drone_T01 home", ""),
+        ("Drone_T01 to EastGate; then Drone_T01 home", ""),
+        ("Drone_T01 patrol EastGate, WestGate", ""),
+        ("Drone_T01 to EastGate for 20 min", ""),
+        ("instead: Drone_T01 home", ""),
+    ],
+)
+def test_a_single_plan_is_read_from_what_it_can_express(meaning: str, now: str) -> None:
+    assert meaning_now(meaning) == now
 
 
 def test_planner_and_judge_learn_the_same_reading() -> None:
