@@ -18,6 +18,7 @@ from pa_console.language.lexicon import word_lists
 from pa_console.language.mentions import KINDS, without_quotations
 from pa_console.language.name_linking import GATE, WORD, LinkedText, WorldNames
 from pa_console.language.references.reader import CONTACTS, read_tokens
+from pa_console.schema.mission import Ban
 from pa_console.schema.world import World
 
 MoodKind = Literal[
@@ -131,6 +132,27 @@ def no_order(world: World, text: str) -> NoOrder | None:
         quoted = any(_directs(part.words, bare=True) for part in _sentences(world, text))
         return NoOrder("quoted", text) if quoted else None
     return found
+
+
+def lasting_ban(world: World, text: str) -> Ban | None:
+    """Return what a prohibition bans for as long as it stands; None for one of this moment alone.
+
+    *Nobody goes to the south gate* and *Drone_T04 must never fly to EastGate* are bans; *do not
+    send it* only takes back a movement.
+    """
+    found = no_order(world, text)
+    if found is None or found.kind != "prohibited":
+        return None
+    [sentence, *others] = _sentences(world, text)
+    if others or not _pattern("lasting").search(sentence.words):
+        return None
+    words = {token.word for token in read_tokens(LinkedText.of(world, text).text)}
+    kinds = {KINDS.get(word.removesuffix("s")) for word in words}
+    assets = [n for n, spec in world.assets.items() if n.lower() in words or spec.kind in kinds]
+    places = [name for name in (*world.frames, *world.zones) if name.lower() in words]
+    if not (assets or places):
+        return None
+    return Ban(assets=tuple(assets), places=tuple(places))
 
 
 def _sentences(world: World, text: str) -> Iterator[_Sentence]:

@@ -11,6 +11,7 @@ from shapely import Point, Polygon
 
 from pa_console.fleets.fleet import Outlook
 from pa_console.language.exclusions import excluded_names
+from pa_console.mission.orders.standing import StandingOrders
 from pa_console.mission.rehearse import RehearsedSteps, joined, order_moments, rehearse_steps
 from pa_console.policy.findings import ORDER_ID, STRUCTURE_ID, problems
 from pa_console.policy.moments import moment
@@ -202,6 +203,19 @@ def ruled_out(plan: Plan, world: World, *texts: str) -> tuple[Finding, ...]:
     )
 
 
+def banned(plan: Plan, world: World, standing: StandingOrders) -> tuple[Finding, ...]:
+    """Return a critical finding for each standing order that bans a movement of `plan`."""
+    found = dict[str, Finding]()
+    for action in plan.actions:
+        order = standing.banned_by(action.agent, goes_to(action, world))
+        if order is not None:
+            message = f"standing order {order.id}: {order.order}; the plan sends {action.agent}"
+            found[order.id] = Finding(
+                rule_id=ORDER_ID, priority="critical", status="violates", message=message
+            )
+    return tuple(found.values())
+
+
 async def examine(  # noqa: PLR0917
     plan: Plan,
     mission: Mission,
@@ -210,9 +224,11 @@ async def examine(  # noqa: PLR0917
     monitor: Monitor | None = None,
     variant: Variant | None = None,
     order: str = "",
+    standing: StandingOrders | None = None,
 ) -> Examination:
     """Check `plan` against the present picture: its structure first, then by rehearsal.
 
+    No plan may do what an order in `standing` bans.
     `order` is the whole order if `mission` is a phase of it: its exclusions hold in each phase.
     `monitor` has followed the mission so far: ordering rules go on from its history. A `variant`
     may leave out the rules or the rehearsal; an order that nobody can take is found in any case.
@@ -224,6 +240,8 @@ async def examine(  # noqa: PLR0917
     started = perf_counter()
     structural = problems(plan, outlook.world, outlook.picture())
     excluded = ruled_out(plan, outlook.world, mission.text, order)
+    if standing is not None:
+        excluded = (*excluded, *banned(plan, outlook.world, standing))
     checked = perf_counter()
     if structural:
         return Examination(plan, structural, None, checked - started, 0.0)

@@ -318,12 +318,21 @@ class CommandGate:
         safety = self._halted and self._is_safety(command)
         if command in self._holds or safety:
             return ""
+        if banned := self._banned(command):
+            return banned
         if command in self._orders:
             if waits := self._waits.get(command):
                 what = "action" if len(waits) == 1 else "actions"
                 return f"it waits for {what} {', '.join(map(str, sorted(waits)))}, not verified"
             return "" if command.verb in STILL else self._journal.problem
         return STOPPED if self.stopped else UNDECIDED
+
+    def _banned(self, command: DeviceCommand) -> str:
+        """Return the standing order that bans the movement of `command`; '' for none."""
+        base = self._fleet.world.base
+        goal = base if command.verb == "return_to_base" else command.target or ""
+        order = self._standing_orders.banned_by(command.agent, goal)
+        return "" if order is None else f"standing order {order.id}: {order.order}"
 
     def _kept_for_hand(self, command: DeviceCommand) -> str:
         """Return why a person who drives the asset keeps `command` back; '' for a stop's hold."""

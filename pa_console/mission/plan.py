@@ -340,6 +340,7 @@ async def safeguards(context: MissionContext, task: Mission, checked: Plan) -> E
         context.monitor,
         services.variant,
         context.mission.text,
+        services.standing,
     )
     context.stopwatch.add("checks_s", found.checks_s)
     context.stopwatch.add("rehearsal_s", found.rehearsal_s)

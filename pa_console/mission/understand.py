@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from time import perf_counter
 
+from pa_console.language.canonical.reading import listed
 from pa_console.language.clock_words import duration_words
 from pa_console.language.demands import contradiction
-from pa_console.language.mood import NoOrder, no_order
+from pa_console.language.mood import NoOrder, lasting_ban, no_order
 from pa_console.language.orders.order_steps import ReadSteps, read_steps
 from pa_console.language.orders.patrols import Patrol, least_s, read_patrol
 from pa_console.language.orders.standing_orders import asks_nobody, read_standing
@@ -18,7 +19,7 @@ from pa_console.language.references.scene import ReferenceScene
 from pa_console.mission.context import MissionContext
 from pa_console.mission.orders.agenda import Agenda
 from pa_console.mission.orders.spelling import question_back
-from pa_console.mission.orders.standing import example_subject, starts_now
+from pa_console.mission.orders.standing import StandingBan, Trigger, example_subject, starts_now
 from pa_console.policy.rule_checks import check_mission
 from pa_console.policy.standing_conditions import StandingCondition
 from pa_console.schema.events import event as ev
@@ -70,7 +71,7 @@ class Understood:
 class StandingOffer:
     """A standing order to propose, and the missions that it would start `now`."""
 
-    trigger: StandingCondition | Agenda
+    trigger: Trigger
     now: tuple[StandingStart, ...] = ()
 
     @property
@@ -91,7 +92,7 @@ async def understand(
     if refused is not None or context.mission.source == "alarm":
         return refused or Understood(context.mission)
     if (mood := _no_order(context)) is not None:
-        return NotUnderstood(mood.question)
+        return _ban(context) or NotUnderstood(mood.question)
     if context.mission.source == "operator":
         standing = await _standing(context) or await _timed(context, answers)
         if standing is not None:
@@ -118,6 +119,26 @@ def _no_order(context: MissionContext) -> NoOrder | None:
     if found is not None and found.kind == "waiting" and read_standing(scene, mission.text):
         return None
     return found
+
+
+def _ban(context: MissionContext) -> StandingOffer | None:
+    """Return a prohibition that is to last as a standing order to approve; None for any other."""
+    services, mission = context.services, context.mission
+    if mission.source != "operator":
+        return None
+    ban = lasting_ban(services.fleet.world, mission.text)
+    if ban is None:
+        return None
+    who = listed(ban.assets) if ban.assets else "any asset"
+    where = f"to {listed(ban.places)}" if ban.places else "anywhere"
+    order = StandingOrder(
+        id=services.standing.new_id(),
+        text=mission.said,
+        ban=ban,
+        words="from its approval on",
+        order=f"no plan sends {who} {where}",
+    )
+    return StandingOffer(StandingBan(order))
 
 
 def _in_steps(context: MissionContext) -> NotUnderstood | Understood | None:

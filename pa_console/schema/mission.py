@@ -277,8 +277,24 @@ class Schedule(StrictModel):
             yield at
 
 
+class Ban(StrictModel):
+    """A movement that no plan may contain: of these assets, to these places.
+
+    Without assets it is for every asset, without places for every movement.
+    """
+
+    assets: tuple[Name, ...] = ()
+    places: tuple[Name, ...] = ()
+
+    def forbids(self, agent: str, goal: str | None) -> bool:
+        """Return whether `agent` may not be sent to `goal`; None is where it stands."""
+        if goal is None or (self.assets and agent not in self.assets):
+            return False
+        return not self.places or goal in self.places
+
+
 class StandingOrder(StrictModel):
-    """A trigger, and the order that it starts a mission with.
+    """A trigger, and the order that it starts a mission with; or a ban, which starts none.
 
     The trigger is a `condition` on the picture or a `schedule` of the station's clock. Each mission
     is planned, checked and approved like any other; one whose order is `unasked` may be approved by
@@ -296,6 +312,7 @@ class StandingOrder(StrictModel):
         description="CEL over `it`, `id`, `now` and `world`; empty with a schedule",
     )
     schedule: Schedule | None = Field(default=None, exclude_if=lambda schedule: schedule is None)
+    ban: Ban | None = Field(default=None, exclude_if=lambda ban: ban is None)
     words: str = Field(min_length=1, description="the trigger in plain words")
     order: str = Field(min_length=1, description="with {it} and {place} for the subject")
     unasked: bool = Field(default=False, description="it says that nobody need be asked")
@@ -304,8 +321,11 @@ class StandingOrder(StrictModel):
     @model_validator(mode="after")
     def _one_trigger(self) -> Self:
         of_state = bool(self.condition) and self.each is not None
-        if of_state == (self.schedule is not None) or bool(self.condition) != of_state:
-            raise ValueError("a standing order has either a condition of something or a schedule")
+        triggers = of_state + (self.schedule is not None) + (self.ban is not None)
+        if triggers != 1 or bool(self.condition) != of_state:
+            raise ValueError(
+                "a standing order has one of a condition of something, a schedule and a ban"
+            )
         return self
 
     @property

@@ -423,7 +423,8 @@ class ControlStation:
         """
         task = Mission(id="examined", text=text or "Examine this plan.", created=datetime.now(UTC))
         services = self._reload.services
-        return await examine(plan, task, services.fleet, services.rulebook)
+        standing = services.standing
+        return await examine(plan, task, services.fleet, services.rulebook, standing=standing)
 
     def decide(self, decision: Decision) -> None:
         """Answer the open approval request; raises ValueError when there is none.

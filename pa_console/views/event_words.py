@@ -75,7 +75,7 @@ def standing_in_words(order: StandingOrder) -> str:
 
 def trigger_in_words(order: StandingOrder) -> str:
     """Return what a standing order waits for: a state, or moments of the clock."""
-    return order.words if order.schedule is not None else f"whenever {order.words}"
+    return f"whenever {order.words}" if order.condition else order.words
 
 
 def moments_in_words(moments: Sequence[datetime]) -> str:

@@ -333,6 +333,9 @@ def standing_order(read: StandingOrderRead) -> TraceSection:
     """Return a standing order as it was read: its condition, its order, its immediate starts."""
     order = read.order
     timed = order.schedule is not None
+    if order.ban is not None:
+        ban = (labelled("ban", order.order), labelled("holds", order.words))
+        return TraceSection("standing", f"Standing order {order.id}", ban, step=1)
     trigger = [labelled("moments", order.words), labelled("next", moments_in_words(read.moments))]
     state = [labelled("whenever", order.words), labelled("in CEL", order.condition, "calm")]
     blocks: list[Block] = [

@@ -74,11 +74,21 @@ class _Occurrence:
     """The mission of a standing order by which it came about."""
 
 
+@dataclass(frozen=True)
+class StandingBan:
+    """A standing order that starts nothing: no plan may contain a movement that it bans."""
+
+    order: StandingOrder
+
+
+Trigger = StandingCondition | Agenda | StandingBan
+
+
 @dataclass
 class _InForce:
     """An approved order, its trigger, and the times when it started missions."""
 
-    trigger: StandingCondition | Agenda
+    trigger: Trigger
     paused: bool = False
     told: StandingOrderScheduled | None = None
     """Its next moment as it was emitted last."""
@@ -133,6 +143,14 @@ class StandingOrders:
         entry = self._in_force.get(order_id)
         return entry.order if entry is not None else None
 
+    def banned_by(self, agent: str, goal: str) -> StandingOrder | None:
+        """Return the order in force that bans sending `agent` to `goal`; None if none does."""
+        for entry in self._in_force.values():
+            ban = entry.order.ban
+            if ban is not None and not entry.paused and ban.forbids(agent, goal or None):
+                return entry.order
+        return None
+
     def refusal(self, order: StandingOrder) -> str:
         """Return why `order` cannot come into force beside the others, '' when it can."""
         if Agenda(order).too_late(self.time.now, self.limits.grace_s):
@@ -142,7 +160,7 @@ class StandingOrders:
         same = (each.id for each in self.orders if _says(each) == _says(order))
         return f"{known} says the same and is in force" if (known := next(same, "")) else ""
 
-    def approve(self, trigger: StandingCondition | Agenda) -> StandingOrder:
+    def approve(self, trigger: Trigger) -> StandingOrder:
         """Put an order in force that an operator has approved; ValueError where it cannot be."""
         order = trigger.order
         if problem := self.refusal(order):
@@ -205,6 +223,8 @@ class StandingOrders:
         for entry in list(self._in_force.values()):
             if isinstance(entry.trigger, Agenda):
                 found += self._keep(entry, entry.trigger, picture.time_s, stopped=stopped)
+                continue
+            if isinstance(entry.trigger, StandingBan):
                 continue
             condition = entry.trigger
             taken = {*busy, *(each.subject for each in found if isinstance(each, Due))}
@@ -417,4 +437,4 @@ def _apart(told_s: float | None, at_s: float | None) -> bool:
 
 
 def _says(order: StandingOrder) -> tuple[object, ...]:
-    return order.condition or order.schedule, order.each, order.order
+    return order.condition or order.schedule or order.ban, order.each, order.order

@@ -427,7 +427,7 @@ def offered_rows(read: StandingOrderRead, foreseen: str = "") -> Iterator[Wrappe
     for start in () if read.order.once else read.now:
         about = f"{start.subject}: " * bool(start.subject)
         yield row(_lead("now"), (about, "bold"), (start.order, WARN))
-    if not read.now and read.order.schedule is None:
+    if not read.now and read.order.condition:
         yield row(_lead("now"), "it would start nothing: the condition holds of nobody")
 
 
@@ -435,6 +435,9 @@ def order_rows(
     order: StandingOrder, allowed: Collection[str] | None = None
 ) -> Iterator[WrappedRow]:
     """Yield an order's condition, in words and as CEL, its missions and its approvals."""
+    if order.ban is not None:
+        yield row(_lead("ban"), (order.order, "bold"))
+        return
     if order.schedule is None:
         yield row(_lead("whenever"), (order.words, "bold"))
         yield row(_lead("in CEL"), (order.condition, CALM))
