@@ -1,14 +1,15 @@
 """The mood of words: an order is never taken for anything else, and what is none is asked about."""
 
 import pytest
-import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
 from pa_console.evaluation.jobs import load_missions
 from pa_console.language.mood import MoodKind, no_order
 from pa_console.resources import data_folder
-from pa_training.situations.worlds import shipped_world
+from pa_training import LANGUAGE
+from pa_training.samples.written_orders import drawn_situation, orders_nothing, read_writers
+from pa_training.situations.worlds import generated_numbers, shipped_missions, shipped_world
 
 WORLD = shipped_world()
 MISSIONS = data_folder() / "worlds" / "checkpoint" / "missions"
@@ -110,13 +111,12 @@ def test_its_question_says_how_it_reads() -> None:
 
 
 def test_words_of_writers_who_gave_orders_are_kept() -> None:
-    folder = data_folder() / "models" / "training" / "language" / "development"
-    texts = [
-        order["text"]
-        for file in sorted(folder.glob("*.yaml"))
-        for situation in yaml.safe_load(file.read_text("utf-8"))["situations"]
-        for order in situation["orders"]
-        if order["meaning"] != "nothing"
-    ]
-    lost = [text for text in texts if no_order(WORLD, text)]
-    assert len(lost) <= len(texts) / 100, lost
+    forbidden = generated_numbers(shipped_missions())
+    texts, lost = 0, list[str]()
+    for writer in read_writers(LANGUAGE / "development").values():
+        for each in writer.situations:
+            world = drawn_situation(each, forbidden).world
+            orders = [one for one in each.first_orders if not orders_nothing(one.meaning)]
+            lost += [one.text for one in orders if no_order(world, one.text)]
+            texts += len(orders)
+    assert len(lost) <= texts / 100, lost
