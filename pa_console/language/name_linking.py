@@ -51,7 +51,7 @@ class WorldNames:
     ) -> None:
         self._aliases = {tuple(words.split()): name for words, name in aliases}
         self._places = _places(places)
-        self._stems = {key.removesuffix(GATE): name for key, name in self._places.items()}
+        self._stems = {stem: name for name in places if (stem := _stem(name))}
         self._numbered: defaultdict[tuple[str, int], list[str]] = defaultdict(list)
         self._patterns: defaultdict[str, set[tuple[str, int]]] = defaultdict(set)
         self._kinds: dict[str, AssetKind] = {}
@@ -155,6 +155,17 @@ def _places(names: Sequence[str]) -> dict[str, str]:
     """Return the places of more than one word, by their words in lower case."""
     words = {name: _parts_of(name) for name in names}
     return {"".join(said): name for name, said in words.items() if len(said) > 1}
+
+
+def _stem(name: str) -> str:
+    """Return the word that alone names a gate: `yew` of GateYew; '' where there is none."""
+    parts = _parts_of(name)
+    own = [part for part in parts if part not in _GATE_WORDS]
+    stem = "".join(own)
+    return stem if len(own) < len(parts) and stem.isalpha() and len(stem) > 1 else ""
+
+
+_GATE_WORDS = frozenset((GATE, "entrance"))
 
 
 def _team_word(name: str) -> str:

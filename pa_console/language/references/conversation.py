@@ -11,6 +11,7 @@ from typing import Literal
 
 from pa_console.language.canonical.reading import listed
 from pa_console.language.lexicon import find_verbs, word_lists
+from pa_console.language.name_linking import WORD
 from pa_console.language.references.reader import (
     CONTACTS,
     COPULA,
@@ -18,6 +19,7 @@ from pa_console.language.references.reader import (
     Reader,
     WordToken,
     asset_at,
+    number_of,
     place_at,
     read_tokens,
 )
@@ -89,7 +91,7 @@ _EXISTENTIAL = frozenset(_WORDS["existential"])
 _WELL = frozenset(_WORDS["well"])
 """The words that ask about an asset's condition."""
 _HOME = frozenset(_WORDS["home"])
-_SHORT = 9
+_SHORT = 11
 """An order of more words is put in full by itself."""
 _WEATHER = frozenset(_WORDS["weather"])
 """The verbs and nouns of an *it* that is no asset."""
@@ -132,11 +134,12 @@ def corrects(text: str) -> Literal["replaces", "takes back", ""]:
     undone = next((phrase for phrase in _UNDOING if said.startswith(f" {phrase} ")), "")
     if undone and len(words) <= len(undone.split()) + 1:
         return "takes back"
-    begins = words[0] in _CORRECTING - {"change", "rather", "mean", "not"} or words[0] == "nope"
+    begins = words[0] in _CORRECTING - {"change", "rather", "mean", "not"}
     begins = begins or any(said.startswith(f" {phrase} ") for phrase in (*_BEGINNING, *_UNDOING))
     return "replaces" if begins else ""
 
 
+_MAKE_IT = ("make it", "make that")
 _MOST_CORRECTING = 16
 """A correction of more words is an order by itself."""
 _BEGINNING = (*_CORRECTING_PHRASES, "i meant", "i mean", "not that", "not the", "rather the")
@@ -147,6 +150,11 @@ def retell(scene: ReferenceScene, text: str) -> ResolvedOrder | Unclear | None:
     if not (scene.last is not None or scene.pointer or scene.asked_about) or not text.strip():
         return None
     return _Turn(scene, text).retold()
+
+
+def _team_of(name: str) -> str:
+    """Return the word of an asset's name: `firefly` of Firefly_T02."""
+    return next((word.lower() for word in WORD.findall(name) if len(word) > 1), "")
 
 
 class _Turn:
@@ -295,9 +303,11 @@ class _Turn:
     def _place_corrected(self) -> ResolvedOrder | None:
         """Resolve *No, the south gate.*: the same for another place."""
         wanted = self._wanted
-        if len(wanted) != 1 or self._asked or not self._corrects or not self._short or self._does:
+        if len(wanted) != 1 or self._asked or not self._corrects or self._does:
             return None
-        if self._has(*_IT, *_THEY):
+        if len(self._words) > _MOST_CORRECTING or (
+            self._has(*_IT, *_THEY) and not self._has(*_MAKE_IT)
+        ):
             return None
         orders = [self._order(move.agent, move, wanted[0]) for move in self._moves]
         return self._whole(_sentence(orders), corrects=True)
@@ -305,6 +315,7 @@ class _Turn:
     def _agent_corrected(self) -> ResolvedOrder | None:
         """Resolve *Not Drone_T04, Robot_T02.*: the same by another one, and the first one back."""
         others = [name for name in self._asked if name not in self._movers]
+        others = others or self._meant_instead()
         there = self._has(*_THERE)
         if not others or not self._corrects or self._does or (self._wanted and not there):
             return None
@@ -315,6 +326,24 @@ class _Turn:
         move = next(move for move in self._moves if move.agent in replaced)
         orders = [self._order(other, move) for other in others]
         return self._whole(_sentence([*orders, *self._returns(replaced)]), corrects=True)
+
+    def _meant_instead(self) -> list[str]:
+        """Return who is meant by a number or a kind: *make that four*, *I meant the robot*."""
+        if self._asked or self._wanted or not self._corrects or not self._short:
+            return []
+        names, kinds = self._scene.names, list[frozenset[str]]()
+        for at, word in enumerate(self._words):
+            number = number_of(word)
+            if number > 0 and len(self._movers) == 1 and self._has(*_MAKE_IT):
+                team = names.team(_team_of(self._movers[0]))
+                found = names.asset(team, number) if team else None
+                return [found] if found is not None and found not in self._movers else []
+            if (team := self._scene.members(word)) and not self._ruled_out(at):
+                kinds.append(team)
+        if len(kinds) != 1:
+            return []
+        other = self._nearest_free(self._scene.in_order(kinds[0]), self._there or "")
+        return [other] if other else []
 
     def _same(self) -> ResolvedOrder | None:
         """Resolve *same for Robot_T02* and *same for north*."""
@@ -439,6 +468,7 @@ class _Turn:
     def _counts(self, more: str) -> bool:
         """True if `more` counts assets: *another robot*, *one more*; not *the second floor*."""
         after = self._low.partition(f" {more} ")[2].split()
+        after = after[1:] if after[:1] and after[0] in INDEFINITE | {"the"} else after
         return not after or after[0] == "one" or bool(self._scene.members(after[0]))
 
     def _brought_back(self) -> ResolvedOrder | Unclear | None:
