@@ -1,4 +1,4 @@
-"""What `import pa_console as pa` gives: its names, and the programs that README and manual show."""
+"""What `import pa_console as pa` gives: its names, and the programs that the manual shows."""
 
 import asyncio
 import json
@@ -22,11 +22,9 @@ from tests.scripted import SUCCESS, ScriptedEngine, plan
 
 ROOT = Path(pa.__file__).parents[1]
 PAGE = ROOT / "pa_console" / "manual" / "python-api.md"
-README = ROOT / "README.md"
-APPROVER, ASK, CHECK, FLEET, LOG = re.findall(
+EMBEDDING, APPROVER, ASK, CHECK, FLEET, LOG = re.findall(
     r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL
 )
-[EMBEDDING] = re.findall(r"```python\n(.*?)```", README.read_text("utf-8"), re.DOTALL)
 
 MISSION = "Move the drone to the east gate."
 ASKED = "asked: 1 drone to EastGate"
@@ -177,7 +175,7 @@ def test_a_log_is_verified_and_read(scripted: Path, capsys: pytest.CaptureFixtur
 
 
 @pytest.mark.long
-def test_the_program_of_the_readme_runs_with_the_default_model(
+def test_the_first_program_runs_with_the_default_model(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     catalog = Catalog.load()
