@@ -1,12 +1,12 @@
 """The manual's pages: how they are found, named and searched."""
 
-import re
 from pathlib import Path
 
 import pytest
 
 import pa_console
 from pa_console.manual_pages import FIRST, Manual, linked_pages, load_manual, read_page
+from tests.glossary import HEADING, retired_words, uses
 
 MOST_WORDS = 2500
 README = Path(pa_console.__file__).parents[1] / "README.md"
@@ -64,17 +64,12 @@ def test_the_newcomer_s_path_comes_first() -> None:
 
 
 def test_no_page_uses_a_word_that_the_glossary_has_retired() -> None:
-    words, _, table = load_manual().find("glossary").text.partition("\n## Retired words\n")
-    rows = re.findall(r"^\| ([^|]+) \| [^|]+ \|$", table, re.MULTILINE)
-    retired = [row for row in rows if row != "retired"]
-    assert len(retired) > 5
-    pages = {page.name: page.text for page in load_manual().pages}
-    pages |= {"glossary": words, "README": README.read_text(encoding="utf-8")}
+    pages = {page.name: page.text.partition(HEADING)[0] for page in load_manual().pages}
+    pages["README"] = README.read_text(encoding="utf-8")
+    retired = retired_words()
+    assert len(retired) > 10
     assert [
-        (name, word)
-        for name, text in pages.items()
-        for word in retired
-        if re.search(rf"\b{re.escape(word)}\b", " ".join(text.split()), re.IGNORECASE)
+        (name, word) for name, text in pages.items() for word in retired if uses(text, word)
     ] == []
 
 

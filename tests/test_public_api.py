@@ -236,7 +236,7 @@ async def test_an_unsure_order_is_not_approved_by_auto_approver(tmp_path: Path) 
     async with open_scripted(tmp_path, pa.auto_approver) as station:
         outcome = await station.run_mission(MISSION)
     assert outcome.status == "rejected"
-    assert outcome.reason.startswith("too doubtful for standing approval")
+    assert outcome.reason.startswith("too doubtful for a standing instruction")
     [trace] = station.state.missions.values()
     assert trace.decisions[-1].decision.by == "standing instruction: auto_approver"
 
