@@ -104,7 +104,7 @@ def confidence(chances: Sequence[Chance], text: str, words: str) -> float | None
 
     Tokens that the grammar forced are certain. None if the probabilities, or the words, are not
     there. Models misread the orders of which they are less sure far more often than the others
-    (see the manual's page Results), so the operator is warned; a confident reading may be wrong too.
+    (see the page Results of the manual), so the operator is warned; a confident one may be wrong.
     """
     begin = text.find(words)
     if not chances or not words or begin < 0:
