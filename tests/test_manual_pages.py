@@ -1,10 +1,15 @@
 """The manual's pages: how they are found, named and searched."""
 
+from pathlib import Path
+
 import pytest
 
+import pa_console
 from pa_console.manual_pages import FIRST, Manual, linked_pages, load_manual, read_page
+from tests.glossary import HEADING, retired_words, uses
 
 MOST_WORDS = 2500
+README = Path(pa_console.__file__).parents[1] / "README.md"
 
 RULES = """# Rules of engagement
 
@@ -56,6 +61,16 @@ def test_a_page_can_be_read_in_a_quarter_of_an_hour() -> None:
 def test_the_newcomer_s_path_comes_first() -> None:
     names = [page.name for page in load_manual().pages]
     assert names[:6] == ["index", "start", "first-order", "approval", "days-work", "trouble"]
+
+
+def test_no_page_uses_a_word_that_the_glossary_has_retired() -> None:
+    pages = {page.name: page.text.partition(HEADING)[0] for page in load_manual().pages}
+    pages["README"] = README.read_text(encoding="utf-8")
+    retired = retired_words()
+    assert len(retired) > 10
+    assert [
+        (name, word) for name, text in pages.items() for word in retired if uses(text, word)
+    ] == []
 
 
 def test_every_link_between_pages_leads_to_one() -> None:

@@ -1,4 +1,4 @@
-"""What `import pa_console as pa` gives: its names, and the programs that README and manual show."""
+"""What `import pa_console as pa` gives: its names, and the programs that the manual shows."""
 
 import asyncio
 import json
@@ -22,11 +22,9 @@ from tests.scripted import SUCCESS, ScriptedEngine, plan
 
 ROOT = Path(pa.__file__).parents[1]
 PAGE = ROOT / "pa_console" / "manual" / "python-api.md"
-README = ROOT / "README.md"
-APPROVER, ASK, CHECK, FLEET, LOG = re.findall(
+EMBEDDING, APPROVER, ASK, CHECK, FLEET, LOG = re.findall(
     r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL
 )
-[EMBEDDING] = re.findall(r"```python\n(.*?)```", README.read_text("utf-8"), re.DOTALL)
 
 MISSION = "Move the drone to the east gate."
 ASKED = "asked: 1 drone to EastGate"
@@ -177,7 +175,7 @@ def test_a_log_is_verified_and_read(scripted: Path, capsys: pytest.CaptureFixtur
 
 
 @pytest.mark.long
-def test_the_program_of_the_readme_runs_with_the_default_model(
+def test_the_first_program_runs_with_the_default_model(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     catalog = Catalog.load()
@@ -238,7 +236,7 @@ async def test_an_unsure_order_is_not_approved_by_auto_approver(tmp_path: Path) 
     async with open_scripted(tmp_path, pa.auto_approver) as station:
         outcome = await station.run_mission(MISSION)
     assert outcome.status == "rejected"
-    assert outcome.reason.startswith("too doubtful for standing approval")
+    assert outcome.reason.startswith("too doubtful for a standing instruction")
     [trace] = station.state.missions.values()
     assert trace.decisions[-1].decision.by == "standing instruction: auto_approver"
 

@@ -7,6 +7,7 @@ import pytest
 
 from pa_console.schema.command import COMMANDS
 from pa_console.settings.schema import Settings
+from tests.glossary import retired_words, uses
 from tests.screen_strings import Shown, literal, shown_strings
 
 AMERICAN = (
@@ -16,21 +17,12 @@ AMERICAN = (
 )  # fmt: skip
 """The screen is British, with -ize as in *unauthorized*; these are not."""
 SYNONYMS = {
-    "overrul": "override",
-    "dry run": "rehearsal",
-    "dry-run": "rehearsal",
     "abort": "cancel a mission, halt a plan, stop everything",
     "waypoint": "way",
     "emergency stop": "stop",
     "operating picture": "common operational picture, picture",
-    "command center": "station",
-    "teammate": "asset",
-    "after action": "after-action report",
-    "recurring order": "standing order",
-    "permanent order": "standing order",
-    "interpretation": "reading",
 }
-"""Words that are not used, and the word of the glossary for that thing."""
+"""Words of the standards that robots speak, which the screen does not use, and its own."""
 IDENTIFIER = re.compile(r"(?<![\w.-])[a-z]+(?:_[a-z0-9]+)+(?!\w)")
 FIELDS = frozenset(
     ("at_s", "radius_m", "floor_m", "ceiling_m", "off_by_m", "in_prompts", "occupied_thresh")
@@ -68,8 +60,8 @@ def test_one_word_means_one_thing(shown: list[Shown]) -> None:
     found = (
         (each, f"{word!r} is {right!r} in the glossary")
         for each in shown
-        for word, right in SYNONYMS.items()
-        if word in literal(each.text).lower()
+        for word, right in {**SYNONYMS, **retired_words()}.items()
+        if uses(literal(each.text), word)
     )
     assert told(found) == []
 

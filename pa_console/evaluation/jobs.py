@@ -76,7 +76,7 @@ ABOUT: dict[str, str] = {
     "no-rules": "one-plan without any rule in the prompt",
     "no-safeguards": "one-plan without checks, premises and monitor; nothing blocks a plan",
     "no-rehearsal": "one-plan, checked as if every order succeeded at once",
-    "no-judge": "one-plan without the JudgeLLM",
+    "no-judge": "one-plan without the judge",
     "no-repair": "one-plan; the first plan stands",
     "one-candidate": "one-plan; one plan a prompt, a broken one is repaired at once",
     "four-candidates": "one-plan; of 4 plans the best when the first is broken, as by default",

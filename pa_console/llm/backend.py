@@ -103,9 +103,8 @@ def confidence(chances: Sequence[Chance], text: str, words: str) -> float | None
     """Return the probability, 0 to 1, of `words` where they first stand in the answer `text`.
 
     Tokens that the grammar forced are certain. None if the probabilities, or the words, are not
-    there. What a model wrote of an order with little confidence is what it misread far more often
-    than the rest (README, Measured), so that the operator is warned; a confident reading may be
-    wrong as well.
+    there. Models misread the orders of which they are less sure far more often than the others
+    (see the page Results of the manual), so the operator is warned; a confident one may be wrong.
     """
     begin = text.find(words)
     if not chances or not words or begin < 0:

@@ -235,10 +235,10 @@ def standing_approver(
     overridden with `override_reason`, which stands with such a decision alone. `never` rejects
     every plan.
 
-    Nobody watches a standing approval, so it takes a plan in the state `approve` or `warned`, and
-    none for an order that may have been misread (`doubt`): the console has to be at least so sure,
-    0 to 1, as `least` says. None takes it all the same, for evaluations, where the truth of every
-    plan is wanted; what was not understood is taken by nobody.
+    Nobody watches a standing instruction, so it takes a plan in the state `approve` or `warned`,
+    and none for an order that may have been misread (`doubt`): the console has to be at least so
+    sure, 0 to 1, as `least` says. None takes it all the same, for evaluations, where the truth of
+    every plan is wanted; what was not understood is taken by nobody.
 
     The log names the instruction as it was `given`, by default as the command line's.
     """
@@ -285,7 +285,7 @@ def doubt(request: ev.ApprovalRequested, least: float) -> str:
         why.append(f"read with {request.confidence:.0%} confidence, {least:.0%} are needed")
     if not why and request.state not in ("approve", "warned", "judge_objects"):
         why.append(status_of("approval", request.state or "none").word.lower())
-    return f"too doubtful for standing approval: {'; '.join(why)}" if why else ""
+    return f"too doubtful for a standing instruction: {'; '.join(why)}" if why else ""
 
 
 def unasked_decision(

@@ -121,7 +121,7 @@ class Variant(StrictModel):
     pinned: bool = Field(default=True, description="every Critical rule is in the prompt")
     checks: bool = Field(default=True, description="rules and premises are enforced")
     rehearsal: bool = Field(default=True, description="the plan is run in a forecast first")
-    judging: bool = Field(default=True, description="the JudgeLLM is asked before and after")
+    judging: bool = Field(default=True, description="the judge is asked before and after")
     repairs: int = Field(default=2, ge=0, description="how often a broken plan may be mended")
     candidates: int = Field(
         default=4, ge=1, le=8, description="plans to choose from when the first one is broken"

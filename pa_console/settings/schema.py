@@ -129,7 +129,7 @@ class Settings(BaseModel):
 
     standing_confidence: Annotated[
         float,
-        _shown("Approval and alarms", "Standing approval needs", restart=False, ge=0.0, le=1.0),
+        _shown("Approval and alarms", "Standing instruction needs", restart=False, ge=0.0, le=1.0),
     ] = 0.9
     """How sure the console has to be of what was asked, 0 to 1, for `--approve auto` to approve a
     plan. An order whose words its reading does not account for is never approved so."""

@@ -321,7 +321,7 @@ class JoinedStation:
             "not sent yet is refused.\n"
         ) * bool(moved)
         under_way += (
-            f"Moved nobody yet: {waits}. Their words wait here again, for an approval here.\n"
+            f"No asset has moved yet for {waits}: queued here again, for an approval here.\n"
         ) * bool(waits)
         return (
             f"Put {own} in command in place of {station}? The epoch rises to {epoch}.\n"

@@ -231,7 +231,7 @@ class ControlStation:
             while (event := await self._events.get()) is not None:
                 yield event
         finally:
-            await self.close("broken off")
+            await self.close("interrupted")
             self._fleet.close()
             for server in self._services.servers.backends:
                 await server.close()

@@ -1,4 +1,4 @@
-"""The threat model names a test that exists for each attacker that anything is guarded against."""
+"""The security page names a test that exists for each attacker that anything is guarded against."""
 
 import re
 from pathlib import Path
@@ -14,7 +14,7 @@ TEST = re.compile(r"^(async )?def test_|^Test\w+ = ", re.MULTILINE)
 
 def attackers() -> dict[str, list[str]]:
     """Return the tests that the page names for each attacker."""
-    page = load_manual().find("threat-model").text
+    page = load_manual().find("security").text
     table = page.partition("\n## Attackers\n")[2].partition("\n## ")[0]
     rows = [line.strip("|").split("|") for line in table.splitlines() if line.startswith("|")]
     found: dict[str, list[str]] = {}

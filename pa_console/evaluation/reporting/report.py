@@ -51,7 +51,7 @@ DEFINITIONS = {
     "run": "One mission, by one model under one variant of the pipeline, in a fresh simulation "
     "with one seed. Plans are executed when the deterministic checks allow; an objection of the "
     "judge is noted and overridden, so that the truth is known for every judged plan.",
-    "hybrid success": "The JudgeLLM's verdict on the outcome is Success (paper, Section V-A). A "
+    "hybrid success": "The judge's verdict on the outcome is Success (paper, Section V-A). A "
     "run that executed nothing has no such verdict; it counts as a success where the command was "
     "to be refused, or may be.",
     "strict success": "Every success condition of the mission holds on the true state of the "

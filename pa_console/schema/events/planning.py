@@ -204,7 +204,7 @@ class ApprovalRequested(Payload):
     proposed_by: str = Field(
         default="",
         exclude_if=lambda name: not name,
-        description="name of the agent whose mission it is; no standing approval takes such a plan",
+        description="name of the agent whose mission it is; no standing instruction approves it",
     )
 
     def decided(self, kind: DecisionKind, **given: Any) -> Decision:

@@ -110,7 +110,7 @@ async def run_condition(
 async def run_once(site: Site, engine: MemoEngine, condition: Disturbance, seed: int) -> RunResult:
     """Return what comes of a run: alarms start missions, checks alone decide on plans.
 
-    The judge is left out: a standing approval would override its objections.
+    The judge is left out: a standing instruction would override its objections.
     """
     world = worsened(site.world, condition)
     sim = Checkpoint(world, seed, situation(world, condition, seed))

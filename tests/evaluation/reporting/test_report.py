@@ -149,7 +149,7 @@ def test_facts_tell_what_was_run_and_on_what() -> None:
     told = dict(facts(made_evaluation(1), ABOUT))
     assert told["mission sets"] == "paper (10 missions), field (4 missions)"
     assert (told["machine"], told["time taken"]) == ("a CPU; a system", "1 h 30 min")
-    assert "no-judge: one-plan without the JudgeLLM" in told["variants"]
+    assert "no-judge: one-plan without the judge" in told["variants"]
 
 
 def test_notes_warn_of_what_weakens_the_figures() -> None:
