@@ -90,6 +90,9 @@ class MentionCheck(NamedTuple):
     steps: tuple[str, ...] = ()
     """The steps that the order has: a plan that was not made in steps keeps no order of them."""
 
+    leaning: tuple[str, ...] = ()
+    """The words that lean on the order before, if what they mean was not found."""
+
     @property
     def baseless(self) -> bool:
         """True if an asset is moved although no word of the order asks for it or names it."""
@@ -109,6 +112,8 @@ class MentionCheck(NamedTuple):
         gaps += [f"not in the order's words: {one.named}" for one in self.unsupported]
         gaps += [f"no time is kept: {said}" for said in self.times]
         gaps += [f"no order of steps is kept: {said}" for said in self.steps]
+        if self.moves:
+            gaps += [f"leans on the order before: {said}" for said in self.leaning]
         if self.empty and self.moves:
             gaps.append("no word of the order asks for anything")
         return tuple(dict.fromkeys(gaps))

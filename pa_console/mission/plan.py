@@ -8,6 +8,7 @@ from typing import Literal
 from pa_console.language.canonical.order import Reading
 from pa_console.language.canonical.reading import asked_words, read_asked, read_reason
 from pa_console.language.mention_check import NOTHING_SAID, MentionCheck, check_mentions
+from pa_console.language.references.conversation import leaning_words
 from pa_console.mission.context import MissionContext
 from pa_console.mission.examine import Examination, examine
 from pa_console.mission.planning.fulfilment import gaps
@@ -301,6 +302,8 @@ async def _examined(
     if not own and not retrieved.chosen:
         asked = asked_words(plan_.reason).rstrip("; ")
         mentions = check_mentions(fleet.world, before, task.text, asked, plan_, unmet)
+        leaning = leaning_words(context.services.scene, task.text)
+        mentions = mentions._replace(leaning=leaning)
     if found.rehearsal is not None and context.services.variant.rehearsal:
         context.emit(
             ev.PlanRehearsed(

@@ -145,6 +145,19 @@ _MOST_CORRECTING = 16
 _BEGINNING = (*_CORRECTING_PHRASES, "i meant", "i mean", "not that", "not the", "rather the")
 
 
+def leaning_words(scene: ReferenceScene, text: str) -> tuple[str, ...]:
+    """Return the words of an order, as it is read, that still lean on the one before it.
+
+    What they mean was not found, so a model that sees only this order has to guess.
+    """
+    if scene.last is None:
+        return ()
+    return tuple(dict.fromkeys(t.said for t in read_tokens(text) if t.word in _STILL_LEANING))
+
+
+_STILL_LEANING = frozenset(_WORDS["still_leaning"])
+
+
 def retell(scene: ReferenceScene, text: str) -> ResolvedOrder | Unclear | None:
     """Return an order that leans on the one before in full; None where it stands by itself."""
     if not (scene.last is not None or scene.pointer or scene.asked_about) or not text.strip():

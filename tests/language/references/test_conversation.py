@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.language.references.conversation import ResolvedOrder, Unclear
+from pa_console.language.references.conversation import ResolvedOrder, Unclear, leaning_words
 from pa_console.language.references.resolution import resolve
 from pa_console.language.references.scene import Move, PastMission, after
 from tests.language.references.scenes import HOME, asked, read, scene, sent, standing
@@ -199,3 +199,11 @@ def test_it_is_asked_where_there_is_after_two_places() -> None:
     )
     question = asked("A drone goes there.", scene(*standing(both), past=[both]))
     assert (question.said, question.choices) == ("there", ("NorthGate", "SouthGate"))
+
+
+def test_words_whose_meaning_was_not_found_lean_on_the_order_before() -> None:
+    last = sent("Ugv_T02 to the west gate.", ("Ugv_T02", "Checkpoint", "WestGate"))
+    after = scene(*standing(last), past=(last,))
+    assert leaning_words(after, "and the same for its brother") == ("same", "brother")
+    assert leaning_words(after, "Robot_T02 to SouthGate.") == ()
+    assert leaning_words(scene(), "and the same for its brother") == ()
