@@ -96,3 +96,9 @@ def test_the_papers_missions_are_no_orders_in_steps() -> None:
     assert len(paper.missions) == 10
     texts = [case.command for case in paper.missions]
     assert [text for text in texts if read_steps(SCENE, text) is not None] == []
+
+
+def test_a_name_before_then_is_of_the_next_step() -> None:
+    text = "Drone_T04 take over NorthGate, Drone_T02 then return to base."
+    steps = ("Drone_T04 take over NorthGate.", "Drone_T02 return to base.")
+    assert read_steps(SCENE, text) == ReadSteps(steps)

@@ -5,6 +5,7 @@ leads to the consequence of an *if* parts nothing. What is waited for has to be 
 the same text: if it is not, it is asked back about.
 """
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -82,6 +83,9 @@ def unkept_steps(scene: ReferenceScene, text: str) -> tuple[str, ...]:
     if found is None:
         return ()
     return (found.question,) if isinstance(found, Unclear) else (" then ".join(found.steps),)
+
+
+_CALL_SIGN = re.compile(r"[a-z]+_?t?\d+")
 
 
 class _Cutter:
@@ -206,10 +210,26 @@ class _Cutter:
                 return self._parts_last_clause()
             reader.at = start
             return False
+        subject = [] if at_clause else self._subject()
         if any(self.asks(part) for part in (*self.parts, self._now)):
             self._end()
+        self._now += subject
         reader.skip(_STOPS)
         return True
+
+    def _subject(self) -> list[int]:
+        """Take the name before *then* out of the step so far: *T02 then returns* is of the next."""
+        if not self._now:
+            return []
+        *before, last = self._now
+        named = asset_at(self._scene, Reader(self._tokens, last)) or _CALL_SIGN.fullmatch(
+            self._tokens[last].word
+        )
+        begins = not before or self._tokens[before[-1]].word in _STOPS | _JOINTS
+        if not named or not begins:
+            return []
+        self._now = before
+        return [last]
 
     def _leads_to_consequence(self) -> bool:
         """Return whether this is the first *then* after an *if* in its sentence."""
