@@ -64,7 +64,7 @@ class NoOrder(NamedTuple):
     @property
     def question(self) -> str:
         """The question back to the operator, in one or two sentences."""
-        return f"that reads as {READS_AS[self.kind]}. Nothing will move. {_INSTEAD[self.kind]}"
+        return f"That reads as {READS_AS[self.kind]}. Nothing will move. {_INSTEAD[self.kind]}"
 
 
 _SAY_IT = "To have it done, say who is to do what, and where."

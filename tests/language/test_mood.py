@@ -107,7 +107,7 @@ def test_what_only_looks_like_one_is_an_order(text: str) -> None:
 def test_its_question_says_how_it_reads() -> None:
     found = no_order(WORLD, "Do not send Drone_T04 to the east gate.")
     assert found is not None
-    assert found.question.startswith("that reads as a prohibition. Nothing will move.")
+    assert found.question.startswith("That reads as a prohibition. Nothing will move.")
 
 
 def test_words_of_writers_who_gave_orders_are_kept() -> None:
