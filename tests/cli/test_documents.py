@@ -175,7 +175,7 @@ def test_the_manual_names_every_package_and_no_other() -> None:
     assert named == folders | {package.name, MANUAL.name}
 
 
-@pytest.mark.parametrize(("verb", "page"), [("models", "models.md"), ("scenarios", "scenarios.md")])
+@pytest.mark.parametrize(("verb", "page"), [("models", "models.md"), ("scenarios", "worlds.md")])
 def test_a_page_lists_what_the_verb_lists(call: Call, verb: str, page: str) -> None:
     text = text_of(MANUAL / page)
     listed = call(verb, "list", "--json").json
