@@ -68,11 +68,17 @@ class Manual:
         self.pages = tuple(pages)
 
     def find(self, topic: str) -> Page:
-        """Return the page called `topic`; raise ValueError that names similar pages."""
+        """Return the page called `topic`, or the first that has a section called so.
+
+        Raises a ValueError that names similar pages if there is none.
+        """
         pages = {page.name: page for page in self.pages}
         name = topic.lower().removesuffix(".md")
         if name in pages:
             return pages[name]
+        for page in self.pages:
+            if page.heading_of(_anchor(name)):
+                return page
         near = process.extract(name, list(pages), limit=3, score_cutoff=ALIKE)
         hint = f" Did you mean {' or '.join(match[0] for match in near)}?" if near else ""
         raise ValueError(f"the manual has no page {topic!r}.{hint} Pages: {', '.join(pages)}")

@@ -10,6 +10,7 @@ import yaml
 
 from pa_console.cli.verbs import VERBS
 from pa_console.evaluation.jobs import load_with_worlds
+from pa_console.manual_pages import read_page
 from pa_console.sim.worlds.world_file import load_world
 from tests.cli.conftest import Call
 from tests.cli.parsing import left_over
@@ -129,8 +130,10 @@ def test_every_file_that_is_named_exists(page: Path) -> None:
 @each_page(PAGES)
 def test_every_link_leads_to_a_page(page: Path) -> None:
     for target in re.findall(r"\]\(([^)]+)\)", prose(page)):
-        file = (page.parent / target).resolve()
+        name, _, anchor = target.partition("#")
+        file = (page.parent / name).resolve()
         assert file.is_file(), target
+        assert not anchor or read_page(file.stem, text_of(file)).heading_of(anchor), target
         if page in MANUAL_PAGES:
             assert file.parent == MANUAL, f"{target}: the manual is shown without the repository"
 
@@ -172,7 +175,7 @@ def test_the_manual_names_every_package_and_no_other() -> None:
     assert named == folders | {package.name, MANUAL.name}
 
 
-@pytest.mark.parametrize(("verb", "page"), [("models", "models.md"), ("scenarios", "scenarios.md")])
+@pytest.mark.parametrize(("verb", "page"), [("models", "models.md"), ("scenarios", "worlds.md")])
 def test_a_page_lists_what_the_verb_lists(call: Call, verb: str, page: str) -> None:
     text = text_of(MANUAL / page)
     listed = call(verb, "list", "--json").json
