@@ -219,7 +219,7 @@ class Station:
         self._station.manual.take(asset, by="program")
 
     def end_manual(self, asset: str) -> None:
-        """Give an asset back, by which it does not move; missions that awaited it are queued.
+        """Return an asset, which does not move it; missions that awaited it are queued.
 
         Raises ValueError where nobody has taken it.
         """
@@ -429,4 +429,4 @@ def _told_to_nobody(_: Exception) -> None:
 
 
 def _told_by_the_station(_: LogError) -> None:
-    """Leave a log that cannot be written to the station: it tells so, and approves nothing."""
+    """Ignore an unwritable log here: the station reports it and approves nothing."""

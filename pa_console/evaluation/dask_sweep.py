@@ -1,8 +1,8 @@
-"""Work on the workers of a Dask scheduler; imported where one is asked for, and for that alone.
+"""Sweeps over the workers of a Dask scheduler; imported only when one is requested.
 
-What is to be made goes under a key of its own: it is made once however often it is sent. Results
-come as they finish. What a killed worker had under way is made by another one, and what a scheduler
-that was restarted has forgotten is sent again.
+Each task has a unique key, so it runs once however often it is submitted. Results arrive as they
+finish. A killed worker's task moves to another worker, and tasks that a restarted scheduler has
+forgotten are submitted again.
 """
 
 import asyncio
@@ -25,21 +25,21 @@ from pa_console.child_processes import isolated_workers
 from pa_console.station.assembly import Site, load_site
 
 AWAY_S = 600.0
-"""The longest wait for a scheduler that is away, seconds."""
+"""The longest wait for an unreachable scheduler, seconds."""
 AGAIN_S = 2.0
-"""Between two tries to reach it."""
+"""Seconds between two attempts to reach it."""
 
 
 class SweepError(ValueError):
-    """A sweep that cannot go on; what was made is kept, and the same command goes on with it."""
+    """A sweep that cannot continue; its results are kept, and the same command resumes it."""
 
 
 class KeyedTask(Protocol):
-    """Something to be made."""
+    """One unit of work."""
 
     @property
     def key(self) -> str:
-        """The key on the scheduler: it has a hash of all dependencies."""
+        """The key on the scheduler; it includes a hash of all dependencies."""
         ...
 
 
@@ -48,15 +48,15 @@ MadeT = TypeVar("MadeT")
 
 
 class TaskMaker(WorkerPlugin, ABC, Generic[TaskT, MadeT]):
-    """Makes results on a worker, one at a time; it is sent there once, with what it needs."""
+    """Runs tasks on a worker, one at a time; it is sent there once, with its dependencies."""
 
     name: str
-    """The name of one kind of work on a scheduler."""
+    """The name of this kind of work on a scheduler."""
     own_process = False
-    """True if the worker is a process of this program: that leaves Ctrl-C to the program."""
+    """True if the worker is a process of this program, which then handles Ctrl-C."""
 
     def setup(self, worker: object) -> None:  # noqa: ARG002 - the library's signature
-        """Begin on a worker."""
+        """Start on a worker."""
         if self.own_process:
             signal.signal(signal.SIGINT, signal.SIG_IGN)
         self.turn = Lock()
@@ -70,18 +70,18 @@ class TaskMaker(WorkerPlugin, ABC, Generic[TaskT, MadeT]):
         self._temporary.cleanup()
 
     def begin(self) -> None:
-        """Make ready, once on a worker; `folder` is for its files."""
+        """Prepare, once per worker; `folder` is for its files."""
 
     def end(self) -> None:
-        """Undo that."""
+        """Release what `begin` prepared."""
 
     @abstractmethod
     def make(self, task: TaskT) -> MadeT:
-        """Return what `task` comes to; called by threads of the worker."""
+        """Return the result of `task`; called by threads of the worker."""
 
 
 class LoopMaker(TaskMaker[TaskT, MadeT]):
-    """Makes results in a loop of its own beside the worker's, where engines live."""
+    """Runs tasks in its own event loop beside the worker's, where engines live."""
 
     def begin(self) -> None:
         """Start the loop."""
@@ -91,18 +91,18 @@ class LoopMaker(TaskMaker[TaskT, MadeT]):
         self._one = asyncio.Lock()
 
     def end(self) -> None:
-        """Break off the present job, whose thread would wait for it; then close."""
+        """Cancel the running task, which its thread waits for, then close."""
         asyncio.run_coroutine_threadsafe(self._break_off(), self._loop).result()
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
 
     def make(self, task: TaskT) -> MadeT:
-        """Wait for what `task` comes to; raises what it ran into."""
+        """Wait for the result of `task`; raises its exception."""
         return asyncio.run_coroutine_threadsafe(self._in_turn(task), self._loop).result()
 
     @abstractmethod
     def made(self, task: TaskT) -> Coroutine[Any, Any, MadeT]:
-        """Return what `task` comes to."""
+        """Return the result of `task`."""
 
     @abstractmethod
     async def close(self) -> None:
@@ -121,14 +121,14 @@ class LoopMaker(TaskMaker[TaskT, MadeT]):
 
 
 class SentSites:
-    """The sites that were sent to a worker as the texts of their files, which are written once."""
+    """The sites sent to a worker as the texts of their files, which are written once."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._sites: dict[str, Site] = {}
 
     def site(self, world: str, rules: str) -> Site:
-        """Return the site of these texts; raises DocumentError."""
+        """Return the site of `texts`; raises DocumentError."""
         name = hashlib.sha256(f"{world}\0{rules}".encode()).hexdigest()[:16]
         if name not in self._sites:
             folder = self._folder / name
@@ -141,20 +141,20 @@ class SentSites:
 
 
 def make_remotely(maker: str, task: KeyedTask) -> object:
-    """Make `task` with the `maker` of that name on the worker that this is called on."""
+    """Run `task` on the present worker with the maker of that name."""
     return cast(Any, get_worker()).plugins[maker].make(task)
 
 
 @dataclass(frozen=True)
 class Workers:
-    """The workers: those of the scheduler at the address `scheduler`, or `count` processes here."""
+    """The workers of the scheduler at the address `scheduler`, or `count` processes here."""
 
     scheduler: str = ""
     count: int = 0
 
 
 class DaskSweep(Generic[TaskT, MadeT]):
-    """Makes on Dask's workers whatever is `missing` still, with a `maker` that is sent to them."""
+    """Runs the `missing` tasks on Dask's workers, with a `maker` that is sent to them."""
 
     def __init__(
         self,
@@ -164,22 +164,22 @@ class DaskSweep(Generic[TaskT, MadeT]):
         told: Callable[[str], None] = lambda _text: None,
         again_s: float = AGAIN_S,
     ) -> None:
-        """Pass progress lines on to `told`; retry a lost scheduler every `again_s` seconds."""
+        """Send progress lines to `told`; retry a lost scheduler every `again_s` seconds."""
         self._maker, self._missing, self._told, self._again_s = maker, missing, told, again_s
         self._reached = False
-        """True if there was a scheduler: one that goes away is waited for."""
+        """True once a scheduler was reached; if it is lost, the sweep waits for it."""
 
     async def run(self, workers: Workers) -> AsyncGenerator[MadeT]:
-        """Yield each result as it comes back; when the next is asked for, it has to be kept.
+        """Yield each result as it arrives; the caller keeps it before it requests the next.
 
-        Raises SweepError when there is no scheduler, or a task ends every worker that makes it.
+        Raises SweepError without a scheduler, or if a task kills every worker that runs it.
         """
         async with cluster(workers) as target:
             async for made in self.run_on(target):
                 yield made
 
     async def run_on(self, target: Any) -> AsyncGenerator[MadeT]:
-        """Yield the same with the workers of `target`, an address or a cluster of Dask."""
+        """Yield results from the workers of `target`, an address or a Dask cluster."""
         clock = asyncio.get_running_loop().time
         last = clock()
         while tasks := self._missing():
@@ -197,7 +197,7 @@ class DaskSweep(Generic[TaskT, MadeT]):
                 await asyncio.sleep(self._again_s)
 
     async def _round(self, target: Any, tasks: Sequence[TaskT]) -> AsyncGenerator[MadeT]:
-        """Send `tasks` and yield what comes back, until all are there or the scheduler is gone."""
+        """Submit `tasks` and yield results until all are complete or the scheduler is lost."""
         connecting: Any = Client(target, asynchronous=True, timeout=AGAIN_S)
         async with connecting as client:
             self._reached = True
@@ -223,7 +223,7 @@ def _failed(error: BaseException) -> BaseException:
 
 @asynccontextmanager
 async def cluster(workers: Workers) -> AsyncGenerator[Any]:
-    """Give what a client connects to; processes of this machine end when this is left."""
+    """Yield the target for a client; processes of this machine end on exit."""
     if workers.scheduler:
         yield workers.scheduler
         return

@@ -125,7 +125,7 @@ def read_about(folder: Path) -> dict[str, Any]:
 
 
 class EvaluationFolder:
-    """Adds runs to a folder; those that it holds already are known by their id."""
+    """Adds runs to a folder; existing ones are recognized by their id."""
 
     def __init__(self, folder: Path) -> None:
         """Open `folder`, made when it is missing; raises ValueError for a line that is no run."""

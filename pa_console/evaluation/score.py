@@ -158,7 +158,7 @@ def asked_fields(source: str) -> frozenset[str]:
 
 
 def evaluate(conditions: Conditions, facts: RunFacts) -> tuple[str, ...]:
-    """Return the sources that do not hold; one that cannot be evaluated is told with its error."""
+    """Return the sources that do not hold; one that cannot be evaluated includes its error."""
     context = cel.Context(variables={"run": facts.document()})
     failed: list[str] = []
     for source, program in zip(conditions.sources, conditions.programs, strict=True):

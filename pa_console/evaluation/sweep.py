@@ -213,7 +213,7 @@ class Sweep:
         return [job for job in jobs if job.run not in done]
 
     def _kept(self, made: MadeRun, stem: str) -> RunRecord:
-        """Write a run that came back: its log first, as its record says where that is."""
+        """Write a completed run: its log first, because its record refers to it."""
         if made.log is not None:
             (self._results.folder / LOGS / f"{stem}.jsonl").write_bytes(made.log)
         self._results.add(made.record)

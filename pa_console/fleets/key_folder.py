@@ -47,7 +47,7 @@ AskPassphrase = Callable[[str], str]
 
 @dataclass(frozen=True)
 class ListedKey:
-    """One key of the site; `here` tells whether it is on this machine.
+    """One key of the site; `here` is True if it is on this machine.
 
     `state` is `in force`, `in command` or `revoked`.
     """
@@ -92,9 +92,9 @@ class KeyFolder:
         return {name: message for name in KINDS_OF_TRUST if (message := self._message(name))}
 
     def trust(self) -> Trust:
-        """Return what the signed messages come to.
+        """Return the state that the signed messages result in.
 
-        A takeover that does not hold any more puts nobody in command.
+        A takeover that is no longer valid puts no station in command.
         """
         self._require_site()
         try:

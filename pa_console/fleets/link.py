@@ -39,7 +39,7 @@ class LinkNotice:
 
 @dataclass(frozen=True)
 class NotReady:
-    """The reason why an asset that is heard cannot start yet, '' once it can."""
+    """The reason that a reporting asset cannot start yet, '' once it can."""
 
     agent: str
     why: str
@@ -125,7 +125,7 @@ class LinkFinding:
 
 @runtime_checkable
 class Examined(Link, Protocol):
-    """A link that can say what its robots send, and how they are set up."""
+    """A link that can report what its robots send and how they are configured."""
 
     def examine(self, seconds: float) -> Sequence[LinkFinding]:
         """Look at every robot, for `seconds` at most; nothing is commanded."""

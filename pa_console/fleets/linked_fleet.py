@@ -142,7 +142,7 @@ class LinkedFleet(ReportedFleet):
             self._say("alarm", command.agent, text, "absent")
 
     def _may_go(self, command: DeviceCommand, link: Link) -> bool:
-        """Return whether `command` goes to its link now; a reply or a notice says why not."""
+        """Return True if `command` goes to its link now; else a reply or a notice explains it."""
         sent = self._sent.get(command.command_id)
         if sent is not None and sent.command != command:
             self._refuse(command, "its id was given to another command before")
@@ -241,7 +241,7 @@ class LinkedFleet(ReportedFleet):
         return news[:MOST_NEWS]
 
     def _note_problem(self, link: Link) -> None:
-        """Report a connection that breaks or is back; without one no asset of it is heard."""
+        """Report a lost or restored connection; without one, none of its assets reports."""
         problem = self._problem_of(link)
         if bool(problem) == (link.name in self._down):
             return

@@ -182,10 +182,10 @@ class ReportedFleet:
 
 
 class ReportedPicture:
-    """Takes in reports and detections by the tick at which they were sent; gives the picture.
+    """Collects reports and detections by their tick of sending, and builds the picture.
 
-    Ticks are steps of `world.dt_s` on the station's own clock. Whatever a message says, a picture
-    comes out of it: a message with which none can be made is left out, and `show` names its sender.
+    Ticks are steps of `world.dt_s` on the station's own clock. No message can prevent a picture: a
+    message that would is left out, and `show` names its sender.
     """
 
     def __init__(self, world: World) -> None:
@@ -202,7 +202,7 @@ class ReportedPicture:
         return self.terrain.world
 
     def begin(self, tick: int) -> None:
-        """Forget everything: at `tick` no asset and no camera has ever been heard."""
+        """Forget everything: at `tick`, no asset and no camera has ever reported."""
         world = self.world
         scene = self._scene = Scene(rng=random.Random(0), tick=tick)
         at_gate = {gate: dict[str, bool]() for gate in world.gates}
@@ -261,9 +261,9 @@ class ReportedPicture:
         self._scene.station.heard[name] = heard._replace(stamp=min(heard.stamp, lost))
 
     def detect(self, stamp: int, seen: SensorReport) -> tuple[SetAside, ...]:
-        """Take in what an asset or a camera detected at tick `stamp`; return what was set aside.
+        """Process detections by an asset or a camera at tick `stamp`; return the discarded ones.
 
-        Detections of a suspect asset are ignored: it may not be where it says it is.
+        Detections by a suspect asset are ignored, because its position may be false.
         """
         return self._take(seen.sensor, partial(self._detect, stamp, seen))
 

@@ -1,7 +1,7 @@
 """Reports of assets and sensors, and which of them a station believes.
 
-A report is as old as its own time says, and never newer than its arrival; one from the future, or
-of a time before the last, is not believed.
+A report is dated by its own time, and never newer than its arrival; a report from the future or
+from before the last one is discarded.
 """
 
 import math
@@ -49,8 +49,8 @@ class AssetReport:
 class ContactReport:
     """One detection of a vehicle or person that is not ours.
 
-    `signature` tells detections of the same contact apart from others. Without a `position` the
-    sensor only repeats earlier findings; `sigma_m` is the error of one axis, metres.
+    `signature` is the same for all detections of one contact. Without a `position` the sensor only
+    repeats earlier findings; `sigma_m` is the error of one axis, metres.
     """
 
     signature: str
@@ -85,7 +85,7 @@ MOST_SUBJECTS = 1000
 
 
 class Notices:
-    """Collects lines for the session log; the same of one subject is told once in REPEAT_S."""
+    """Collects lines for the session log; a subject's repeated line appears once in REPEAT_S."""
 
     def __init__(self) -> None:
         self._lines: list[IncidentHappened | Noticed] = []

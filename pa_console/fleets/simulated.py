@@ -79,7 +79,7 @@ class SimulatedFleet:
         self.checkpoint.send(command)
 
     def step(self) -> Received:
-        """Advance by one `world.dt_s`; tell what its scenario made happen, and could not."""
+        """Advance by one `world.dt_s`; emit the scenario's incidents and the failed ones."""
         replies = tuple(self.checkpoint.step())
         happened = self.checkpoint.take_incidents()
         skipped = self.checkpoint.take_skipped()
@@ -100,9 +100,9 @@ class SimulatedFleet:
         return self.checkpoint.forecast()
 
     def inject(self, incident: Incident) -> None:
-        """Make `incident` happen now; it shows in the picture when telemetry tells of it.
+        """Apply `incident` now; it appears in the picture once telemetry reports it.
 
-        Raises ValueError naming what exists for an unknown name.
+        Raises ValueError with the valid names for an unknown one.
         """
         self.checkpoint.inject(incident)
 
@@ -123,7 +123,7 @@ class ShownPicture:
         return self._terrain.world
 
     def show(self, picture: Picture | None) -> None:
-        """Go by `picture` from now on; None where nothing has been told yet."""
+        """Use `picture` from now on; None before the first one."""
         self._picture = picture
 
     def picture(self) -> Picture:

@@ -106,8 +106,8 @@ class StationAuthority:
     def take_command(self, commander: str, key: Ed25519PrivateKey) -> None:
         """Sign that this station is in command from now on, with the `key` of that commander.
 
-        Whoever has the message, `newest`, takes nothing of another station any more. Raises
-        ValueError when it does not hold; nothing has changed then.
+        Receivers of the message, `newest`, no longer accept another station. Raises ValueError if
+        it is not valid, without changing anything.
         """
         if not self.name:
             raise ValueError("this station is not in the roster: the owner of the site enrols it")
@@ -142,9 +142,9 @@ class StationAuthority:
         )
 
     def objection_to(self, request_id: str, person: str, signature: str) -> str:
-        """Return why a signature from elsewhere does not count for a request here, '' if it may.
+        """Return the reason that a signature from elsewhere cannot count for a request here, or ''.
 
-        Whether it approves the very plan of that request is for `valid` to say.
+        `valid` checks that it approves the very plan of that request.
         """
         try:
             approval, _ = self.trust.approval(person, signature, self.now())
@@ -164,9 +164,9 @@ class StationAuthority:
     def objection_to_signature(
         self, request: ApprovalRequested, rules: Rulebook, person: str, signature: str
     ) -> str:
-        """Return why a signature from elsewhere does not approve this very request, '' if it does.
+        """Return the reason that a signature from elsewhere does not approve this request, or ''.
 
-        That it is one more than there are already is for the gate to say.
+        The gate checks that it is not a repeated one.
         """
         if why := self.objection_to(request.request_id, person, signature):
             return why
@@ -200,7 +200,7 @@ class StationAuthority:
     ) -> dict[str, str]:
         """Return those signatures of `decision` that approve `request`, one for each own key.
 
-        What somebody has signed for other orders, or who may approve nothing, is none of them.
+        Signatures for other orders, or by people who may not approve, are left out.
         """
         wanted = self._approval(request, decision, rules)
         valid, keys = dict[str, str](), set[str]()
@@ -304,7 +304,7 @@ class Vehicles:
     ) -> None:
         """`owner` is the public key of the site's owner; the vehicles go by the clock `now`.
 
-        `messages` are the signed ones that they are told first.
+        `messages` are the signed ones that they receive first.
         """
         self._verifiers = {agent: Verifier(agent, owner, now=now) for agent in agents}
         self._signed = SignedMessages(self._tell)

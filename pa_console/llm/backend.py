@@ -1,8 +1,8 @@
-"""The backend of a model: the question, the answer, the ways to fail, and the protocol of both.
+"""The backend of a model: prompts, answers, errors, and the protocol between caller and model.
 
-A model elsewhere is named `SCHEME:...`. The scheme `openai` is a server with the OpenAI interface.
-A package brings a scheme of its own by an entry point in the group `pa_console.backends`: a
-function that takes the whole name and BackendOptions and returns a Backend, or raises ModelError.
+A remote model is named `SCHEME:...`. The scheme `openai` is a server with the OpenAI interface. A
+package adds a scheme by an entry point in the group `pa_console.backends`: a function that takes
+the whole name and BackendOptions and returns a Backend, or raises ModelError.
 """
 
 import math
@@ -22,15 +22,15 @@ class ModelError(Exception):
 
 
 class PullError(ModelError):
-    """A model that could not be fetched; says what failed at each source and what to do."""
+    """A model that could not be fetched; the message has each source's failure and a remedy."""
 
 
 class EngineError(Exception):
-    """A generation that did not happen; asking again with the same prompt may not help."""
+    """A failed generation; the same prompt may fail again."""
 
 
 class EngineDiedError(EngineError):
-    """The worker process ended while it was needed; the next generation starts a new one."""
+    """The worker process ended during a request; the next generation starts a new one."""
 
 
 class ModelUnavailableError(EngineError):
@@ -42,7 +42,7 @@ class PromptRefusedError(EngineError):
 
 
 class ServerError(EngineError):
-    """A model's server gave no answer that can be used; `status` is that of HTTP, 0 without one."""
+    """A model's server returned no usable answer; `status` is the HTTP status, 0 without one."""
 
     def __init__(self, why: str, status: int = 0) -> None:
         super().__init__(why)
@@ -51,7 +51,7 @@ class ServerError(EngineError):
 
 @dataclass(frozen=True)
 class Request:
-    """One prompt; `deadline_s` counts from when the model is loaded and begins on it."""
+    """One prompt; `deadline_s` counts from the start of its evaluation by the loaded model."""
 
     role: Role
     system: str
@@ -60,27 +60,26 @@ class Request:
     max_tokens: int
     deadline_s: float
     count: int = 1
-    """The number of answers wanted besides the most likely one; they come as `texts`."""
+    """The number of answers besides the most likely one; they are returned as `texts`."""
     hint: str = ""
-    """Text that the answer may repeat: it only makes the answer faster."""
+    """Text that the answer may repeat, which only makes it faster."""
     begun: str = ""
     """The beginning of the answer, if `grammar` continues the last answer to this prompt: its
-    evaluated tokens are used again. If several answers are wanted, all of them begin so, as the
-    last answer did."""
+    evaluated tokens are reused. Several answers all begin with it, as the last answer did."""
     within: str = ""
-    """The beginning of the most likely answer within which all of several answers leave it; '' lets
-    them leave it anywhere."""
+    """The part of the most likely answer within which several answers must diverge from it; ''
+    lets them diverge anywhere."""
     stop: str = ""
-    """A regular expression: each of several answers ends where this is found in its text."""
+    """A regular expression; each of several answers ends at its first match."""
     schema: dict[str, Any] | None = None
-    """The JSON schema of the answer for a model on a server, in place of `grammar`."""
+    """The JSON schema of the answer for a model on a server, instead of `grammar`."""
     yields: bool = False
-    """True if no caller waits: any other prompt interrupts it, and it is `cancelled`. The evaluated
-    part of the prompt is kept, so that it may soon be asked again."""
+    """True if no caller waits: any other prompt interrupts it, and it ends as `cancelled`. The
+    evaluated part of the prompt is kept for the next request."""
 
 
 ChatFormat = Literal["template", "chatml", "plain"]
-"""The frame of a prompt: the template in the model's file, or one of ours."""
+"""The format of a prompt: the template in the model's file, or a built-in one."""
 
 Finish = Literal["stop", "length", "cancelled", "deadline"]
 Chance = tuple[int, float]
@@ -89,7 +88,7 @@ Chance = tuple[int, float]
 
 @dataclass(frozen=True)
 class GenerationEnd:
-    """The end of a generation: the whole text, what it cost and why it ended."""
+    """The end of a generation: the whole text, its cost, and the reason for its end."""
 
     text: str
     usage: Usage
@@ -100,11 +99,11 @@ class GenerationEnd:
 
 
 def confidence(chances: Sequence[Chance], text: str, words: str) -> float | None:
-    """Return the probability, 0 to 1, of `words` where they first stand in the answer `text`.
+    """Return the probability, 0 to 1, of the first occurrence of `words` in the answer `text`.
 
-    Tokens that the grammar forced are certain. None if the probabilities, or the words, are not
-    there. Models misread the orders of which they are less sure far more often than the others
-    (see the page Results of the manual), so the operator is warned; a confident one may be wrong.
+    Tokens that the grammar forced are certain. The result is None without probabilities or without
+    the words. Models misread orders far more often if this is low (page Results of the manual), so
+    the operator is warned; a high probability may still be wrong.
     """
     begin = text.find(words)
     if not chances or not words or begin < 0:
@@ -114,7 +113,7 @@ def confidence(chances: Sequence[Chance], text: str, words: str) -> float | None
 
 
 class Answerer(Protocol):
-    """A model, as the roles ask it."""
+    """A model, as planner and judge use it."""
 
     @property
     def name(self) -> str:
@@ -127,34 +126,34 @@ class Answerer(Protocol):
 
 
 class Backend(Answerer, Protocol):
-    """A model that answers prompts, in a process of this machine or anywhere else."""
+    """A model that answers prompts, in a process of this machine or elsewhere."""
 
     on_state: Callable[[Any, str], None] | None
-    """Called with each new state (a WorkerState or a ServerState) and the reason for it."""
+    """A callback for each new state (a WorkerState or a ServerState) and its reason."""
 
     @property
     def usable(self) -> bool:
-        """False while another model has to answer."""
+        """False while another model must answer."""
         ...
 
     async def start(self) -> None:
-        """Begin to get ready and return at once."""
+        """Start to prepare, and return at once."""
         ...
 
     async def close(self) -> None:
-        """Release everything that the backend holds."""
+        """Release all resources of the backend."""
         ...
 
 
 @dataclass(frozen=True)
 class BackendOptions:
-    """The use of a backend in a session, and what the operator allows it."""
+    """The use of a backend in a session, and its permissions from the operator."""
 
     use: ServerUse
     plain: bool = False
     """True if words may cross the network in clear text."""
     patience_s: float = 20.0
-    """The longest wait for an answer before the model of this machine is asked, seconds."""
+    """The longest wait for an answer before the local model takes over, seconds."""
 
 
 GROUP = "pa_console.backends"
@@ -163,20 +162,20 @@ OWN = EntryPoint("openai", "pa_console.llm.remote.engine:open_server", GROUP)
 
 @cache
 def backend_schemes() -> dict[str, EntryPoint]:
-    """Return the entry point of each scheme; no package takes the place of the console's own."""
+    """Return the entry point of each scheme; no package can replace the built-in ones."""
     return {point.name: point for point in (*entry_points(group=GROUP), OWN)}
 
 
 def names_backend(name: str | None) -> bool:
-    """Return whether `name` is of a model on a server."""
+    """Return True if `name` names a model on a server."""
     scheme, colon, _ = (name or "").partition(":")
     return bool(colon) and scheme in backend_schemes()
 
 
 def open_backend(name: str, options: BackendOptions) -> Backend:
-    """Return the backend of the model `name`; nothing is sent yet.
+    """Return the backend of the model `name`, without sending anything yet.
 
-    Raises ModelError for a name that its scheme does not know or allow, or a broken package.
+    Raises ModelError for a name that its scheme does not accept, or for a broken package.
     """
     point = backend_schemes()[name.partition(":")[0]]
     try:
@@ -190,12 +189,12 @@ CANCELLED = "cancelled"
 """The error of an answer that was interrupted."""
 
 OnText = Callable[[str], object]
-"""Is given an answer piece by piece while it is written."""
+"""A callback for an answer, piece by piece as it is generated."""
 
 
 @dataclass(frozen=True)
 class ModelAnswer:
-    """The whole text of an answer; `error` says why it is not complete."""
+    """The whole text of an answer; `error` is the reason if it is incomplete."""
 
     text: str
     usage: Usage
@@ -208,11 +207,11 @@ class ModelAnswer:
 async def ask_model(
     model: Answerer, request: Request, on_text: OnText | None = None
 ) -> ModelAnswer:
-    """Return the whole answer, which `on_text` gets in pieces; EngineError becomes its `error`.
+    """Return the whole answer and pass its pieces to `on_text`; EngineError becomes its `error`.
 
-    What the request has `begun` with is not given again.
-    When the model's process dies in the middle it is started again and asked once more; what was
-    given before is not given twice (decoding is greedy: it comes again).
+    The text in the request's `begun` is not passed on. If the model's process dies, it is restarted
+    and the prompt repeated once; pieces already passed on are skipped, as greedy decoding repeats
+    them.
     """
     given, again = len(request.begun), False
     while True:

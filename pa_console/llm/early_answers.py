@@ -59,9 +59,9 @@ class EarlyAnswers:
 
 
 def _asked(model: Answerer, request: Request) -> _Asked:
-    """Return everything that an answer depends on.
+    """Return all dependencies of an answer.
 
-    The grammar says what the schema says, and urgency changes no answer.
+    The schema is left out because the grammar has the same content; urgency changes no answer.
     """
     return model, replace(request, schema=None, yields=False)
 

@@ -1,8 +1,7 @@
-"""Step 6: what stands between a checked plan and its execution; deterministic checks decide.
+"""Step 6: the conditions between a checked plan and its execution, decided by fixed checks.
 
-An approval may be given beforehand, by an instruction at the start or by a standing order. Nobody
-looks at such a plan, so the gate, the rules and the models have to be surer than where somebody
-does.
+An approval may be given in advance, by a standing instruction or a standing order. No person sees
+such a plan, so it needs a higher confidence and stricter rules.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -126,9 +125,9 @@ def warnings(findings: Iterable[Finding]) -> list[str]:
 def people_needed(
     request: ApprovalRequested, approvals: Mapping[str, int], fresh: Collection[str] = ()
 ) -> dict[str, int]:
-    """Return what of `request` more than one person must approve by the rules, and how many.
+    """Return the parts of `request` that the rules make several people approve, and how many.
 
-    `approvals` is what the rules say; `fresh` are the agents that were never given an order.
+    `approvals` are those of the rules; `fresh` are the agents that never had an order.
     """
     actions = (*request.plan.actions, *request.if_halted)
     acts = dict.fromkeys(action.verb for action in actions)
@@ -228,19 +227,19 @@ def standing_approver(
 ) -> Approver:
     """Return the approver that follows a standing instruction given before the mission.
 
-    Where other readings of the order are offered, it first chooses the one of that number, if
-    there are so many (evaluations only); 0 takes the order as it was read.
+    If the order has other readings, it first chooses the reading with that number, if there is one
+    (evaluations only); 0 keeps the first reading.
 
-    `auto` approves what may be approved and acknowledges warnings; a judge's Failure is only
-    overridden with `override_reason`, which stands with such a decision alone. `never` rejects
-    every plan.
+    `auto` approves every plan that may be approved and acknowledges warnings. It overrides a
+    judge's Failure only with `override_reason`, which is logged with that decision alone. `never`
+    rejects every plan.
 
-    Nobody watches a standing instruction, so it takes a plan in the state `approve` or `warned`,
-    and none for an order that may have been misread (`doubt`): the console has to be at least so
-    sure, 0 to 1, as `least` says. None takes it all the same, for evaluations, where the truth of
-    every plan is wanted; what was not understood is taken by nobody.
+    Because no person sees the plan, its reading must not be in `doubt`: the plan must be in the
+    state `approve` or `warned`, with a confidence of at least `least`, 0 to 1. A `least` of None
+    skips both conditions, for evaluations, which need the truth of every plan. An order that was
+    not understood is never approved.
 
-    The log names the instruction as it was `given`, by default as the command line's.
+    The log names the origin of the instruction, `given`; by default, the command line.
     """
     chosen: list[str] = []
 

@@ -89,9 +89,9 @@ Emit = Callable[[EventPayload], None]
 
 @dataclass(frozen=True)
 class Services:
-    """The fleet, the policy and the two roles of the LLM; `variant` says what takes part.
+    """The fleet, the policy and the two roles of the LLM; `variant` selects the parts in use.
 
-    Everything does, but for ablations: they run in evaluations only, never in the console.
+    All parts are in use except in ablations, which run in evaluations only.
     """
 
     fleet: Fleet

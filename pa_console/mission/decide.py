@@ -1,6 +1,6 @@
-"""Step 6 of a mission: what else the order may mean, and the operator's decision on the plan.
+"""Step 6 of a mission: other readings of the order, and the operator's decision on the plan.
 
-Which of several readings is right cannot be told for sure; the operator knows what was meant.
+Only the operator knows for certain which reading of an order is right.
 """
 
 from collections.abc import Awaitable, Callable, Mapping

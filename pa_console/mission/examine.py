@@ -228,13 +228,12 @@ async def examine(  # noqa: PLR0917
 ) -> Examination:
     """Check `plan` against the present picture: its structure first, then by rehearsal.
 
-    No plan may do what an order in `standing` bans.
-    `order` is the whole order if `mission` is a phase of it: its exclusions hold in each phase.
-    `monitor` has followed the mission so far: ordering rules go on from its history. A `variant`
-    may leave out the rules or the rehearsal; an order that nobody can take is found in any case.
-    Every step of a plan is checked as a plan of its own, against the forecast of its moment.
-    The rules are checked in a thread of their own: however slow a rule file makes them, telemetry
-    and STOP go on.
+    No plan may do anything that an order in `standing` forbids. `order` is the whole order if
+    `mission` is a phase of it: its exclusions hold in each phase. Ordering rules continue from the
+    history of `monitor`, which has followed the mission so far. A `variant` may leave out the rules
+    or the rehearsal, but an order that no asset can carry out is always found. Every step of a plan
+    is checked as a plan of its own, against the forecast of its moment. The rules are checked in a
+    separate thread, so that a slow rule file delays neither telemetry nor STOP.
     """
     variant = variant or Variant()
     started = perf_counter()

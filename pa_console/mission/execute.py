@@ -42,7 +42,7 @@ class ExecutedPlan:
 class ApprovedStep:
     """Actions of the approved plan of `request` that are sent together, by their `numbers`.
 
-    `examination` is that of these actions alone; `goes_on` tells that other steps follow.
+    `examination` covers only these actions; `goes_on` is True if other steps follow.
     """
 
     examination: Examination
@@ -143,10 +143,10 @@ class Execution:
         self._context.stopwatch.add("execution_s", seconds)
 
     def halt(self) -> tuple[DeviceCommand, ...]:
-        """End the plan; return the commands that bring whoever is under way to a safe state.
+        """End the plan; return the commands that bring its moving assets to a safe state.
 
-        The caller sends them. Once everything is stopped there are none: every asset holds. Of a
-        plan that was halted before, they are those that were not answered yet.
+        The caller sends them. There are none during a stop, which makes every asset hold. For a
+        plan that was already halted, they are the unanswered ones.
         """
         stopping, self._stopping = self._stopping, None
         under_way = self._dispatch.open_agents if self._dispatch is not None else ()

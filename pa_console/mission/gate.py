@@ -1,9 +1,9 @@
-"""The last gate before the link: what nobody decided does not pass, and nothing after STOP.
+"""The last gate before the link: it passes only decided commands, and none after STOP.
 
-Nothing passes to an asset under manual control either: a person drives it. An operator takes manual
-control of an asset here, or the fleet reports it of its own accord. A mission that could not be
-done for that reason awaits its assets. Once all of them are back, it is given anew: planned,
-checked and approved as any mission is.
+Nothing passes to an asset under manual control, because a person drives it. An operator takes
+manual control here, or the fleet reports it. A mission that fails for that reason awaits its
+assets. Once all of them are returned, it is queued again, and planned, checked and approved like
+any other.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -41,20 +41,18 @@ class CommandGate:
     """The last gate before the link: a command passes only on a decision.
 
     Decisions are an approved plan (each of its commands once), the way to safety that was declared
-    with it (once the plan is halted), and the operator's own stop. A command that comes after
-    others passes once all of them are verified. The stop is latched: until
-    `release` only its holds and commands that move nothing pass, whatever was approved before. The
-    gate decides by the request and the decision it was given, not by the caller or the moment. No
-    log, no action: a plan's command is on the disk before it is on the link, and while the
-    `journal` cannot be written none passes. A stop and a way to safety wait for no disk. If the
-    rules ask for several people, a command passes once that many have signed its approval. Without
-    an `authority` there are no signatures, and a decision counts as one person's. A decision of one
-    of the standing `orders` counts only for a mission that it started, while it is in force, and
-    for commands that the rules leave to standing orders.
+    with it (once the plan is halted), and the operator's own stop. A command that depends on others
+    passes once all of them are verified. The stop is latched: until `release`, only its holds and
+    commands that move nothing pass, whatever was approved before. The gate decides by the request
+    and its decision, not by the caller or the moment. No log, no action: a plan's command reaches
+    the disk before the link, and none passes while the `journal` cannot be written. A stop and a
+    way to safety do not wait for the disk. If the rules require several people, a command passes
+    once that many have signed its approval. Without an `authority` there are no signatures, and a
+    decision counts as one person's. A decision by one of the standing `orders` counts only while it
+    is in force, for a mission that it started and for commands that the rules allow it.
 
-    To an asset under manual control nothing passes but the hold of a stop: whoever presses STOP
-    means every asset, and a stop that left one out would not be one. What was decided for it before
-    does not pass either once it is given back.
+    Only the hold of a stop passes to an asset under manual control, because a stop is for every
+    asset. Earlier decisions for the asset do not pass even after it is returned.
     """
 
     def __init__(
@@ -226,7 +224,7 @@ class CommandGate:
         self._fleet.mark_manual(frozenset(self.manual.taken))
 
     def end_manual(self, asset: str) -> None:
-        """Let later decisions about `asset` pass again; ValueError where nobody has taken it.
+        """Let later decisions about `asset` pass again; raises ValueError if it is not taken.
 
         Raises ValueError while the log cannot be written.
         """
@@ -293,12 +291,11 @@ class CommandGate:
         return command.verb not in STILL and not (self._halted and self._is_safety(command))
 
     def resend(self, command: DeviceCommand, times: int) -> ev.CommandResent | None:
-        """Put a command that was not answered on the link again, for the time number `times`.
+        """Send an unanswered command again, as attempt number `times`.
 
-        Nothing is sent, and None returned, when it stands no more: its device got another command
-        since, is under manual control, its plan was halted, everything was stopped, or another
-        station is in command. While the log cannot be written no asset is told again to move for a
-        plan.
+        Nothing is sent, and None returned, if it is no longer valid: its device has a newer command
+        or is under manual control, its plan was halted, everything was stopped, or another station
+        is in command. While the log cannot be written, no movement of a plan is sent again.
         """
         if self._standing.get(command.agent) != command or self._unauthorized(command):
             return None
@@ -390,7 +387,7 @@ class ManualControl:
         self.taken[asset] = by
 
     def end(self, asset: str) -> None:
-        """Note that `asset` is given back; raises ValueError for one that nobody has taken here."""
+        """Record the return of `asset`; raises ValueError if it was not taken here."""
         if problem := self.objection(asset, take=False):
             raise ValueError(problem)
         del self.taken[asset]
@@ -420,10 +417,10 @@ class ManualControl:
     def awaits(
         self, mission: Mission, status: MissionStatus, agents: Collection[str]
     ) -> tuple[str, ...]:
-        """Note a mission that has ended, if it needs assets under manual control; return those.
+        """Record an ended mission that needs assets under manual control; return those assets.
 
-        It needs the `agents` that were ordered for it, and those that its text names. What an alarm
-        or a standing order starts comes again by itself.
+        It needs the `agents` that its plan ordered and those that its text names. Alarms and
+        standing orders start their missions again themselves.
         """
         given = mission.source in ("operator", "agent")
         if status not in UNFINISHED or not given or not self.assets:

@@ -99,9 +99,9 @@ def _planned(asked: str, moves: PlanMoves) -> str:
 
 @dataclass(frozen=True)
 class PlanCase:
-    """A plan for `task`, with the rules and the picture that its planner was given.
+    """A plan for `task`, with the rules and the picture of its planner.
 
-    `asked` is what the operator says was asked; '' where the judge is to read that.
+    `asked` is the reading that the operator confirmed; '' if the judge reads the order.
     """
 
     task: Mission
@@ -173,11 +173,11 @@ async def judge(context: MissionContext, planned: PlanForDecision) -> PlanForDec
 async def _taken_instead(
     context: MissionContext, answered: PlannerAnswer, shown: Candidate, reading: WeighedReading
 ) -> Candidate | None:
-    """Return a plan for another `reading` than the planner's, None if it may not be taken.
+    """Return a plan for another `reading` than the planner's, None if it is not acceptable.
 
-    No rule may block it, the judge has to pass it as a plan for that reading, and it may not leave
-    words of the order over if the plan on show leaves none. A plan that moves nobody because
-    nothing of its reading can be done does not replace one that does all that its words ask for.
+    No rule may block it, the judge must accept it for that reading, and it may not leave out words
+    of the order if the present plan leaves out none. A plan without movement, because nothing of
+    its reading can be done, does not replace a plan that does everything that was asked.
     """
     asked, reader = reading.asked, reading.reader
     other = await with_commands_given(
@@ -234,8 +234,8 @@ async def _judged(
 ) -> Candidate:
     """Return `candidate` with the judge's verdict on its plan.
 
-    The judge reads the order unless it is told `asked`. Where a judge on a server gives no verdict,
-    the session's own model is asked in its place.
+    The judge reads the order unless `asked` is given. If a judge on a server returns no verdict,
+    the local model judges instead.
     """
     found, services, attempt = candidate.examination, context.services, candidate.attempt
     if found.blocked or found.rehearsal is None or not services.variant.judging:

@@ -78,7 +78,7 @@ class WorkflowProgress:
 
     @property
     def verbs(self) -> tuple[Verb, ...]:
-        """The commands that the next phase is made of; none means that it does not say."""
+        """The commands of the next phase; empty if they are not determined."""
         phases = [run.current for run in self._runs.values() if run.current is not None]
         return phases[0].verbs if phases else ()
 
@@ -174,10 +174,10 @@ class Results:
         return next((a for a in self.open_alarms() if a.id == self.mission.alarm), None)
 
     def conclude(self) -> MissionResult:
-        """Return what the plans, the workflow, the orderings and the alarm come to.
+        """Return the outcome of the plans, the workflow, the orderings and the alarm.
 
-        Verified takes all of them; what telemetry could not tell is not verified. A plan that only
-        held, though something else was asked, has done nothing.
+        Verified requires all of them; an unknown result is not verified. A plan that only held,
+        though something else was asked, counts as nothing done.
         """
         if self.idle and all(self.idle):
             return MissionResult("held", f"nothing was done: {'; '.join(dict.fromkeys(self.idle))}")

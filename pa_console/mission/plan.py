@@ -124,7 +124,7 @@ class PlanForDecision:
     steps: tuple["PlanForDecision", ...] = ()
     """The plan for each step of the order, where it is an order in steps."""
     by_grammar: bool = False
-    """True if a grammar has read the order, and no model: what it says is certain."""
+    """True if a grammar, not a model, has read the order, so that the reading is certain."""
 
     @property
     def confidence(self) -> float | None:
@@ -153,7 +153,7 @@ class PlanForDecision:
 
 @dataclass(frozen=True)
 class PlanningFailure:
-    """The planner gave no plan; `error` says why."""
+    """A planner's answer without a plan; `error` is the reason."""
 
     answered: PlannerAnswer
     error: str
@@ -165,12 +165,11 @@ async def plan(
     reasons: Sequence[str] = (),
     previous: str = "",
 ) -> PlanForDecision | PlanningFailure:
-    """Steps 3 to 6: ask for a plan until nothing blocks it, at most 1 + repairs times.
+    """Run steps 3 to 6 until nothing blocks the plan, at most 1 + repairs times.
 
-    `reasons` say what was wrong with the `previous` plan. The least bad plan is the one to decide
-    on; a mere warning is for the operator to acknowledge. A model that says only what is asked is
-    not asked again for plans that the console has made: an order means the same when they are
-    blocked.
+    `reasons` are the faults of the `previous` plan. The least bad plan is put to the operator, who
+    may acknowledge mere warnings. A model that only states its reading is not asked again for plans
+    that the console has made, because a blocked plan does not change the reading.
     """
     best: Candidate | None = None
     reading: Reading | None = None
@@ -238,10 +237,10 @@ async def reexamine(context: MissionContext, task: Mission, approved: Plan) -> E
 async def _first_sound(
     context: MissionContext, answered: PlannerAnswer, reading: Reading | None, best: Candidate
 ) -> Candidate:
-    """Examine the planner's other answers until one is sound; return the best of them all.
+    """Examine the planner's other answers until one is sound; return the best one.
 
-    Where the console can read what its first answer says was asked, the others say the same of
-    it; with none of them sound, it is given the commands and says who has them.
+    If the console can parse the reading in its first answer, the others have the same reading. If
+    none is sound, the model gets the commands and only assigns agents to them.
     """
     readable = reading is not None and reading.readable
     for other in await ask_for_others(context, answered, as_asked=readable):

@@ -142,7 +142,7 @@ def may_decide(variant: Variant, reading: WeighedReading, own: WeighedReading) -
 
 
 def _same(one: str, other: str, base: str) -> bool:
-    """Return whether two readings are the same one; those that cannot be read may be, too."""
+    """Return True if two readings are the same; even unparsable ones may be."""
     return one == other or agree(one, other, base)
 
 

@@ -39,9 +39,9 @@ CLEARS_WHEN: dict[AlarmKind, str] = {
 
 @dataclass
 class PlanFacts:
-    """One plan that was carried out; `halted` says why it did not run to its end.
+    """One plan that was carried out; `halted` has the reasons if it did not run to its end.
 
-    `unmet` says what of the order nobody could do when it was made, and why.
+    `unmet` lists the parts of the order that no asset could do at the time, and why.
     """
 
     plan: Plan

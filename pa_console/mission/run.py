@@ -274,7 +274,7 @@ class MissionRun:
         self._results = Results(mission, self._progress, self._monitor, self._station.open_alarms)
 
     def close(self, outcome: MissionResult) -> None:
-        """Step 8: tell the report and the end of the mission."""
+        """Run step 8: emit the report and the end of the mission."""
         facts, picture = self._facts, self._services.fleet.picture()
         status, reason = outcome.status, outcome.reason
         if (read := self._understood) is not None:
@@ -339,7 +339,7 @@ class MissionRun:
             reasons, task = self._results.lacking(following, task), following
 
     def _retrieve(self, task: Mission) -> RetrievedRules:
-        """Step 2; what the operator has said that a task asks stands for the same words."""
+        """Run step 2; a reading that the operator has confirmed holds for the same words."""
         before = self._retrieved
         chosen = before.chosen if before is not None and before.task.text == task.text else ""
         retrieved = retrieve(self._context, task, self._progress.verbs, chosen)
@@ -502,7 +502,7 @@ class MissionRun:
     async def _see_it_out(self, shown: Candidate, phase: str, task: Mission) -> None:
         """Let a plan join its workflow and watch its consequences.
 
-        A plan that is not watched to its end gets no verdict, and an event says so.
+        A plan that is not watched to its end gets no verdict, and an event reports that.
         """
         try:
             self._tell(self._progress.join(shown.examination.plan, self._now()))

@@ -38,7 +38,7 @@ QUICK_TRIES = 30
 messages one in a thousand has not arrived by then."""
 
 MOST_AT_ONCE = 100
-"""The most holds sent again in one step: those that wait longest go first."""
+"""The most holds sent again in one step; the longest waiting go first."""
 
 
 @dataclass
@@ -108,7 +108,7 @@ class StopConfirmation:
         return all(not held.doubt for held in self._held.values())
 
     def answer(self, replies: Iterable[CommandReply]) -> Iterator[CommandReply]:
-        """Take in the replies of one step; yield those that are news."""
+        """Process the replies of one step; yield the new ones."""
         for reply in replies:
             held = self._held.get(reply.agent)
             if held is None or reply.command_id != held.command.command_id or reply == held.reply:
@@ -134,12 +134,12 @@ class StopConfirmation:
         return overdue
 
     def resends(self, tick: int, overdue: Mapping[str, str]) -> list[tuple[DeviceCommand, int]]:
-        """Return the holds that are due again at `tick`, each with how often that makes it.
+        """Return the holds that are due again at `tick`, each with its number of attempts.
 
-        A hold without an answer is due every AGAIN_S, QUICK_TRIES times, and anew once a silent
-        asset is heard again; then ever later, as any command is. One that has ended is due while
-        its asset is among the `overdue`. All have the id of the first: a device that knows it
-        takes it for the same.
+        An unanswered hold is due every AGAIN_S, QUICK_TRIES times, and again once a silent asset
+        reports; after that at growing intervals, like any command. An ended hold is due while its
+        asset is among the `overdue`. All have the id of the first, so that a device recognizes the
+        repetition.
         """
         due = [
             held

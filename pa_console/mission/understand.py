@@ -41,9 +41,9 @@ class RefusedMission:
 
 @dataclass(frozen=True)
 class NotUnderstood:
-    """A mission whose words are no order that the console can read; `question` asks back.
+    """A mission with words that the console cannot read as an order, and the `question` about them.
 
-    Where only the words that were `said` are not clear, what they can mean is in `choices`.
+    If only the words `said` are unclear, `choices` has their possible meanings.
     """
 
     question: str
@@ -108,9 +108,9 @@ async def understand(
 
 
 def _no_order(context: MissionContext) -> NoOrder | None:
-    """Return the sign by which words that somebody typed order nothing now, None if they may.
+    """Return the sign that typed words order nothing now, None if they may be an order.
 
-    What a standing order starts was approved with it, and an order that repeats is one by its form.
+    Missions of a standing order were approved with it, and a repeating order is one by its form.
     """
     mission, scene = context.mission, _scene(context)
     if mission.source == "standing" or mission.proposed is not None:

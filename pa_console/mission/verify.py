@@ -1,8 +1,8 @@
-"""Step 7: does telemetry show that the plan happened? Unknown is never taken for done.
+"""Step 7: verification of a plan by telemetry. Unknown never counts as done.
 
-A pass rests on reports that are fresh, sound and sent at or after the end of the command; what a
-device says of itself proves nothing. The judge's verdict on the outcome changes nothing of that: it
-is asked while nobody needs the model, and emitted as an event of its own.
+A pass requires reports that are fresh, sound and sent at or after the end of the command; a
+device's own *done* proves nothing. The judge's verdict on the outcome does not change the result:
+it is requested while the model is idle, and emitted as a separate event.
 """
 
 import asyncio
@@ -142,7 +142,7 @@ def _gates(before: Picture, after: Picture, end_s: float) -> Iterator[tuple[str,
 
 
 def _action(action: Action, evidence: _Evidence, reply: CommandReply | None) -> _Conclusion:
-    """Judge one action; what telemetry contradicts has failed even when nobody answered."""
+    """Verify one action; if telemetry contradicts it, it has failed even without an answer."""
     after = evidence.after
     asset = after.assets.get(action.agent)
     if asset is None:
@@ -220,10 +220,10 @@ def _dealt_with(action: Action, track: Track) -> bool:
 
 @dataclass(frozen=True)
 class OutcomeCase:
-    """An executed plan: pictures `before` and after it, and what telemetry says of every action.
+    """An executed plan: pictures `before` and after it, and every action's result by telemetry.
 
     `selection` is the part of the picture that the plan was made from; None means all of it. `said`
-    is what the judge said of the plan, if it was asked about that too: what was asked is read once.
+    is the judge's answer about the plan, if there is one, so that the order is read only once.
     """
 
     task: Mission

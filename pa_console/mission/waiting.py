@@ -16,7 +16,7 @@ from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture
 
 DRIFT_PCT = 3.0
-"""The change of an agent's charge from which on a rehearsal no longer tells it."""
+"""The change of an agent's charge that makes a rehearsal outdated."""
 DRIFT_M = 10.0
 """The same for its place, metres."""
 AT_ONCE_S, LEAST_S, MOST_S = 2.0, 5.0, 60.0

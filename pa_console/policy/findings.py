@@ -1,7 +1,7 @@
 """Findings in words, and plans that cannot even be started: unknown names, wrong kinds.
 
-These are facts of the vocabulary, true under any rule file, so they carry their own id and
-nobody can take them out of force. Nothing is dropped or mended: the plan comes back as it is.
+These are facts of the vocabulary, true under any rule file, so they have their own id and no rule
+file can disable them. Nothing is dropped or repaired: the plan is returned as it is.
 """
 
 from collections import Counter

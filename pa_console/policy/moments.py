@@ -82,10 +82,10 @@ def distinct(moments: Iterable[Moment]) -> tuple[Moment, ...]:
 
 
 def ways_out_shut(picture: Picture, world: World, ordered: Collection[str | None] = ()) -> bool:
-    """Return whether a second gate, or the last one, is blocked, by whatever order it came to that.
+    """Return True if a second gate, or the last one, is blocked, by any order.
 
-    The gates of blocks that are `ordered` count as blocked: whoever is inside must not have to wait
-    until the asset has arrived.
+    Gates of `ordered` blocks count as blocked before the asset arrives, for the sake of people
+    inside.
     """
     gates = frozenset(world.gates)
     assets = picture.assets.values()
@@ -179,7 +179,7 @@ def _hostile(track: Track) -> bool:
 
 
 def _in_contact(sent: _OrderedAsset, track: Track) -> bool:
-    """Return whether a ground asset that was sent to the track has it within its sensor range.
+    """Return True if a ground asset that was sent to the track has it in sensor range.
 
     One that stands where it was told to move has been there before, or has arrived: a track that
     comes to it is no commitment of ours (WF-02).

@@ -137,8 +137,8 @@ class _OrderingWatch:
 class Monitor:
     """The orderings of every rule in force over one mission's moments.
 
-    A subject that appears later starts afresh. What is wrong is told once, and again only when it
-    has been right in between.
+    A subject that appears later starts afresh. A violation is reported once, and again only if it
+    was resolved in between.
     """
 
     def __init__(
@@ -148,7 +148,7 @@ class Monitor:
         sightings: Sightings | None = None,
         pursuits: Pursuits | None = None,
     ) -> None:
-        """Begin with no history of the mission; `sightings` are kept by whoever takes telemetry.
+        """Begin without a history of the mission; the receiver of telemetry keeps `sightings`.
 
         The `pursuits` are those of the session; without them the mission begins with none.
         """
@@ -199,11 +199,10 @@ class Monitor:
         return tuple(pending for watch in self._watches for pending in watch.pending())
 
     def copy(self, *, running_limits: bool = True) -> Self:
-        """Return a monitor that goes on from here by itself.
+        """Return an independent monitor that continues from here.
 
-        Without `running_limits`, whoever goes on is not blamed for a time limit that was running
-        already: a plan that restores a gate which an asset's failure has uncovered cannot undo the
-        time that passed before it.
+        Without `running_limits`, time limits that were running already are not held against it: a
+        plan that restores a gate after an asset's failure cannot undo the time that has passed.
         """
         twin = object.__new__(type(self))
         twin.sightings, twin._evaluator = self.sightings, self._evaluator.copy()

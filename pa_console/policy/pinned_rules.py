@@ -27,9 +27,10 @@ class RefusedRulesError(ValueError):
 
 
 class RulesPin(StrictModel):
-    """The set that was last taken: `signer` is its key's fingerprint, "shipped", or "" for nobody.
+    """The last accepted set: `signer` is its key's fingerprint, "shipped", or "" for none.
 
-    `accepted` is why the operator had to accept it, "" when it was taken by itself.
+    `accepted` is the reason that the operator had to accept it, "" if it was accepted
+    automatically.
     """
 
     name: str
@@ -104,8 +105,8 @@ class RulesPins:
     def admit(self, name: str, seal: RulesSeal, *, accept: bool) -> RulesSeal:
         """Return the seal of a set that goes in force, and pin the set.
 
-        With `accept` the operator takes one that is refused, and the seal says so, in later
-        sessions too. Raises RefusedRulesError, and OSError when nothing can be pinned.
+        With `accept`, the operator accepts a refused set, which the seal records for later sessions
+        too. Raises RefusedRulesError, and OSError if nothing can be pinned.
         """
         pinned = self.read()
         pin = pin_of(name, seal)

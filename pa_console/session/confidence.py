@@ -43,7 +43,7 @@ class Evidence(NamedTuple):
 
     @property
     def told(self) -> dict[Reader, float]:
-        """The chances of those who read it so, as far as they report any."""
+        """The probabilities from the readers with this reading, if they report any."""
         told: dict[Reader, float | None] = {
             "planner": self.planner,
             "judge": self.judge,
@@ -136,7 +136,7 @@ RIVAL = 0.1
 
 
 def read_apart(served: WeighedReading, readings: Sequence[WeighedReading]) -> bool:
-    """Return whether another of `readings` is likely enough to be right instead of `served`.
+    """Return True if another of `readings` is likely enough to be right instead of `served`.
 
     It may if its chance is not small or nobody measured it, or if one reader alone has read what is
     served.

@@ -76,29 +76,26 @@ class Settings(BaseModel):
     model: Annotated[str, _shown("Session", "Model")] = ""
     """The model that plans and judges: a name of the catalogue, or the path of a GGUF file. Empty
     is the catalogue's default. A model on a server plans, openai:BASE_URL#NAME; the default judges,
-    and takes over when the server does not answer."""
+    and takes over when the server is unreachable."""
 
     second_reader: Annotated[str, _shown("Session", "Second reader")] = ""
-    """The model that reads an order again of which the first is unsure. Empty is the one that goes
-    with the model, if it was pulled; off is none. It may be on a server."""
+    """The model that reads an order again if the first is unsure. Empty is the model's companion,
+    if it was pulled; off is none. It may be on a server."""
 
     judge_server: Annotated[str, _shown("Session", "Judge's server")] = ""
-    """A model on a server that judges, openai:BASE_URL#NAME. Empty: the model of this machine
-    judges."""
+    """A model on a server that judges, openai:BASE_URL#NAME. Empty: the local model judges."""
 
     server_patience_s: Annotated[
         float, _shown("Session", "Patience with a server", ge=1.0, le=50.0)
     ] = 20.0
-    """Seconds that a model on a server may take for an answer, before the model of this machine is
-    asked."""
+    """Seconds to wait for a model on a server before the local model takes over."""
 
     plain_servers: Annotated[bool, _shown("Session", "Unencrypted servers")] = False
-    """Whether the operator's words and the picture may go to a server on another machine without
-    https."""
+    """Whether orders and the picture may be sent to a server on another machine without https."""
 
     require_sandbox: Annotated[bool, _shown("Session", "Confined model only")] = False
-    """Whether a session is refused on a system that does not confine the model's process; `doctor`
-    tries whether it does."""
+    """Whether to refuse a session on a system that cannot confine the model's process; `doctor`
+    tests that."""
 
     live_reading: Annotated[bool, _shown("Session", "Live reading", restart=False)] = True
     """Whether an order is read while you type it, and its reading shown under the mission field.
@@ -124,26 +121,26 @@ class Settings(BaseModel):
     check_deadline_ms: Annotated[
         float, _shown("Approval and alarms", "Deadline of a check", ge=1.0, le=1000.0)
     ] = 10.0
-    """Milliseconds of processor time that one check of a rule may take. One that takes longer
-    decides nothing, which blocks the plan."""
+    """Milliseconds of processor time for one check of a rule. A slower check gives no result, which
+    blocks the plan."""
 
     standing_confidence: Annotated[
         float,
         _shown("Approval and alarms", "Standing instruction needs", restart=False, ge=0.0, le=1.0),
     ] = 0.9
-    """How sure the console has to be of what was asked, 0 to 1, for `--approve auto` to approve a
-    plan. An order whose words its reading does not account for is never approved so."""
+    """The confidence, 0 to 1, that `--approve auto` needs to approve a plan. An order with words
+    that its reading leaves out is never approved in this way."""
 
     moment_grace_s: Annotated[
         float, _shown("Approval and alarms", "A timed order may be late", ge=1.0, le=3600.0)
     ] = 60.0
-    """Seconds after its moment in which a timed order still starts, and says how late it is. A
-    moment that passed longer ago, as while the machine slept, starts nothing, and that is told."""
+    """Seconds that a timed order may start late, which it reports. A time missed by more, as while
+    the machine slept, starts nothing, and an event says so."""
 
     shortest_interval_s: Annotated[
         float, _shown("Approval and alarms", "Shortest interval", ge=1.0, le=3600.0)
     ] = 60.0
-    """The shortest interval of a recurring order, seconds."""
+    """The shortest interval of a repeated order, seconds."""
 
     patrol_stay_s: Annotated[
         float, _shown("Approval and alarms", "Stay at each place of a patrol", ge=0.0, le=3600.0)
@@ -153,7 +150,7 @@ class Settings(BaseModel):
     patrol_laps: Annotated[
         int, _shown("Approval and alarms", "Most laps of a patrol", ge=1, le=50)
     ] = 10
-    """The most laps of a patrol; one of more laps, or without an end, is asked back about."""
+    """The most laps of a patrol. The console questions one with more laps or without an end."""
 
     stale_after_s: Annotated[
         float,
@@ -165,16 +162,16 @@ class Settings(BaseModel):
     """Whether the terminal's bell rings when a plan or an urgent alarm begins to wait for you."""
 
     desktop_notices: Annotated[bool, _shown("Screen", "Desktop notices", restart=False)] = True
-    """Whether the terminal is asked for a notice of the desktop then (OSC 9 and OSC 777)."""
+    """Whether the terminal shows a desktop notice then (OSC 9 and OSC 777)."""
 
     window_title: Annotated[bool, _shown("Screen", "Window title", restart=False)] = True
-    """Whether the title of the terminal's window says what waits for you."""
+    """Whether the title of the terminal's window names what waits for you."""
 
     theme: Annotated[str, _shown("Screen", "Theme", restart=False, min_length=1)] = "pa-console"
     """The colours of the console."""
 
     mouse: Annotated[bool, _shown("Screen", "Mouse")] = True
-    """Whether the console takes the mouse; off leaves it to the terminal, to select text."""
+    """Whether the console uses the mouse; off leaves it to the terminal, to select text."""
 
     history_kept: Annotated[int, _shown("Screen", "Missions remembered", ge=0, le=10_000)] = 200
     """How many typed missions the arrow keys bring back in the mission field."""
@@ -183,43 +180,41 @@ class Settings(BaseModel):
     """The folder that session logs are written to. Empty is the user's state folder."""
 
     cache: Annotated[WholePath | None, _shown("Files", "Models and cache")] = None
-    """The folder of fetched models and of everything else that can be made again. Empty is the
-    user's cache folder."""
+    """The folder of downloaded models and other cached files. Empty is the user's cache folder."""
 
     signing_key: Annotated[WholePath | None, _shown("Files", "Signing key")] = None
     """The file of the key that signs session logs; it is made on first use. Empty is the user's
     config folder."""
 
     witness: Annotated[WitnessTarget, _shown("Files", "Witness of session logs")] = ""
-    """A file on another disk, or an address with http:// or https://, that is given the signed
+    """A file on another disk, or an address with http:// or https://, that receives the signed
     heads of the session log every 10 s and at every decision. Empty is none."""
 
     traces: Annotated[CollectorAddress, _shown("Observability", "Traces")] = ""
-    """The address of an OpenTelemetry collector, such as http://127.0.0.1:4318, that is given every
+    """The address of an OpenTelemetry collector, such as http://127.0.0.1:4318, that receives every
     mission as a trace. Empty is none."""
 
     trace_words: Annotated[bool, _shown("Observability", "Words in traces")] = False
-    """Whether traces have what operators typed and models wrote, and who decided."""
+    """Whether traces include the texts of operators and models, and who decided."""
 
     metrics_port: Annotated[int, _shown("Observability", "Port of metrics", ge=0, le=65_535)] = 0
-    """The port of this machine at which a session gives its metrics as Prometheus text. 0 is
-    none."""
+    """The local port on which a session serves its metrics as Prometheus text. 0 is none."""
 
     tak: Annotated[TakAddress, _shown("TAK maps", "TAK server")] = ""
-    """The TAK server that is shown every session, such as tls://tak.example:8089. Empty is none."""
+    """The TAK server that shows every session, such as tls://tak.example:8089. Empty is none."""
 
     tak_origin: Annotated[str, _shown("TAK maps", "Origin on the earth")] = ""
-    """Where (0, 0) of a world is: LATITUDE,LONGITUDE[,BEARING[,ALTITUDE]]. Empty is what the
-    world's file says."""
+    """The position of (0, 0) of a world: LATITUDE,LONGITUDE[,BEARING[,ALTITUDE]]. Empty is the
+    origin in the world's file."""
 
     tak_contacts: Annotated[
         bool | None, _shown("TAK maps", "Contacts from TAK", form="on or off")
     ] = None
-    """Whether what others on the TAK server report is shown as unverified contacts. Empty: where
-    the server is reached over TLS, or is on this machine."""
+    """Whether reports by others on the TAK server are shown as unverified contacts. Empty: only if
+    the server is reached over TLS or is on this machine."""
 
     tak_certificate: Annotated[WholePath | None, _shown("TAK maps", "Certificate for TAK")] = None
-    """The certificate that is shown to a TAK server: PEM, or PKCS #12 (.p12)."""
+    """The client certificate for a TAK server: PEM, or PKCS #12 (.p12)."""
 
     tak_key: Annotated[WholePath | None, _shown("TAK maps", "Key for TAK")] = None
     """The key of that certificate (PEM). Empty is the same file."""

@@ -144,11 +144,11 @@ class Checkpoint:
             self._show(station_side.build(terrain, scene, scene.assets))
 
     def inject(self, incident: Incident) -> None:
-        """Make `incident` happen now; it shows in the picture when telemetry tells of it.
+        """Apply `incident` now; it appears in the picture once telemetry reports it.
 
-        Before the first step it is part of the set-up: the picture shows it as long known.
-        Raises ValueError naming what exists for an unknown asset, gate or frame, for a track at a
-        gate without a lane, and for a frame with no place left.
+        Before the first step it is part of the set-up: the picture shows it as long known. Raises
+        ValueError, with the valid names, for an unknown asset, gate or frame, for a track at a gate
+        without a lane, and for a frame without a free place.
         """
         incidents.apply(self._terrain, self._scene, incident)
         self._traffic = None

@@ -1,8 +1,8 @@
 """The behaviour of devices: carrying out commands, and acting alone without a link (CAP-05).
 
 At a gate a ground robot identifies and warns contacts (WF-01, ROE-02, CAP-03). It relies on its
-proximity sensors, which see the truth near it whatever the weather; the station learns of it by
-the robot's reports. The track ids in its answers are those that the station has given.
+proximity sensors, which see the truth near it in any weather; the station learns of it from the
+robot's reports. The track ids in its answers come from the station.
 """
 
 import math
@@ -29,10 +29,10 @@ from pa_console.sim.worlds.terrain import Terrain
 
 
 def listen(terrain: Terrain, scene: Scene) -> None:
-    """Let every device take in the station's heartbeat, sent once a telemetry period.
+    """Deliver the station's heartbeat, sent once a telemetry period, to every device.
 
-    One that has heard nothing for its platform's `lost_link_after_s` ends its command and holds
-    or returns to base. Once it hears the station again it tells how its command ended.
+    A device without a heartbeat for its platform's `lost_link_after_s` ends its command and holds
+    or returns to base. Once the link is back, it reports the end of its command.
     """
     world = terrain.world
     for asset in scene.assets.values():
@@ -107,7 +107,7 @@ def accept(
 
 
 def lose_link(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterator[CommandReply]:
-    """Do what the platform does without its link; yield how the command ended, to be told later.
+    """Act as the platform does without a link; yield the end of the command, for a later report.
 
     An asset that holds stays at its watch if it has no command; one that returns leaves it.
     """
@@ -124,7 +124,7 @@ def lose_link(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterator[Com
 
 
 def work(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterable[CommandReply]:
-    """Advance the asset's command after a step; return what it has to say."""
+    """Advance the asset's command after a step; return its replies."""
     if asset.down:
         return _break_down(scene, asset)
     if asset.route and (trouble := unstick(terrain, scene, asset)):
@@ -205,8 +205,8 @@ def _objection(terrain: Terrain, asset: AssetState, command: DeviceCommand) -> s
 def drive_by_hand(terrain: Terrain, scene: Scene, asset: AssetState, frame: str | None) -> None:
     """Let a person drive `asset` from now on, to `frame` if one is given.
 
-    Its command ends without an answer, as its device is told nothing. Its post stays what it was.
-    Raises ValueError where it cannot be driven there.
+    Its command ends without an answer, because the device gets no message. Its post stays the same.
+    Raises ValueError if it cannot be driven there.
     """
     post = asset.post
     asset.stop("idle")

@@ -1,13 +1,13 @@
 """Trust in reported positions: physics, odometry and other sensors against forgery.
 
 Detected: a jump that no asset of the kind can make since its last report; a position that creeps
-while the asset says it stands (GPS drift); an asset that a gate camera or a UAV at the same gate
-does not see where it says it stands. An asset found suspect stays so until its reports have been
-sound for SOUND_S, or another sensor has seen it where it says it is for as long.
+while the asset reports standing (GPS drift); an asset that a gate camera or a UAV at the same gate
+does not see at its reported position. A suspect asset stays so until its reports have been sound
+for SOUND_S, or another sensor has seen it at its reported position for as long.
 
-Not detected: drift below CREEP_M, or of an asset on the move until it stands; a forged report that
-repeats where the asset stands, or gives a place within its reach after a silence, unless a camera
-or UAV watches the place; anything but the position (battery, task).
+Not detected: drift below CREEP_M, or of a moving asset until it stands; a forged report that
+repeats the asset's position, or gives a reachable one after a silence, unless a camera or UAV
+watches the place; anything but the position (battery, task).
 """
 
 import math

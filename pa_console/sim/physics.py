@@ -40,7 +40,7 @@ class Neighbours(NamedTuple):
 
 
 class Traffic:
-    """The ground assets of a team; nobody but those that `went` tells of may have moved."""
+    """The ground assets of a team; only the ones in `went` may have moved."""
 
     def __init__(
         self, assets: Iterable[AssetState], standing_m: float, moving_m: float, close_m: float
@@ -147,7 +147,7 @@ def _touching(
 ) -> tuple[Sequence[AssetState], Sequence[Wall]]:
     """Return the ground assets and walls that may come into contact within the step.
 
-    `rolling` are those that move, each with the metres that it goes.
+    `rolling` maps the moving assets to their distance in metres.
     """
     steps = {asset.id: step_m for asset, step_m in rolling}
     close: set[str] = set()

@@ -72,9 +72,9 @@ def begin(terrain: Terrain, scene: Scene) -> Draft:
 
 
 def receive(terrain: Terrain, scene: Scene, reports: Sequence[Report]) -> None:
-    """Take in the reports that have just arrived, unless a later one has come before it.
+    """Process the reports that have just arrived, except those older than one already received.
 
-    What a suspect asset detects is ignored: it may not be where it says it is.
+    Detections by a suspect asset are ignored, because its position may be false.
     """
     if not reports:
         return

@@ -63,7 +63,7 @@ def set_radio(asset: AssetState, values: SetRadio) -> None:
 
 
 def jam(world: World, scene: Scene, area: JamArea) -> None:
-    """Jam an area from now on; whoever leaves it has its link again."""
+    """Jam an area from now on; an asset that leaves it regains its link."""
     until = None if area.seconds is None else scene.tick + round(area.seconds / world.dt_s)
     scene.link.jams = (*scene.link.jams, Jam(area.at, area.radius_m, until))
 

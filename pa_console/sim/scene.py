@@ -91,7 +91,7 @@ class SelfReport:
 
 
 class Report(NamedTuple):
-    """One telemetry message: what an asset said of itself at tick `stamp`, and what it detected."""
+    """One telemetry message: an asset's own report and its detections at tick `stamp`."""
 
     agent: str
     stamp: int
@@ -159,11 +159,11 @@ class Heard(NamedTuple):
 
 @dataclass(slots=True)
 class StationState:
-    """The station's side: what it heard of each asset, what it concluded, and the gates' cover.
+    """The station's side: reports of each asset, conclusions from them, and the gates' cover.
 
-    `shown` is what the picture says of each asset; `at_gate` names, per gate, who is posted to it
-    and at it, and whether that is sure. `covered_tick` is when a gate was last known to be covered,
-    `manual` who is under manual control by the station's own record.
+    `shown` is each asset in the picture; `at_gate` names, per gate, the assets that are posted to
+    it and at it, and whether that is certain. `covered_tick` is when a gate was last known to be
+    covered, `manual` the assets under manual control by the station's own record.
     """
 
     heard: dict[str, Heard] = field(default_factory=dict[str, Heard])
@@ -189,9 +189,9 @@ class StationState:
 class ScriptState:
     """Progress of a scenario whose random events are drawn from `seed`.
 
-    `due_s` says when a scripted event happens, known once its condition has held; `happened` and
-    `skipped` hold the events that are over. `drawn` counts the random events of each process,
-    the next of which is due at `next_s`. Events and processes are named by their index.
+    `due_s` is the time of a scripted event, known once its condition has held; `happened` and
+    `skipped` hold the events that are over. `drawn` counts the random events of each process, the
+    next of which is due at `next_s`. Events and processes are named by their index.
     """
 
     seed: int = 0
@@ -211,13 +211,13 @@ class AssetState:
     """One asset as it truly is; fields hold immutable values, so a shallow copy is a copy.
 
     `station` is where it stands or is going to stand, `route` the waypoints still ahead, `origin`
-    where the present leg began; `obstructions` are those
-    that it has run into. `nearest_m` and `nearest_tick` are the least way left so far and
-    when it was reached; `stalls` counts how often the leg got stuck. `heard_tick` is when the
-    station last got through to it; while it is `cut_off` it `owes` the replies on how its command
-    ended. While it is `manual`, a person drives it. `place` is the frame it was at when it was at
-    `placed_at`; its battery is as of `settled_tick`. `said` is its last report, None once more than
-    its battery may have changed since; it follows from the rest, so the hash leaves it out.
+    where the present leg began; `obstructions` are those that it has run into. `nearest_m` and
+    `nearest_tick` are the least way left so far and when it was reached; `stalls` counts how often
+    the leg got stuck. `heard_tick` is when the station last reached it; while it is `cut_off`, it
+    `owes` the replies about the end of its command. While it is `manual`, a person drives it.
+    `place` is the frame it was at when it was at `placed_at`; its battery is as of `settled_tick`.
+    `said` is its last report, None once more than its battery may have changed since; it follows
+    from the rest, so the hash leaves it out.
     """
 
     id: str
@@ -278,12 +278,12 @@ _index = attrgetter("index")
 
 @dataclass(slots=True)
 class Scene:
-    """The whole dynamic state: the truth, and in `station` what of it has reached the station.
+    """The whole dynamic state: the truth, and in `station` the part that has reached the station.
 
-    `covered_tick` is when a gate was last truly covered. `active` names the assets that every
-    step has to look after; those that stand idle are left alone. In an `ideal` scene, that of a
-    forecast, messages are never lost, and assets report only what has changed: `touched` names
-    those that have been active since the last picture.
+    `covered_tick` is when a gate was last truly covered. `active` names the assets that every step
+    processes; idle ones are skipped. In an `ideal` scene, that of a forecast, messages are never
+    lost, and assets report only changes: `touched` names the assets that were active since the last
+    picture.
     """
 
     rng: random.Random
@@ -345,7 +345,7 @@ class Scene:
 
 
 def rouse(world: World, scene: Scene, asset: AssetState) -> None:
-    """Add `asset` to those that every step looks after, until it is idle again."""
+    """Add `asset` to the assets that every step processes, until it is idle again."""
     settle_battery(world, scene, asset)
     scene.active.add(asset.id)
     asset.said = None

@@ -120,12 +120,12 @@ class Statement:
 class TrackFile:
     """The station's estimate from the detections of one contact.
 
-    Position and velocity are estimates at `tick`; `variance`, `covariance` and `speed_variance`
-    are theirs on each axis. `identified`, `confirmed` and `suspected` are an identity, an intent
-    and a suspicion of noncombatants from before the file began (in the picture of a forecast).
-    `statements` hold what each sensor says, in the order of their names; `seen` holds each
-    sensor's latest detection. `anchor` is where it was when it had last moved beyond doubt,
-    and when that was.
+    Position and velocity are estimates at `tick`; `variance`, `covariance` and `speed_variance` are
+    theirs on each axis. `identified`, `confirmed` and `suspected` are an identity, an intent and a
+    suspicion of noncombatants from before the file began (in the picture of a forecast).
+    `statements` hold each sensor's statement, in the order of their names; `seen` holds each
+    sensor's latest detection. `anchor` is where it was when it had last moved beyond doubt, and
+    when that was.
     """
 
     id: str

@@ -188,9 +188,9 @@ def _detection(terrain: Terrain, scene: Scene, hit: _Hit) -> Detection:
 
 
 def _recalled(terrain: Terrain, scene: Scene, sensor: str, contact: ContactState) -> Detection:
-    """Repeat what a robot has found out about a contact that it does not detect now.
+    """Repeat a robot's findings about a contact that it does not detect now.
 
-    It still says where the contact is if it has just identified it and is at its gate.
+    It still reports the contact's position if it has just identified it and is at its gate.
     """
     finding = scene.sensing.findings[sensor, contact.id]
     spec = terrain.world.platforms[scene.assets[sensor].kind]

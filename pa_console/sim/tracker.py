@@ -6,8 +6,8 @@ noise has no direction. It draws nothing, so equal detections give equal estimat
 A conclusion needs motion well beyond the estimate's error and has to hold for a while, so that
 noise does not change it at every scan.
 
-Which detections belong together is told by the contact's signature (plate, shape, gait), so that
-association is perfect; position, velocity and what follows from them are estimated.
+The contact's signature (plate, shape, gait) determines which detections belong together, so
+association is perfect; position, velocity and everything derived from them are estimated.
 """
 
 import math

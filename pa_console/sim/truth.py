@@ -28,7 +28,7 @@ from pa_console.sim.worlds.terrain import Terrain
 
 
 def truth(terrain: Terrain, scene: Scene) -> Picture:
-    """Return the exact state as a picture; a gate is covered by whoever truly is, heard or not."""
+    """Return the exact state as a picture, with the true cover of gates, reported or not."""
     assets: dict[str, AssetTelemetry] = {}
     by: dict[str, list[str]] = {gate: [] for gate in terrain.world.gates}
     for asset in scene.assets.values():
@@ -116,10 +116,10 @@ def _defies(contact: ContactState) -> bool:
 class TrueContact:
     """A contact as it is; `id` never changes, `track` is '' while the station does not track it.
 
-    `emergency` says that a sensor has truly recognised an emergency vehicle, `confirmed` is the
-    intent that the sensors' evidence supports (ROE-01, ROE-10), `watched_by`
-    names the working UAVs that have it within range and view, `unseen_s` is for how long no sensor
-    has detected it (None: it is not tracked).
+    `emergency` is True once a sensor has recognised a true emergency vehicle, `confirmed` is the
+    intent that the sensors' evidence supports (ROE-01, ROE-10), `watched_by` names the working UAVs
+    that have it within range and view, `unseen_s` is the time without a detection by any sensor
+    (None: it is not tracked).
     """
 
     id: str

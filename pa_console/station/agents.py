@@ -38,9 +38,9 @@ class AgentDesk:
         self._recent: defaultdict[str, deque[float]] = defaultdict(deque)
 
     def admit(self, agent: str, open_missions: Collection[Mission]) -> None:
-        """Count one proposal of `agent`; raises ValueError where it may not make one now.
+        """Count one proposal of `agent`; raises ValueError if it may not make one now.
 
-        `open_missions` are those that wait or are worked on.
+        `open_missions` are its waiting and active missions.
         """
         if _NAME.fullmatch(agent) is None:
             raise ValueError(f"{agent!r} is no name: letters, digits, - and _, at most 64")
@@ -121,7 +121,7 @@ class AgentProposals:
         return mission
 
     def withdraw(self, agent: str, mission_id: str) -> None:
-        """Take back an agent's own proposal that nobody has approved; raises ValueError else."""
+        """Withdraw an agent's own unapproved proposal; raises ValueError for any other."""
         self._require_writable()
         reason = f"withdrawn by agent {agent}"
         active = self._worker.active

@@ -82,9 +82,9 @@ def open_rules(
 ) -> tuple[Rulebook, Path]:
     """Load rules by installed name or path, with their file; raises DocumentError.
 
-    Rules that were altered since they were signed raise AlteredRulesError, unless `unsigned`. With
-    `pins`, rules that are less than those used before raise RefusedRulesError, unless the operator
-    does `accept` them. The core is in force whatever the file says; a check may take `deadline_s`.
+    Rules altered since they were signed raise AlteredRulesError, unless `unsigned`. With `pins`,
+    rules weaker than those used before raise RefusedRulesError, unless the operator does `accept`
+    them. The core rules are always in force; a check may take `deadline_s`.
     """
     path = existing_data("rules", name, "rules.yaml")
     rulebook = load_rules(path, deadline_s)

@@ -110,7 +110,7 @@ class Ticking:
         stop: Callable[[str], None],
         manual: ManualAssets,
     ) -> None:
-        """Take the first look at the picture; `stop` stops everybody for whom it is told."""
+        """Process the first picture; `stop` stops the assets that it is called for."""
         self._stop, self._manual = stop, manual
         self._services, self._feed, self._intake = parts.services, parts.feed, parts.intake
         self._emergency_stop, self._emit = parts.emergency_stop, parts.emit
@@ -153,7 +153,7 @@ class Ticking:
 
     @contextmanager
     def _kept_going(self) -> Generator[None]:
-        """Report an error and go on: a session that ended by it could not stop anybody any more."""
+        """Report an error and continue, because a session that has ended cannot stop any asset."""
         try:
             yield
         except Exception as error:
@@ -181,7 +181,7 @@ class Ticking:
             self._look()
 
     def _look(self) -> None:
-        """Take in new telemetry: tell it, raise alarms, queue their missions."""
+        """Process new telemetry: emit it, raise alarms, queue their missions."""
         picture = self._fleet.picture()
         self._see_manual(picture)
         for notice in self._noticer.look(picture):
@@ -203,7 +203,7 @@ class Ticking:
         self._worker.see(picture)
 
     def _see_manual(self, picture: Picture) -> None:
-        """Note the assets under manual control; what an operator has changed is told already."""
+        """Record the assets under manual control; an operator's changes are already emitted."""
         gate = self._services.gate
         gate.see(picture)
         taken = frozenset(gate.manual.taken)

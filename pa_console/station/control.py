@@ -47,9 +47,9 @@ class ManualAssets:
         self._look()
 
     def end(self, asset: str, by: str = "operator") -> None:
-        """Give `asset` back; raises ValueError where nobody has taken it, or nothing can be logged.
+        """Return `asset` from manual control; raises ValueError if it is not taken or not loggable.
 
-        What awaited it is queued anew; while everything is stopped, once the stop is released.
+        Missions that awaited it are queued again, during a stop only after the release.
         """
         self._require_writable()
         self._gate.end_manual(asset)
@@ -156,9 +156,9 @@ class StandingControl:
         self._worker.queue_changed()
 
     def mission_ended(self, mission: str, payload: ev.MissionFinished) -> None:
-        """Let the standing order know that started a mission which is over now.
+        """Report the end of a mission to the standing order that started it.
 
-        Nobody waits for a moment of the clock: if its mission is held, an alarm says so.
+        No person watches a timed mission, so an alarm is raised if it is held.
         """
         ended = self._standing.ended(mission, self._fleet.time_s, self._fleet.world.base)
         if ended is None:

@@ -1,14 +1,14 @@
-"""The open parts of an earlier session: one whose console was killed, or whose command was taken.
+"""The open parts of an earlier session, after its console was killed or relieved of command.
 
-A session whose console ended without closing it goes on here. Its log tells everything that the
-world depended on: seed, scenario, incidents and commands. So the fleet is simulated once more from
-the beginning up to the last record, and must then show the picture that the log tells of.
+A session that was not closed continues here. Its log has everything that determines the world:
+seed, scenario, incidents and commands. The fleet is simulated again from the beginning to the last
+record, and must then show the picture in the log.
 
-Of a relieved station's session, a mission that has not moved any asset is queued again with its
-original text, planned with the vehicles' present reports, and takes an approval as any mission
-does. A mission that has sent a command is only reported: its plan was approved for another station.
-Alarms are raised anew by the picture, and with them the missions that answer them; standing orders
-were approved at that station alone.
+For a relieved station's session, a mission that has not moved any asset is queued again with its
+original text, planned with present reports, and needs approval like any mission. A mission that has
+sent a command is only reported, because its plan was approved for another station. The picture
+raises alarms and their missions again. Standing orders do not continue: they were approved at that
+station only.
 """
 
 from collections.abc import Iterator
@@ -36,7 +36,7 @@ from pa_console.station.alarms import AlarmBook
 class LeftMissions:
     """The remains of a relieved station's session.
 
-    `manual` are the assets under manual control, each with who took it: they stay so.
+    `manual` maps the assets under manual control, which stay so, to the people who took them.
     `again` are the missions that moved no asset, the one that was being planned first; `under_way`
     those that did; `standing` the ids of the standing orders in force there; `awaiting` the ended
     missions that await assets under manual control; `stopped` is whether all assets were stopped.
@@ -104,7 +104,7 @@ LOOKED_AT = 30
 
 
 class NotResumableError(ValueError):
-    """The session cannot go on as it was; the text says why."""
+    """A session that cannot be resumed; the text has the reason."""
 
 
 @dataclass(frozen=True)
@@ -176,8 +176,8 @@ class ResumedSession:
 class PursuitHistory:
     """The pursuits of a session by its log: assets that were sent after tracks (ROE-14).
 
-    An order lasts until its mission ends, as it does for the monitor of a mission that runs. One
-    that is answered as done pursues nobody.
+    An order lasts until its mission ends, as for the monitor of a running mission. An order that
+    was answered as done is not a pursuit.
     """
 
     def __init__(self, world: World) -> None:
@@ -246,8 +246,8 @@ def _events(log: Path) -> Iterator[ev.Event]:
 def resume(found: UnclosedSession, world: World, scenario: Scenario | None) -> ResumedSession:
     """Bring back the session `found` in `world`, which is its own, and its `scenario`.
 
-    Raises NotResumableError when the world does not come out as the log tells of it, LogError when
-    the log cannot be read.
+    Raises NotResumableError if the simulated world differs from the log, LogError if the log cannot
+    be read.
     """
     fleet = SimulatedFleet.start(world, found.started.seed, scenario)
     alarms, sightings, history = AlarmBook(world), Sightings(world), PursuitHistory(world)

@@ -30,16 +30,15 @@ async def run_missions(  # noqa: PLR0917
     read_ahead: bool = False,
     decided: Callable[[], bool] = lambda: False,
 ) -> list[MissionTrace]:
-    """Bring the set-up about, run `texts` in order and return the trace of every mission.
+    """Apply the set-up, run `texts` in order and return the trace of every mission.
 
-    A text that asks about what is on record is answered, and no mission is made of it.
-    The session lasts until they are finished and, if longer, `duration_s` simulated seconds have
-    passed and the missions that alarms have started meanwhile are over too. It ends without that
-    time where `decided` says, after the missions, that nothing of it matters. `sink` is given
-    every event and the state after it, in order. After a stop no other of the `texts` is given,
-    even if whoever stopped everything releases it. With `read_ahead`, the model has read the
-    picture and all but the last word before a mission is given, as while an operator types. Raises
-    ValueError for a set-up or a mission that the station does not take.
+    A text that is a question about the record is answered without a mission. The session lasts
+    until all missions are over, including those from alarms, and at least `duration_s` simulated
+    seconds; it ends earlier if `decided` returns True after the missions. `sink` receives every
+    event and the state after it, in order. After a stop, the remaining `texts` are not given, even
+    if the stop is released. With `read_ahead`, the model has read the picture and all but the last
+    word before a mission is given, as while an operator types. Raises ValueError for a set-up or a
+    mission that the station does not accept.
     """
     state = SessionState()
     waiting, all_given = list(texts), asyncio.Event()

@@ -113,10 +113,9 @@ class Intake:
     def take_up(
         self, alarms: AlarmBook, entries: Sequence[QueueEntry], count: int, again: Collection[str]
     ) -> list[tuple[ev.EventPayload, str]]:
-        """Go on with the alarms of a session, the missions that wait, and `count` missions so far.
+        """Continue with the alarms of a session, the waiting missions, and `count` missions so far.
 
-        The open alarms whose ids are in `again` become missions once more; returns what is to be
-        told of that.
+        The open alarms whose ids are in `again` become missions again. Returns the events to emit.
         """
         self.alarms, self._count = alarms, count
         known = {alarm.id: alarm for alarm in alarms.open}
@@ -135,11 +134,11 @@ class Intake:
         waits: bool = True,
         offered: bool = False,
     ) -> tuple[Mission, ev.MissionReceived]:
-        """Queue an operator's mission, or one that `agent` has proposed, with its plan if it has.
+        """Queue an operator's mission, or a proposal by `agent`, with its plan if it has one.
 
-        One that does not `waits` is carried out already; one that is `offered` nobody typed.
+        Without `waits`, it is already carried out; an `offered` mission was not typed.
 
-        Raises ValueError when it cannot be taken.
+        Raises ValueError if it is not accepted.
         """
         words = order.typed
         if not order.text:
@@ -377,9 +376,9 @@ class MissionQueue:
     def move(self, mission_id: str, to: Literal["up", "down"]) -> None:
         """Move a mission one place; at the end of the queue it stays where it is.
 
-        It keeps its place among those that wait now; whatever comes later is put before or behind
-        it by its own rank. A deferred one is deferred no longer. Raises ValueError when the
-        mission does not wait.
+        It keeps its place among the waiting missions; later ones are placed before or after it by
+        rank. A deferred mission is no longer deferred. Raises ValueError if the mission does not
+        wait.
         """
         entry = self._find(mission_id)
         ids = [other.mission.id for other in self._order()]
@@ -427,10 +426,10 @@ class MissionQueue:
     def preempts(
         self, active: Mission, active_alarm: Alarm | None, *, moving: bool = True
     ) -> QueueEntry | None:
-        """Return the next entry when it must not wait for `active`.
+        """Return the next entry if it must not wait for `active`.
 
-        That is an emergency, unless `active` is one, and for an agent's proposal, as long as
-        nobody is `moving` for it, any mission that no agent has proposed. Everything goes before
+        That is an emergency, unless `active` is one. If `active` is an agent's proposal that no
+        asset is `moving` for, it is any mission that no agent has proposed. Everything comes before
         the policy that the world offers.
         """
         mine = active_alarm.priority if active_alarm is not None else OPERATOR_PRIORITY

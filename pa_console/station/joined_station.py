@@ -277,10 +277,10 @@ class JoinedStation:
     async def answer(
         self, question: Question, found: Callable[[Alternative], object] = lambda _: None
     ) -> ev.QuestionAnswered:
-        """Answer a question from what has come of the session and from the copy of its site here.
+        """Answer a question from the received part of the session and the local copy of its site.
 
-        The station whose session it is hears nothing of it. Where it alone can answer, that is the
-        answer.
+        The question is not sent to the session's station. If only that station can answer, the
+        answer is a reference to it.
         """
         state = self._state
         self.fleet.show(state.picture)
@@ -370,7 +370,7 @@ class _ConnectionNews:
         self._silent = self._lacks = False
 
     def take(self, *, heard: bool) -> Sequence[ev.IncidentHappened | ev.Noticed]:
-        """Return the new notices; `heard` is whether records have come just now."""
+        """Return the new notices; `heard` is True if records have just arrived."""
         log, station, now_s = self._log, self._log.stream.station, monotonic()
         if (problem := log.link.problem) != self._problem:
             self._problem = problem
@@ -443,7 +443,7 @@ class Succession:
     def prepare(self, started: SessionStarted | None) -> StationAuthority:
         """Return the keys of this station, which may command a session like the one joined.
 
-        Raises ValueError that says why command cannot be taken from here.
+        Raises ValueError with the reason if command cannot be taken from here.
         """
         log, name = self._log, self._signatory.name
         if not self.possible:

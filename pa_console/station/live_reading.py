@@ -65,7 +65,7 @@ class _Situation(NamedTuple):
 
     rulebook: Rulebook
     digest: Digest
-    """The picture as prompts tell it, without the metres and seconds that change all the time."""
+    """The picture in prompts, without constantly changing metres and seconds."""
     past: int
     pointer: str
 
@@ -83,9 +83,9 @@ class LiveReading:
         read: Callable[[str], ReadText | None],
         free: Callable[[], bool],
     ) -> None:
-        """`read` is how the station reads a text, None if it is no mission.
+        """`read` returns the station's reading of a text, None if it is no mission.
 
-        `free` says that no mission needs the models.
+        `free` is True if no mission needs the models.
         """
         self._services, self._read_text, self._free = services, read, free
         self._show: ShowReading | None = None
@@ -188,7 +188,7 @@ class LiveReading:
         """Plan `text` like a mission, and show its reading."""
         try:
             line = await self.line(text)
-        except Exception:  # a defect shows once the order is sent; a draft tells nobody
+        except Exception:  # a defect shows once the order is sent; a draft reports none
             line = ""
         if line and self._show is not None:
             self._shown = True
@@ -241,9 +241,9 @@ class ReadAhead:
     """Reads the beginning of coming prompts ahead; a real prompt interrupts it."""
 
     def __init__(self, services: Services, *, unasked: bool = True) -> None:
-        """`unasked`: read too what nobody has asked for yet.
+        """`unasked`: also read ahead without a typed order.
 
-        That is done when a session or a mission begins, and while a plan is carried out.
+        This happens when a session or a mission begins, and while a plan is carried out.
         """
         self._services, self._unasked = services, unasked
         self._read: dict[tuple[Engine, Role], tuple[Digest | None, str]] = {}
@@ -262,7 +262,7 @@ class ReadAhead:
     async def load(self) -> None:
         """Load model, dictionary and patterns and, `unasked`, read how every prompt begins."""
         async with self._turn:
-            with suppress(EngineError):  # told by the engine's state, and to whoever asks it
+            with suppress(EngineError):  # the engine's state reports it; so does the next prompt
                 await self._services.engine.start()
                 await asyncio.to_thread(prepare)
                 await asyncio.to_thread(self._services.rulebook.prepare)
@@ -275,10 +275,10 @@ class ReadAhead:
         self._wanted.set()
 
     def see(self, payload: ev.EventPayload) -> None:
-        """Have the picture read that the next plan of a mission will be made in.
+        """Let the model read the expected picture of a mission's next plan.
 
-        That is known once a plan is approved after which somebody has been identified and is yet to
-        be warned: if all goes as rehearsed, it is the picture at the end of the rehearsal.
+        It is known once a plan is approved that ends with a contact identified but not yet warned:
+        it is the picture at the end of the rehearsal.
         """
         match payload:
             case ev.MissionStarted():
@@ -328,11 +328,11 @@ class ReadAhead:
     async def _warm(
         self, engine: Engine, role: Role, words: str = "", picture: Picture | None = None
     ) -> None:
-        """Let `engine` read what a prompt of `role` begins with, unless it has.
+        """Let `engine` read the beginning of a prompt for `role`, unless it has.
 
         The `picture` is by default the present one.
 
-        In a world too large to be told whole, what is told depends on the mission.
+        In a large world, the part of the picture in the prompt depends on the mission.
         """
         services = self._services
         fleet = services.fleet

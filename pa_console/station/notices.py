@@ -1,7 +1,7 @@
 """Turns successive pictures into lines for the operator's event list, and stays quiet in noise.
 
-A change is told once it has lasted; the same change of many assets at once is one line. Reports
-from outside the site's sensors are shown beside them, and have no other effect.
+A change is shown once it has lasted; the same change of many assets at once is one line. Reports
+from outside the site's sensors are shown too, and have no other effect.
 """
 
 import asyncio
@@ -25,10 +25,10 @@ Key = tuple[str, str]
 
 @dataclass(frozen=True, slots=True)
 class _Fact:
-    """One property of one subject now; `text` is empty when a change to it is not worth a line.
+    """One property of one subject now; `text` is empty if a change to it needs no line.
 
-    It is told when it differs from what was told last for `settle_s` simulated seconds; `at_first`
-    is what counts as told about a subject that is new.
+    It is shown after it has differed from the last shown value for `settle_s` simulated seconds;
+    `at_first` is the assumed last value of a new subject.
     """
 
     subject: str
@@ -122,7 +122,7 @@ def _asset(picture: Picture, asset: AssetTelemetry) -> Iterator[_Fact]:
     """Yield an asset's condition: whether it works, its battery, its link, its soundness."""
     name, status = asset.id, asset.status
     if status == "degraded" and (asset.low_battery or asset.comms != "ok"):
-        status = "ok"  # why it is degraded is told by itself
+        status = "ok"  # the reason has its own notice
     level: Level = "alarm" if status == "failed" else "info"
     settle_s = 0.0 if status == "failed" else 3.0
     yield _Fact(name, "status", status, status, level, f"status {status}", settle_s)
@@ -217,7 +217,7 @@ async def pass_on(outside: Outside, emit: Callable[[ev.OutsideReport], None]) ->
     while True:
         try:
             told = [report for report in outside.news() if isinstance(report, _ADMITTED)]
-        except Exception as error:  # whoever reports from outside must not end the session
+        except Exception as error:  # an outside report must not end the session
             text = f"nothing more is taken from outside: {type(error).__name__}: {error}"
             emit(ev.Noticed(level="warning", subject="TAK", text=text))
             return

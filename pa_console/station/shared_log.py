@@ -180,9 +180,9 @@ class SharedLog:
 
 
 def read_so_far(log: SharedLog, progress: Callable[[int, int], object]) -> list[Event]:
-    """Wait for the session that is shared and return what has happened in it so far.
+    """Wait for the shared session and return its events so far.
 
-    `progress` is told how many records have come, of how many. Raises ValueError when none comes.
+    `progress` gets the number of records received and of all. Raises ValueError if none arrives.
     """
     events: list[Event] = []
     until = monotonic() + FOUND_S

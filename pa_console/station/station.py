@@ -64,12 +64,12 @@ class ControlStation:
         read_unasked: bool = True,
         resumed: ResumedSession | None = None,
     ) -> None:
-        """`started` is the session's first event; `clock` says when the world moves on.
+        """`started` is the session's first event; `clock` determines when the world moves on.
 
         The engine is closed with the session unless `keep_engine`. With `respond`, alarms become
-        missions by themselves. With `watch`, a changed rule file is taken as soon as it is there.
-        Without `read_unasked`, the model reads ahead only while somebody types. A `resumed` session
-        goes on where it ended; `services` have its fleet and what was seen in it.
+        missions automatically. With `watch`, a changed rule file is loaded at once. Without
+        `read_unasked`, the model reads ahead only while an operator types. A `resumed` session
+        continues where it ended; `services` have its fleet and its picture.
         """
         self._services, self._clock, self._started = services, clock, started
         self.readonly, self._keep_engine = readonly, keep_engine
@@ -281,7 +281,7 @@ class ControlStation:
         self._worker.queue_changed()
 
     async def reload_rules(self) -> None:
-        """Take the rules as their file has them now; why they cannot be taken is told."""
+        """Load the rules from their file again; if that fails, emit the reason."""
         await self._reload.now()
 
     @property
@@ -427,9 +427,9 @@ class ControlStation:
         return await examine(plan, task, services.fleet, services.rulebook, standing=standing)
 
     def decide(self, decision: Decision) -> None:
-        """Answer the open approval request; raises ValueError when there is none.
+        """Answer the open approval request; raises ValueError if there is none.
 
-        Raises ValueError too for an approval that the log could not tell of.
+        Also raises ValueError for an approval that cannot be logged.
         """
         self._writable()
         if decision.kind == "approve" and (problem := self._journal.commit()):
@@ -437,9 +437,9 @@ class ControlStation:
         self._worker.decide(decision)
 
     def countersign(self, signed: PlanCountersignature) -> None:
-        """Take in what a second person has signed elsewhere for the plan that waits.
+        """Accept a second person's signature from elsewhere for the waiting plan.
 
-        Raises ValueError for what the log could not tell of.
+        Raises ValueError for a signature that cannot be logged.
         """
         self._writable()
         if problem := self._journal.commit():
@@ -447,9 +447,9 @@ class ControlStation:
         self._worker.countersign(signed)
 
     async def look_at(self, mission: Mission, asked: str) -> RehearsedReading | None:
-        """Rehearse what another reading of a mission would lead to; nothing is decided by that.
+        """Rehearse a plan for another reading of a mission, without deciding anything.
 
-        None where the console cannot tell what would serve it.
+        The result is None if the console has no plan for it.
         """
         return await rehearse_reading(self._reload.services, mission, asked)
 
@@ -569,9 +569,9 @@ class ControlStation:
     ) -> None:
         """Bring assets under way to safety and end the stream after a last event.
 
-        With `judge_outcomes`, wait for the verdicts on outcomes that are still to come; else it is
-        told that there are none. Safe to call twice, and to cancel: what is to be told is told all
-        the same.
+        With `judge_outcomes`, wait for the outstanding verdicts on outcomes; otherwise events
+        report that there are none. Safe to call twice and to cancel: all events are emitted in any
+        case.
         """
         if self._closed:
             return

@@ -65,7 +65,7 @@ class StationParts:
 
 
 class MissionWorker:
-    """Takes missions out of the intake and works on them; tells everything through `emit`."""
+    """Takes missions from the intake and carries them out; reports everything through `emit`."""
 
     def __init__(self, parts: StationParts) -> None:
         self._services, self._intake = parts.services, parts.intake
@@ -136,7 +136,7 @@ class MissionWorker:
             background.start(between())
 
     def use(self, services: Services) -> None:
-        """Work on missions with these from now on; those that were begun keep what they have."""
+        """Use these for new missions; missions already begun keep theirs."""
         self._services = services
 
     @property
@@ -237,7 +237,7 @@ class MissionWorker:
         return MissionRun(self._services, mission, emit, self._side)
 
     def _decided(self) -> asyncio.Future[Decision]:
-        """Return the answer that `decide` will give; meanwhile nobody needs the model."""
+        """Return the future answer of `decide`; meanwhile, the model is idle."""
         self._verdicts.go_on()
         self._answer = answer = asyncio.get_running_loop().create_future()
         if self._countersigned:

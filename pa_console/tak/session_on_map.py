@@ -389,7 +389,7 @@ DRAWING_S = 3.0
 
 
 class InBackground:
-    """A thread that gives `show` the pictures and the end of a session in its `with` block.
+    """A thread that passes the pictures and the end of a session to `show` in its `with` block.
 
     Of several waiting pictures only the newest is shown, so that the session never waits. An error
     of `show` ends the thread; `tell` gets it in one line.

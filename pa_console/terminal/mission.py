@@ -212,7 +212,7 @@ def show_request(request: ApprovalRequested, trace: MissionTrace | None) -> None
 def ask_decision(
     request: ApprovalRequested, trace: MissionTrace | None, question_in: QuestionIn = lambda _: None
 ) -> Decision | Question:
-    """Ask about what `show_request` has shown; no answer, or no terminal, rejects.
+    """Ask for a decision on the shown request; no answer, or no terminal, rejects it.
 
     Somebody at a terminal may ask a question instead of answering: that is returned then, and
     nothing is decided.

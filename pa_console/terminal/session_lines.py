@@ -101,7 +101,7 @@ def queue_lines(state: SessionState) -> list[str]:
 
 
 def standing_lines(state: SessionState) -> list[str]:
-    """Return two lines for each standing order in force: what it says, and what it has done."""
+    """Return two lines for each standing order in force: its text, and its starts so far."""
     lines: list[str] = []
     for trace in state.standing.values():
         if not trace.in_force:
@@ -231,7 +231,7 @@ class SessionLines(ABC):
         await self._no_more_lines()
 
     def _do(self, line: str) -> None:
-        """Carry out one line; what is wrong with it is said."""
+        """Carry out one line, or print its error."""
         confirming, self._confirming = self._confirming, None
         word = line.casefold()
         try:

@@ -59,7 +59,7 @@ class ActionContext:
 
 
 class ActionHost(Protocol):
-    """The app, as far as its screens ask it about actions."""
+    """The part of the app that screens use for actions."""
 
     @property
     def situation(self) -> ActionContext:
@@ -74,10 +74,10 @@ class ActionHost(Protocol):
 
 @dataclass(frozen=True)
 class ConsoleAction:
-    """One thing that the operator can do.
+    """An action of the operator.
 
     `id` names its first key in the user's keymap and `id.also` the others; `keys` are Textual key
-    names separated by commas. `controllers.handlers` says which controller carries it out.
+    names separated by commas. HANDLERS in `controllers.controllers` has its controller.
     """
 
     id: str
@@ -90,24 +90,24 @@ class ConsoleAction:
     palette: bool = True
     urgent: bool = False
     opens_field: bool = False
-    """True if later keys go into a field: they are handled at once, so that no letter of a burst is
-    taken for another command."""
+    """True if later keys go into a field. The action then runs at once, so that no letter of a
+    burst is taken for another command."""
     confirmed: bool = False
-    """True if a key that prints only chooses it and Enter gives it, since that key may be the first
-    of a text; a function key or one with Ctrl gives it at once."""
+    """True if a printable key only selects it and Enter confirms it, as that key may begin a text;
+    a function key or one with Ctrl runs it at once."""
 
     words: str = ""
     """Further words that find it in the palette."""
     app_action: str = ""
-    """The action of every Textual app that it is; '' where a controller carries it out."""
+    """The built-in action of Textual that it runs; '' if a controller carries it out."""
 
     @property
     def action(self) -> str:
-        """The action as Textual binds it; the app has one method for all that controllers do."""
+        """The action as Textual binds it; one method of the app serves all controllers."""
         return self.app_action or f"carry_out({self.id!r})"
 
     def refusal(self, now: ActionContext) -> str:
-        """Return why the action is not legal now, empty when it is."""
+        """Return the reason that the action is not legal now, empty if it is."""
         return next((why for need in self.needs if (why := _refusal(need, now))), "")
 
     @property
@@ -322,7 +322,7 @@ def find_action(name: str, parameters: tuple[object, ...]) -> ConsoleAction | No
 
 
 def with_call(call: str) -> ConsoleAction | None:
-    """Return the registered action that a binding calls so."""
+    """Return the registered action that a binding calls by this name."""
     return _BY_CALL.get(call)
 
 
@@ -332,12 +332,12 @@ def bindings() -> list[BindingType]:
 
 
 def first_key(name: str) -> str:
-    """Return the first of the console's own keys for the action `name`, as it is written."""
+    """Return the console's first default key for the action `name`, as it is written."""
     return key_text(action_of(name).keys.partition(",")[0])
 
 
 def key_text(keys: str) -> str:
-    """Write Textual key names as they stand on a keyboard."""
+    """Return Textual key names as they are printed on a keyboard."""
     words = {
         "question_mark": "?",
         "slash": "/",
@@ -403,7 +403,7 @@ _NAMED = frozenset((*(str(key.value) for key in Keys), *REPLACED_KEYS))
 
 
 class KeymapError(ValueError):
-    """Keys that cannot be used; `name` is the entry of the keymap that is at fault."""
+    """An error in the user's keys; `name` is the faulty entry of the keymap."""
 
     def __init__(self, name: str, problem: str) -> None:
         self.name, self.problem = name, problem
@@ -411,29 +411,29 @@ class KeymapError(ValueError):
 
 
 def own_keys(action: ConsoleAction, keymap: Mapping[str, str]) -> dict[str, str]:
-    """Return the keys of an action by the names that a keymap knows them by."""
+    """Return the keys of an action by their names in a keymap."""
     return {
         item.id: keymap.get(item.id, item.key) for item in action.bindings if item.id is not None
     }
 
 
 def shown_keys(action: ConsoleAction, keymap: Mapping[str, str]) -> str:
-    """Return an action's keys, the user's in place of the console's own, as they are written."""
+    """Return an action's keys, the user's instead of the defaults, as they are written."""
     return key_text(",".join(own_keys(action, keymap).values()))
 
 
 def first_own_key(name: str, keymap: Mapping[str, str]) -> str:
-    """Return the first key of the action `name`, the user's or the console's own, as written."""
+    """Return the first key of the action `name`, the user's or the default, as it is written."""
     return key_text(next(iter(own_keys(action_of(name), keymap).values())).partition(",")[0])
 
 
 def key_names() -> dict[str, ConsoleAction]:
-    """Return every name that a keymap may use, with the action that it stands for."""
+    """Return every valid name in a keymap with its action."""
     return {name: action for action in ACTIONS for name in own_keys(action, {})}
 
 
 def check_keys(keymap: Mapping[str, str]) -> None:
-    """Raise KeymapError for an unknown name, a key that is none, or one that is taken."""
+    """Raise KeymapError for an unknown name, an invalid key, or a key already in use."""
     names = key_names()
     for name, keys in keymap.items():
         if name not in names:

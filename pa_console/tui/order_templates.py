@@ -59,7 +59,7 @@ def forms_for(kind: AssetKind) -> Iterator[OrderForm]:
 def templates(world: World) -> list[str]:
     """Return a template for each command that some asset of the world can carry out.
 
-    A slot for the asset says of which kind it has to be, where not every kind can.
+    A slot for the asset names its kind if not every kind can carry the command out.
     """
     kinds: set[AssetKind] = {spec.kind for spec in world.assets.values()}
     found: list[str] = []

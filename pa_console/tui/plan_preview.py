@@ -113,7 +113,7 @@ class PlanPreview:
 
     @cached_property
     def arrivals(self) -> Mapping[str, tuple[str, ...]]:
-        """Place -> the agents that come there, soonest first; those that are there stay."""
+        """Place -> the agents that arrive there, soonest first; agents already there stay."""
         found: dict[str, list[str]] = {}
         for action in self.plan.actions:
             if not self.is_there(action):

@@ -79,8 +79,8 @@ def open_log(
 ) -> PlayableLog:
     """Open a session log at its beginning, with the world and the rules that it names.
 
-    Its world is found by its hash below the folder `worlds`, where generated ones are, or by its
-    name. `progress` is told how many bytes of a log were read whose index was not kept. Raises
+    Its world is found by its hash below the folder `worlds`, which has the generated ones, or by
+    its name. `progress` gets the number of bytes read of a log without a stored index. Raises
     DocumentError for a log or world that cannot be read, ValueError without a world.
     """
     recording = Recording.read(log, progress, cache=index_folder())

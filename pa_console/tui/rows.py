@@ -27,7 +27,7 @@ class WrappedRow:
 
 @dataclass(frozen=True)
 class RowSection:
-    """One titled part of a trace; `key` says which part it is while its content grows."""
+    """One titled part of a trace; `key` identifies it while its content grows."""
 
     key: str
     title: Content

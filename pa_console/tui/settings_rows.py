@@ -145,9 +145,9 @@ def is_chosen(loaded: LoadedSettings, choice: SettingChoice) -> bool:
 
 
 def to_write(loaded: LoadedSettings, choice: SettingChoice, text: str) -> tuple[str, object]:
-    """Return the field of the file, and what has to stand there for `text`; None for nothing.
+    """Return the field of the file and its value for `text`; None removes it.
 
-    Raises ValueError that says what is wrong with `text`.
+    Raises ValueError for an invalid `text`.
     """
     name, text = str(choice.field[0]), text.strip()
     if name == "keys":

@@ -115,7 +115,7 @@ class Reliance:
         return "stale" if asset.stale or self.age(asset) > self._stale_s else "fresh"
 
     def asset(self, asset: AssetTelemetry) -> Term:
-        """Return the status to show: the report's unreliability goes before what it says."""
+        """Return the status to show; an unreliable report overrides its content."""
         state = self.report(asset)
         if asset.status == "failed":
             return term("asset", "failed")

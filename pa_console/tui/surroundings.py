@@ -20,10 +20,10 @@ SecondsClock = Callable[[], float]
 
 @dataclass(frozen=True)
 class JoinedTo:
-    """Another station's session: its name, and who may countersign here, '' for nobody.
+    """Another station's session: its name, and the person who may countersign here, or ''.
 
-    `command_question` says what taking command from it would do; it raises ValueError where that
-    cannot be. It is None for somebody who is no commander.
+    `command_question` describes the effects of taking command; it raises ValueError if that is
+    impossible. It is None for anyone but a commander.
     """
 
     station: str

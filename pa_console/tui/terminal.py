@@ -26,7 +26,7 @@ def when_hung_up(terminal: int, do: Callable[[], None]) -> None:
     SIGHUP comes from a controlling terminal only. Keys typed meanwhile are left to others.
     """
     watch = select.poll()
-    watch.register(terminal, 0)  # hang-ups and errors are told whatever is asked for
+    watch.register(terminal, 0)  # hang-ups and errors are always reported
 
     def wait() -> None:
         watch.poll()

@@ -74,7 +74,7 @@ def standing_in_words(order: StandingOrder) -> str:
 
 
 def trigger_in_words(order: StandingOrder) -> str:
-    """Return what a standing order waits for: a state, or moments of the clock."""
+    """Return the trigger of a standing order: a state, or moments of the clock."""
     return f"whenever {order.words}" if order.condition else order.words
 
 
@@ -240,7 +240,7 @@ def _planning_event(data: ev.EventPayload) -> str:
 def _state(request: ev.ApprovalRequested) -> str:
     """Return the state of a request in words; empty for one that can be plainly approved."""
     if request.state == "not_understood":
-        return ""  # its one reason says so
+        return ""  # its only reason repeats the state
     if request.blocked_by:
         return "blocked: "
     if request.state in (None, "approve"):
@@ -332,19 +332,19 @@ def _excerpt(texts: list[str], word: str) -> str:
 
 
 MOST_AWAITED = 2
-"""More actions than these that are waited for are only counted."""
+"""The most awaited actions that are named; more are only counted."""
 
 
 @dataclass(frozen=True)
 class StepLine:
-    """One line of a plan in steps: an action, or the legs that one asset goes one by one."""
+    """One line of a plan in steps: an action, or successive legs of one asset."""
 
     numbers: str
     """The step or steps: `1`, or `2 to 7`."""
     agent: str
     does: str
     when: str
-    """The condition that it waits for, in words; '' for the first step."""
+    """The condition of its start, in words; '' for the first step."""
 
     @property
     def in_words(self) -> str:
@@ -353,14 +353,14 @@ class StepLine:
 
 
 def in_steps(plan: Plan) -> bool:
-    """Return whether some actions of `plan` wait for others."""
+    """Return True if some actions of `plan` wait for others."""
     return len(plan.steps) > 1
 
 
 def when_in_words(plan: Plan, number: int) -> str:
-    """Return what the action of that number, from 1, waits for: *then, after D is at North Gate*.
+    """Return the condition of action `number`, from 1, in words: *then, after D is at North Gate*.
 
-    '' for one that waits for nothing.
+    It is '' for an action without a condition.
     """
     awaited = [plan.actions[other - 1] for other in plan.actions[number - 1].after]
     if not awaited:
@@ -420,7 +420,7 @@ def _does(action: Action) -> str:
 
 
 def _done(action: Action) -> str:
-    """Return an action in words as one that is done."""
+    """Return a completed action in words."""
     place = place_words(action.target) if action.target else ""
     match action.verb:
         case "return_to_base":

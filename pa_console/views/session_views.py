@@ -1,4 +1,4 @@
-"""A session as programs are shown it: its state, missions and plans as plain data."""
+"""A session for programs: its state, missions and plans as plain data."""
 
 import hashlib
 import json
@@ -49,16 +49,16 @@ class StandingView(BaseModel):
 
 
 class ManualView(BaseModel):
-    """An asset under manual control: who took it, '' where it reports so by itself."""
+    """An asset under manual control, and who took it; '' if the asset itself reports it."""
 
     asset: str
     by: str
 
 
 class StateView(BaseModel):
-    """The session as it stands after the event with the number `event`.
+    """The state of the session after event number `event`.
 
-    `awaiting` are the missions that await assets under manual control, with those.
+    `awaiting` maps missions to the assets under manual control that they await.
     """
 
     session: str
@@ -123,14 +123,14 @@ class MissionDetail(MissionView):
 
 
 class PlanView(BaseModel):
-    """A plan that waits for a decision: all that an operator is shown before deciding."""
+    """A plan that waits for a decision, with everything that the operator sees."""
 
     mission: MissionView
     request: ev.ApprovalRequested
     shown_sha256: Sha256
     attempt: AttemptView | None
     steps: tuple[str, ...]
-    """The lines of a plan in steps, in words, each with what it waits for; none for other plans."""
+    """The lines of a plan in steps, each with its condition; none for other plans."""
     question: str
     choices: tuple[str, ...]
 
@@ -145,7 +145,7 @@ class RulesView(BaseModel):
 
 
 def shown_sha256(request: ev.ApprovalRequested) -> str:
-    """Return the SHA-256 of all that is put to the decision: plan, way to safety, objections."""
+    """Return the SHA-256 of everything shown for a decision: plan, way to safety, objections."""
     told = request.model_dump(mode="json")
     text = json.dumps(told, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
     return hashlib.sha256(text.encode()).hexdigest()
@@ -201,7 +201,7 @@ def mission_view(trace: MissionTrace) -> MissionView:
 
 
 def mission_detail(trace: MissionTrace) -> MissionDetail:
-    """Return a mission with all that is known of it."""
+    """Return a mission with all its details."""
     return MissionDetail(
         **_short(trace),
         question=_question(trace),

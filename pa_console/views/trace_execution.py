@@ -115,7 +115,7 @@ def _halt(given: PlanHalted, number: int) -> TraceSection:
 
 
 def held(given: Sequence[StepsHeld]) -> list[TraceSection]:
-    """Return step 7: what of a plan in steps was not sent, and why."""
+    """Return step 7: the actions of a plan in steps that were not sent, and why."""
     return [
         TraceSection(
             f"held-{item.attempt}.{number}",

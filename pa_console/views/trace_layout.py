@@ -257,7 +257,7 @@ def headline(trace: MissionTrace) -> tuple[Spans, ...]:
 
 
 def step_of(trace: MissionTrace) -> int:
-    """Return the number of STEPS that the mission has behind it."""
+    """Return the number of STEPS that the mission has completed."""
     return STEPS.index(trace.stage) if trace.stage in STEPS else 0
 
 

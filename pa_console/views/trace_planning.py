@@ -394,7 +394,7 @@ def evidence(attempt: Attempt, given: DecisionEvidence) -> TraceSection:
 
 
 def verdict(attempt: Attempt) -> TraceSection:
-    """Return the JudgeLLM's opinion per rule and its feedback; no verdict means hold."""
+    """Return the judge's opinion per rule and its feedback; no verdict means hold."""
     given, key = attempt.verdict, f"verdict-{attempt.number}"
     if not attempt.judged:
         blocks = (Text(attempt.judge_text, verbatim=True),)
@@ -425,7 +425,7 @@ def second_reading(attempt: Attempt, read: OrderReadAgain) -> TraceSection:
 def opinions(given: Verdict, broken: Collection[str] = ()) -> tuple[Block, ...]:
     """Return a verdict's feedback and its opinion on each rule.
 
-    The checks decide on the rules that are `broken`, whatever the judge says of them.
+    The checks, not the judge, decide which rules are `broken`.
     """
     feedback = (statement(given.feedback),) if given.feedback else ()
     if not given.rules:

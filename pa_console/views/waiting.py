@@ -175,7 +175,7 @@ def reading_line(trace: MissionTrace, base: str) -> str:
     """Return the reading of a draft, or its missing part.
 
     *Drone_T04 to East Gate; gates stay covered*. Doubts come before consequences. The line is empty
-    if the draft came to nothing that can be said. `base` is the base of the world.
+    if the draft has no reading. `base` is the base of the world.
     """
     request = trace.approval
     if trace.status == "refused":
@@ -192,7 +192,7 @@ def reading_line(trace: MissionTrace, base: str) -> str:
 
 
 def _parts(trace: MissionTrace, request: ApprovalRequested, base: str) -> Iterator[str]:
-    """Yield what moves, then what is doubtful or blocked, then what becomes of the gates."""
+    """Yield the moves, then doubts and blocks, then the effects on the gates."""
     attempt = trace.find(request.attempt)
     yield plan_in_words(request.plan, base)
     if request.readings:
@@ -209,7 +209,7 @@ def _parts(trace: MissionTrace, request: ApprovalRequested, base: str) -> Iterat
 def plan_in_words(plan: Plan, base: str) -> str:
     """Return the orders of a plan, equal ones together: *Drone_T01 and Drone_T02 to Base*.
 
-    Of one in steps, the first steps one after the other.
+    For a plan in steps, the first steps are listed in turn.
     """
     if len(plan.steps) > 1:
         shown = [plan_in_words(plan.part(step), base) for step in plan.steps[:MOST_STEPS]]
@@ -230,7 +230,7 @@ def plan_in_words(plan: Plan, base: str) -> str:
 
 
 def _gates(rehearsal: Rehearsal) -> Iterator[str]:
-    """Yield the gates that lose their guards, or gain some; that all stay covered, if they do."""
+    """Yield the gates that lose or gain guards, or one line if all stay covered."""
     lines = rehearsal.timeline.gates
     bare = [place_words(gate) for gate, line in lines.items() if not line.covered_after]
     for gate, line in lines.items():

@@ -71,7 +71,7 @@ def join_agent(url: str) -> int:
 def serve_agent(options: SessionOptions, settings: LoadedSettings, name: str) -> int:
     """Serve one agent on stdin and stdout in a session of its own; return the exit code.
 
-    Nobody decides there, so every proposal is rejected once it was examined.
+    There is no operator, so every proposal is rejected after its examination.
     """
     values = settings.values
     with Runner() as loop:

@@ -92,9 +92,9 @@ class FoundFleet:
             self.joined.link.close()
 
     def clock(self, own: Clock) -> Clock:
-        """Return the clock of the robots, `own` without any.
+        """Return the clock of the robots, or `own` without robots.
 
-        A site that is paced waits for the mission; nobody can hurry any other.
+        A paced site waits for the mission; any other runs at its own speed.
         """
         if self.joined is None:
             return DevicesClock() if self.links else own

@@ -28,12 +28,12 @@ from pa_console.terminal.output import errors
 
 
 class JoinedEvents:
-    """The events that come over the bus; notices about the connection go to `tell`."""
+    """The events from the bus; notices about the connection go to `tell`."""
 
     def __init__(
         self, log: SharedLog, before: list[Event], world: World, tell: Callable[[str], None]
     ) -> None:
-        """`before` is what has happened so far: of its pictures only the last is told."""
+        """`before` are the events so far; only the last of their pictures is emitted."""
         self.world = world
         self._log, self._before, self._tell = log, before, tell
 

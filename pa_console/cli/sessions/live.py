@@ -156,7 +156,7 @@ def open_live(
 
 
 def _open_site(world: str, options: SessionOptions, pins: RulesPins, deadline_s: float) -> Site:
-    """Load world and rules; those that are refused are offered to the operator on the terminal."""
+    """Load world and rules; the operator may accept refused rules on the terminal."""
 
     def load(*, accept: bool) -> Site:
         return load_site(
@@ -189,11 +189,11 @@ SHOWN = 5
 def choose_session(
     folder: Path, site: Site, model_sha256: str, scenario: str | None, wanted: bool | None
 ) -> tuple[ResumedSession, Path] | None:
-    """Return the unclosed session of the site's world and its log, if it is to go on.
+    """Return the unclosed session of the site's world and its log, if it is to continue.
 
-    It says what was under way. `wanted` is the answer where it was given on the command line; else
-    the operator is asked, and without a terminal a new session begins. A session that cannot go on
-    as it was is told of, and a new one begins; ValueError when it was explicitly `wanted`.
+    It prints what was under way. `wanted` is the answer from the command line; otherwise the
+    operator is asked, and without a terminal a new session begins. If a session cannot be resumed,
+    the reason is printed and a new one begins; raises ValueError if it was explicitly `wanted`.
     """
     if wanted is False:
         return None

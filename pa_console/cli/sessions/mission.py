@@ -62,10 +62,10 @@ def run_mission(
     choose: int = 0,
     json: bool,
 ) -> None:
-    """Carry out what the verb was asked for, `setup` as YAML; raises Exit with the exit code.
+    """Run the missions of the verb, with `setup` as YAML; raises Exit with the exit code.
 
-    Without a `standing` approval the plan is put to whoever sits at the terminal. Where the order
-    is asked back about, the choice of the number `choose` is taken, 0 for none.
+    Without a `standing` approval, the user at the terminal decides on the plan. If the order is
+    questioned, choice number `choose` is taken, 0 for none.
     """
     if text is None and options.scenario is None:
         raise ValueError("give a mission in plain language, or --scenario NAME, or both")
@@ -230,7 +230,7 @@ class _Progress:
 
     @property
     def traces(self) -> list[MissionTrace]:
-        """All missions; one whose end is not in the log has not ended for anybody."""
+        """All missions; a mission without its end in the log counts as not ended."""
         missions = self.state.missions.items()
         return [t if name in self._recorded else replace(t, status=None) for name, t in missions]
 

@@ -16,7 +16,7 @@ from pa_console.tak.session_on_map import InBackground, SessionOnMap, SiteOnMap
 
 @dataclass(frozen=True)
 class OnMap:
-    """The display of a session's events on the map, and the reports from there."""
+    """The two directions of a TAK connection: events to the map, and reports from it."""
 
     take: Observer
     reports: TakReports
@@ -26,11 +26,12 @@ class OnMap:
 def on_map(
     settings: Settings, world: str, tell: Callable[[str], None], say: Callable[[str], None]
 ) -> Generator[OnMap]:
-    """Give both ways; `tell` is told at the end of what was not shown.
+    """Connect to the TAK server of `settings` and yield both directions.
 
-    `say` is told of the connection, whenever that changes, in another thread.
+    At the end, `tell` gets a warning if events were not shown. `say` gets each change of the
+    connection, from another thread.
 
-    Raises ValueError for a server, a certificate or an origin that cannot be used.
+    Raises ValueError for an unusable server, certificate or origin.
     """
     certificate = Certificate.of(settings.tak_certificate, settings.tak_key, settings.tak_authority)
     server = TakServer.parse(settings.tak, certificate)
@@ -63,9 +64,9 @@ def on_map(
 
 
 def placed(world: World, origin: str, name: str = "", *, replay: bool = False) -> SiteOnMap:
-    """Return the site that is called `name`, else as the world; `origin` goes before its file.
+    """Return the site, named `name` or after the world; `origin` overrides the world's file.
 
-    Raises ValueError for an origin or a name that is none, and for a world that is nowhere.
+    Raises ValueError for an invalid origin or name, and for a world without a place on the earth.
     """
     geography = geography_of(world, origin, "--origin, --tak-origin")
     return SiteOnMap(world, geography, name or world.name, replay)

@@ -35,7 +35,7 @@ def make(role: TokenRole, person: str | None, *, json: bool = False) -> None:
 
 
 def show(*, json: bool = False) -> None:
-    """List the tokens; none of them can be told from what is kept."""
+    """List the tokens; only their hashes are stored, so none is revealed."""
     book = token_book()
     rows = book.listed()
     if json:

@@ -1,7 +1,7 @@
 """The console in a browser: `textual-serve` behind tokens, on loopback, for one browser at a time.
 
-Every browser that comes in has a console of its own, which is a session of its own: so there is
-one at most, and another one is told to wait. An operator does not wait for an observer.
+Every browser gets a console with its own session, so there is at most one; a second browser has to
+wait. An operator does not wait for an observer.
 """
 
 import asyncio

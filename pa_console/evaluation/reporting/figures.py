@@ -64,7 +64,7 @@ HATCHES = ("", "//", "..", "xx", "--", "\\\\", "oo")
 
 
 class Drawn(NamedTuple):
-    """A figure of a report: `name` is its file's, `alt` says in words what it shows."""
+    """A figure of a report: `name` is that of its file, `alt` its description in words."""
 
     section: str
     name: str
@@ -260,7 +260,7 @@ REST = "the rest, 1% or less each"
 
 
 def figure_four(records: Records, beside: bool) -> "Figure":
-    """Draw mean latencies by model; `beside` adds those that the paper's text gives."""
+    """Draw mean latencies by model; `beside` adds the latencies in the paper's text."""
     models = by_model(records)
     theirs = [m for m in MODELS if beside and published(m, "latency_s") is not None]
     figure, (ax,) = new_figure(7.2, 3.4)

@@ -286,7 +286,7 @@ def read_claims(payload: bytes) -> Claims:
 
 
 def unverified(message: str) -> Claims:
-    """Return what a message claims; nobody has vouched for it yet."""
+    """Return the unverified claims of a message."""
     return read_claims(
         _JWS.decode_complete(message, options={"verify_signature": False})["payload"]
     )
@@ -345,10 +345,10 @@ class UnsignedApproval:
 
     @classmethod
     def read(cls, text: str) -> Self:
-        """Return what `text` lets its signer approve; raises RefusedError for anything else.
+        """Return the request for approval in `text`; raises RefusedError for anything else.
 
-        A takeover, a roster or a command is never read so: nobody is made to sign one in the belief
-        that it is an approval.
+        A takeover, a roster or a command is never accepted here, so that no person signs one in the
+        belief that it is an approval.
         """
         try:
             header, claims = _opened(text)

@@ -66,11 +66,11 @@ class Trust:
         return max(self.takeover.epoch, self.roster.epoch) + 1
 
     def take(self, message: str) -> str:
-        """Accept a signed roster, revocation or takeover; return why not, '' when it is taken.
+        """Accept a signed roster, revocation or takeover; return the reason if refused, else ''.
 
-        The same message again is taken and changes nothing. Of takeovers of one epoch, which two
-        commanders have signed without knowing of each other, the one for the station with the
-        highest key counts: so everybody who has heard both goes by the same one.
+        A repeated message is accepted and changes nothing. If two commanders sign takeovers of one
+        epoch independently, the one for the station with the highest key counts, so that every
+        receiver of both follows the same one.
         """
         try:
             match kind_of(message):
@@ -89,7 +89,7 @@ class Trust:
         return ""
 
     def person(self, name: str) -> Person:
-        """Return the person called `name`; raises RefusedError for nobody, and a revoked one."""
+        """Return the person called `name`; raises RefusedError for an unknown or revoked one."""
         person = self.roster.people.get(name)
         if person is None:
             raise RefusedError(f"{name!r} is not in the roster")
@@ -105,9 +105,10 @@ class Trust:
         return person
 
     def approval(self, name: str, message: str, now: float) -> tuple[Claims, str]:
-        """Return what the person called `name` has approved, and the public key of it.
+        """Return the approval by the person called `name`, and its public key.
 
-        Raises RefusedError for what nobody signed who may approve, and for what is out of date.
+        Raises RefusedError without a signature by a person who may approve, and for an outdated
+        one.
         """
         person, what = self.approver(name), f"the approval of {name}"
         approval = open_message(message, "approval", public_key(person.key), what)

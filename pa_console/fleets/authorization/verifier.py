@@ -169,7 +169,7 @@ class Verifier:
         trust.takeover = Takeover(**state["takeover"])
 
     def _opened(self, token: str) -> Claims:
-        """Return what the station in command has signed; raises RefusedError for anybody else's."""
+        """Return the message signed by the station in command; raises RefusedError for another."""
         trust = self.trust
         station = trust.takeover.station
         if not trust.takeover.epoch:
@@ -234,7 +234,7 @@ class Verifier:
     def _use(self, claims: Claims, approvals: Sequence[Claims], command: Command) -> None:
         """Use the token up, and of each approval one of the orders of these words.
 
-        So whoever has stolen a station's key repeats nothing that people approved once.
+        With a stolen station key, nothing that people approved once can be repeated.
         """
         token = f"{claims['iss']}/{claims['session']}/{claims['jti']}"
         if why := self._memory.use("token", token, claims["exp"]):

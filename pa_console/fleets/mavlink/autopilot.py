@@ -29,7 +29,7 @@ Post = Callable[[Callable[[], object]], None]
 """Has something done by the link's own thread."""
 
 AUTOPILOT = 1
-"""The component id of an autopilot: cameras and radios of the same vehicle are not heard."""
+"""The component id of an autopilot; cameras and radios of the same vehicle are ignored."""
 
 FENCE, MISSION = 1, 0
 PX4_FENCE_ACTION, FENCE_ACTION, FENCE_TYPE = "GF_ACTION", "FENCE_ACTION", "FENCE_TYPE"
@@ -50,7 +50,7 @@ class _Arguments(Protocol):
 
 
 class MavsdkAutopilot:
-    """A vehicle that mavsdk has found; `hears` is given what it says."""
+    """A vehicle that mavsdk has found; `hears` gets its messages."""
 
     def __init__(self, system: System, post: Post, asset_kind: AssetKind, rate_hz: float) -> None:
         """Ask the vehicle for positions at `rate_hz`."""
@@ -121,7 +121,7 @@ class MavsdkAutopilot:
             self._post(partial(self._heard, POSITION, take, received.fields_json))
 
     def step(self) -> None:
-        """Ask for the messages that do not come, and tell the flight which are missing."""
+        """Request the messages that do not arrive, and report the missing ones to the flight."""
         now_s = time.monotonic()
         for needed in self.messages.due(now_s):
             micros = self.messages.period_s(needed) * 1e6
@@ -193,7 +193,7 @@ class MavsdkAutopilot:
             self._flight.home_at(float(home.latitude_deg), float(home.longitude_deg))
 
     def send(self, command: MavCommand, times: int) -> None:
-        """Send a command once; `times` says how often it was sent before."""
+        """Send a command once; `times` is the number of earlier attempts."""
         fields = self._addressed(command=int(command.command))
         most = 7 if command.place is None else 4
         params = (*command.params, *(0.0 for _ in range(most)))[:most]

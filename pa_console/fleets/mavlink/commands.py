@@ -95,7 +95,7 @@ class MavItem:
 
 
 class Autopilot(Protocol):
-    """One vehicle on a link. No member waits or raises; its `Flight` is told what comes of it."""
+    """One vehicle on a link. No member waits or raises; its `Flight` gets the results."""
 
     @property
     def kind(self) -> Kind:
@@ -103,7 +103,7 @@ class Autopilot(Protocol):
         ...
 
     def send(self, command: MavCommand, times: int) -> None:
-        """Send a command once; `times` says how often it was sent before."""
+        """Send a command once; `times` is the number of earlier attempts."""
         ...
 
     def hold(self) -> None:

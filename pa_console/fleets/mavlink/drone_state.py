@@ -32,7 +32,7 @@ PILOT_MODES = frozenset(
 """The flight modes in which a pilot's stick steers."""
 
 PREARM = "PreArm:"
-"""The beginning of the texts in which an ArduPilot says why it does not arm."""
+"""The beginning of ArduPilot's texts with its reasons for not arming."""
 
 PREARM_S = 12.0
 """A reason that has not been repeated for so long does not count; it is asked for every 5 s."""
@@ -44,8 +44,8 @@ CRITICAL, EMERGENCY, TERMINATING = 5, 6, 8
 class BootClock:
     """Turns a drone's time since its start into the station's time.
 
-    The least delayed message tells when the drone started: of those that come later than that,
-    the age is known, whatever buffer held them up.
+    The least delayed message determines the start of the drone, so the age of every later message
+    is known, whatever buffer delayed it.
     """
 
     def __init__(self) -> None:
@@ -123,7 +123,7 @@ class DroneState:
     may_arm: bool | None = None
     """False while its own checks keep it from arming, None while they are unknown."""
     prearm: dict[str, float] = field(default_factory=dict[str, float])
-    """Why they do, each with the time at which it was said last."""
+    """The reasons, each with the time of its last report."""
     battery_pct: float | None = None
     home: Point | None = None
     texts: deque[StatusText] = field(default_factory=lambda: deque[StatusText](maxlen=32))

@@ -75,7 +75,7 @@ NO_ESTIMATE = "it has no position estimate yet"
 class Flight:
     """Carries out the orders of one drone, the asset `agent`.
 
-    `tell` is given its news. Nothing here waits: `step` is called a few times a second.
+    `tell` gets its notices. Nothing here waits: `step` is called a few times a second.
     """
 
     def __init__(
@@ -210,7 +210,7 @@ class Flight:
     # What the drone reports
 
     def home_at(self, latitude: float, longitude: float) -> None:
-        """Take in its home, where it lands when it returns; one away from the base is told."""
+        """Process its home, where it lands on return; report one away from the base."""
         home = self._geography.near(latitude, longitude)
         if home is None:
             return
@@ -237,7 +237,7 @@ class Flight:
             self._tell(self._report())
 
     def is_a(self, kind: AssetKind) -> None:
-        """Take in the kind of vehicle that a heartbeat says it is."""
+        """Process the kind of vehicle in a heartbeat."""
         if kind != self._found_kind:
             self._found_kind = kind
             if kind != self._kind:
@@ -265,7 +265,7 @@ class Flight:
         self._look_for_pilot(was_manual)
 
     def health(self, ok: bool) -> None:
-        """Take in whether its sensors work; in the first seconds, what is not told is missing."""
+        """Process its sensors' health; in the first seconds, unreported ones count as missing."""
         since_s = self._now() - self._first_s if self._first_s is not None else 0.0
         self._known_healthy |= ok
         self.state.healthy = ok or not (self._known_healthy or since_s > COMPLETE_S)

@@ -98,8 +98,8 @@ def _place(geography: Geography, x: int, y: int) -> str:
 class FenceWatch:
     """Brings one drone's geofence into line once, and watches it from then on.
 
-    What somebody else changes later is reported and not put right: they had a reason, and two
-    stations that overwrite each other leave no fence at all.
+    Later changes by others are reported but not corrected: they may have a reason, and two stations
+    that overwrite each other leave no fence at all.
     """
 
     def __init__(
@@ -110,7 +110,7 @@ class FenceWatch:
         say: Callable[[Level, str], None],
         every_s: float,
     ) -> None:
-        """`say` tells the operator; the fence is read again every `every_s` seconds."""
+        """`say` notifies the operator; the fence is read again every `every_s` seconds."""
         self._areas, self._geography, self._autopilot = areas, geography, autopilot
         self._say, self._every_s = say, every_s
         self._asked: Literal["", "read", "upload", "enforce"] = ""

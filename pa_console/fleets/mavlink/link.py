@@ -59,7 +59,7 @@ SCHEMES = (
 def open_link(address: str, world: World, settings: Settings) -> "MavlinkLink":
     """Open the link at `address`: the file of its drones, after a connection of mavsdk or alone.
 
-    Raises ValueError with the remedy when it cannot be used, or nobody answers there.
+    Raises ValueError with the remedy if it is unusable or no vehicle answers.
     """
     urls, vehicles = _found(address, world)
     for url in urls:
@@ -174,13 +174,13 @@ class MavlinkLink:
 
     @property
     def problem(self) -> str:
-        """The reason for a missing connection, '' while a drone is heard."""
+        """The reason for a missing connection, '' while a drone reports."""
         if any(self._up.values()):
             return ""
         return f"no drone is heard at {self._url}"
 
     def await_vehicle(self, seconds: float) -> bool:
-        """Wait for one of the drones, for `seconds` at most; return whether one was heard."""
+        """Wait at most `seconds` for one of the drones; return True if one has reported."""
         return self._heard.wait(seconds)
 
     def send(self, command: DeviceCommand) -> None:
@@ -214,7 +214,7 @@ class MavlinkLink:
         self._mavsdk.destroy()
 
     def discover(self) -> Sequence[FoundRobot]:
-        """Return the drones of the file that have been heard, and other vehicles on the link."""
+        """Return the drones of the file that have reported, and other vehicles on the link."""
         found = [
             FoundRobot(
                 name,

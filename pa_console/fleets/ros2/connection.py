@@ -1,11 +1,11 @@
 """The connection file of a link's robots, and the Zenoh keys of their topics and services.
 
-The YAML file, which an address names, `ros2:tcp/HOST:PORT#FILE`, says which robots there are, what
-they can do, and where their map lies. Behind zenoh-bridge-ros2dds a key is the ROS name with the
-bridge's namespace in front. On rmw_zenoh it is `DOMAIN/NAME/TYPE/HASH`; types and hashes of
-services depend on the release, so they are read from the liveliness tokens `@ros2_lv/...` that
-every ROS node declares. A service of rmw_zenoh takes no request without an attachment: sequence
-number, time, and the id of the client.
+The YAML file in the address, `ros2:tcp/HOST:PORT#FILE`, has the robots, their abilities, and the
+position of their map. Behind zenoh-bridge-ros2dds a key is the ROS name with the bridge's namespace
+in front. On rmw_zenoh it is `DOMAIN/NAME/TYPE/HASH`; types and hashes of services depend on the
+release, so they are read from the liveliness tokens `@ros2_lv/...` that every ROS node declares. A
+service of rmw_zenoh takes no request without an attachment: sequence number, time, and the id of
+the client.
 """
 
 import cmath
@@ -260,7 +260,7 @@ class Keys(Protocol):
     """The key expression of the liveliness tokens of action servers."""
 
     def topic(self, namespace: str, name: str, kind: str) -> str:
-        """Return the key expression of a topic; `kind` says of what type it is."""
+        """Return the key expression of a topic; `kind` is its type."""
         ...
 
     def service(self, service: Service) -> str | None:
@@ -288,7 +288,7 @@ class BridgeKeys:
         return f"{namespace}/{name}"
 
     def service(self, service: Service) -> str | None:
-        """Return the key of a service; without a robot behind it, nobody answers."""
+        """Return the key of a service; without a robot behind it, there is no answer."""
         return f"{service.namespace}/{service.action}/_action/{service.name}"
 
     def saw(self, token: str, *, there: bool) -> str | None:  # noqa: ARG002

@@ -236,8 +236,8 @@ def read_cancelled(payload: bytes) -> CancelCode:
 def read_result(payload: bytes) -> GoalResult:
     """Return the answer to a question for the result of a goal.
 
-    The release of Nav2 is told from the length: the encoding of Humble's result, which is empty,
-    takes at most one word of four bytes, and a text makes it longer than two.
+    The length reveals the release of Nav2: the encoding of Humble's empty result takes at most one
+    word of four bytes, and a text makes it longer than two.
     """
     body = len(payload) - 4
     if body < 1:

@@ -1,14 +1,13 @@
-"""The goals of one robot: what it was ordered, what it answers, and how each order ended.
+"""The goals of one robot: its orders, its answers, and the end of each order.
 
 An order is a goal of Nav2's action `NavigateToPose`, whose id is made from the command's. Action
-servers in C++ end with an exception when an id that they know comes again (rclcpp_action, "Failed
-to accept new goal"), and servers in Python reject it. So an order that was not answered is never
-just sent again: first its result is asked for, and only a robot that answers at once that it does
-not know the goal gets it once more.
+servers in C++ end with an exception if a known id arrives again (rclcpp_action, "Failed to accept
+new goal"), and servers in Python reject it. So an unanswered order is never simply sent again: its
+result is requested first, and only a robot that answers at once that it does not know the goal gets
+it again.
 
-What a robot says of its goals comes from three sides: the status topic, which is quick and can be
-missed; the answer to the question for the result, which comes when the goal has ended; and the
-feedback.
+Information about goals comes from three sources: the status topic, which is quick but may be
+missed; the answer to the request for the result, which arrives at the goal's end; and the feedback.
 """
 
 import math
@@ -421,7 +420,7 @@ class Navigator:
         frame = self._world.frames[name]
         off_m = math.dist(self._seen.at, frame.at) if self._seen is not None else math.inf
         near_m = frame.radius_m
-        if goal.command.verb in ADDRESSING:  # it stops at a distance from whoever is there
+        if goal.command.verb in ADDRESSING:  # it stops at a distance from contacts there
             near_m += self._world.platforms["robot"].sensor_range_m
         if off_m <= near_m:
             self._stays = COMMANDS[goal.command.verb].task or "idle"

@@ -43,9 +43,9 @@ Metres = Annotated[float, Field(ge=0.0, le=1e5)]
 class SeenContact(Wire):
     """One detection of a vehicle or person that is not ours.
 
-    `signature` tells detections of the same contact apart from others. Without `x` and `y` the
-    sensor only repeats what it has found out before; `sigma_m` is the error of one axis, metres.
-    `warned_s` is how many seconds ago the contact was warned.
+    `signature` is the same for all detections of one contact. Without `x` and `y` the sensor only
+    repeats earlier findings; `sigma_m` is the error of one axis, metres. `warned_s` is the time
+    since the contact was warned.
     """
 
     signature: Id
@@ -120,10 +120,10 @@ class SiteDescription(Header):
 
 
 class ClockMessage(Header):
-    """The station lets a paced site go on to `tick`; `after` names what it has sent before.
+    """The permission for a paced site to advance to `tick`, after the messages in `after`.
 
-    Per robot, `after` is the sum of its messages on the topics that it hears, so that none is
-    overtaken. The site answers likewise on `clockDone`, once it has told everything.
+    `after` counts each robot's messages on its topics, so that none is overtaken. The site answers
+    in the same way on `clockDone`, once it has sent everything.
     """
 
     TOPIC: ClassVar[str] = "clock"
@@ -186,7 +186,7 @@ class SignedTakeover(SignedMessage):
 
 
 SIGNED: tuple[type[SignedMessage], ...] = (SignedRoster, SignedRevocation, SignedTakeover)
-"""The signed messages, each after those that it is checked by."""
+"""The signed messages, each after the ones that verify it."""
 
 MOST_UNPACKED = 4 << 20
 """The largest size of the records in one message, bytes."""

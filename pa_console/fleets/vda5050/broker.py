@@ -102,9 +102,9 @@ class BrokerAddress:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Read `mqtts://host:8883/site`; raises ValueError saying what is wrong with it.
+        """Parse `mqtts://host:8883/site`; raises ValueError that describes the problem.
 
-        Without encryption only this machine is spoken to.
+        Without encryption, only this machine is allowed.
         """
         parts, host, port = server_address(text, PORTS, "a broker", FORM)
         if parts.query or parts.fragment or parts.username or parts.password:
@@ -128,7 +128,7 @@ def _lock(key: Path) -> BinaryIO | None:
     """Return the file of a key, locked until it is closed; BlockingIOError when another has it."""
     try:
         file = key.open("rb")
-    except OSError:  # `context` says why it cannot be read
+    except OSError:  # `context` has the reason
         return None
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -149,11 +149,11 @@ MOST_QUEUED = 2_000
 QUIET = logging.getLogger("pa_console.bus")
 QUIET.addHandler(logging.NullHandler())
 QUIET.propagate = False
-"""The library's own lines would be written over the screen; what matters of them is told anyway."""
+"""The library's lines would be written over the screen; the important ones are reported anyway."""
 
 
 def say_nothing(_loop: asyncio.AbstractEventLoop, _context: dict[str, Any]) -> None:
-    """Take a broken connection without a word: whoever runs a client is told of it anyway.
+    """Ignore a broken connection, which the client reports anyway.
 
     The library still watches the socket of a connection that is gone, and the event loop would
     print that over the screen.
@@ -186,8 +186,8 @@ class BusClient:
 
     It subscribes to `topics` and leaves `will` when the connection breaks.
 
-    `heard` is called with every message, `changed` with whether there is a connection and why not.
-    All of it happens in the event loop that runs it.
+    `heard` gets every message, `changed` the state of the connection and the reason for a missing
+    one. Everything happens in the event loop that runs it.
     """
 
     address: BrokerAddress
@@ -270,7 +270,7 @@ class BusClient:
                 properties=properties,
             )
         except (MqttError, OSError):
-            return  # the connection broke; `run` tells
+            return  # the connection broke; `run` reports it
 
     def _connection(self) -> "Client":
         from aiomqtt import Client, ProtocolVersion, Will  # noqa: PLC0415

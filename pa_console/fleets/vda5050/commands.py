@@ -60,9 +60,9 @@ def resume_for(command: DeviceCommand) -> RobotAction:
 def order_of(
     command: DeviceCommand, world: World, at: Point | None, node_id: str, token: str | None
 ) -> tuple[tuple[Node, ...], tuple[Edge, ...]]:
-    """Return the nodes and edges of an order: from where the robot is, `at`, to the command's goal.
+    """Return the nodes and edges of an order, from the robot's position `at` to the command's goal.
 
-    `node_id` is the node that it says it was at last. Without a place the goal is the only node.
+    `node_id` is its last reported node. Without a position, the goal is the only node.
     """
     goal = command.target or world.base
     action = _action(command.command_id, command.verb, "HARD", _parameters(command.target, token))

@@ -201,7 +201,7 @@ class Speaker:
 
 
 class Gateway(Speaker):
-    """The radio's end on the bus: it speaks for one asset, with what the asset itself has said.
+    """The radio's end on the bus: it represents one asset with the asset's own reports.
 
     `forward` puts a command on the asset's radio link. A state never claims to be newer than the
     asset's last report.

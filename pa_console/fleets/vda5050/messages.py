@@ -38,7 +38,7 @@ class ActionParameter(Wire):
 
 
 class RobotAction(Wire):
-    """Something that a robot is to do: `action_type` says what, `action_id` which one it is."""
+    """One action of a robot, with its `action_type` and its `action_id`."""
 
     action_id: Id
     action_type: Id

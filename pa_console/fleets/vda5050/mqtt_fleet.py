@@ -1,7 +1,7 @@
 """A fleet on an MQTT broker, each of its robots a VDA 5050 vehicle.
 
-The clock is the station's own. A report is as old as its own time says, and never newer than its
-arrival; one from the future, or of a time before the last, is not believed.
+The clock is the station's own. A report is dated by its own time, and never newer than its arrival;
+a report from the future or from before the last one is discarded.
 """
 
 import secrets
@@ -39,8 +39,8 @@ _HAPPENED: TypeAdapter[IncidentHappened | Noticed] = TypeAdapter(IncidentHappene
 class MqttFleet(ReportedFleet):
     """Drives the robots of one site; with `keys`, commands travel with tokens.
 
-    Then it tells the robots of the newest roster, revocation and takeover that it knows of, and
-    goes by newer ones that others tell of.
+    With keys, it also sends the robots the newest roster, revocation and takeover that it has, and
+    follows newer ones from others.
     """
 
     def __init__(
@@ -124,8 +124,8 @@ class MqttFleet(ReportedFleet):
     def send(self, command: DeviceCommand) -> None:
         """Send `command` to its robot now; without a connection it is not sent at all.
 
-        What its robot's factsheet does not offer is refused here. To a robot that has never joined
-        nothing can be sent: whoever waits for its answer waits in vain.
+        A command that its robot's factsheet does not offer is refused here. Nothing can be sent to
+        a robot that has never joined, so its answer never arrives.
         """
         robot = self._robots.get(command.agent)
         if robot is None:
@@ -319,7 +319,7 @@ class MqttFleet(ReportedFleet):
             self._link.publish(*signed_messages(site, newest, self._signed_numbers, self.now()))
 
     def _take_signed(self, message: additions.SignedMessage) -> None:
-        """Go by a signed message; say so when it changes whether this station may command."""
+        """Follow a signed message; report if it changes this station's right to command."""
         if self._keys is None:
             return
         before = self._keys.refusal
@@ -354,7 +354,7 @@ class MqttFleet(ReportedFleet):
         self._countersigned.append(PlanCountersignature(request, person, signature))
 
     def _take(self, delivery: Delivery) -> None:
-        """Take in one message; what cannot be believed is told, and changes nothing."""
+        """Process one message; an implausible one is reported and changes nothing."""
         topic, message = delivery.topic, delivery.message
         name = topic.identity.serial_number
         if isinstance(message, UnreadableError):
@@ -392,7 +392,7 @@ class MqttFleet(ReportedFleet):
                 self._take_more(topic.identity, message)
 
     def _take_more(self, identity: Identity, message: Header) -> None:
-        """Take in what only a simulated site sends; nobody else is believed to."""
+        """Process a message of a simulated site; from any other sender, it is ignored."""
         self._say("alarm", identity.serial_number, f"sends {message.TOPIC!r}, which is not its own")
 
     def _take_told(self, message: additions.ScenarioNews) -> None:

@@ -74,7 +74,7 @@ class SharedSession:
     def _message(
         self, site: str, now: datetime, first: int, last: int
     ) -> Iterator[OutgoingMessage]:
-        """Yield the records, if they can be read and sent; whoever lacks them asks again."""
+        """Yield the records that can be read and sent; clients request missing ones again."""
         lines = self._lines(first, last)
         packed = pack(lines)
         if not lines or len(packed) > MOST_BYTES * 3 // 4:

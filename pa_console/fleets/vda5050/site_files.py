@@ -1,7 +1,7 @@
-"""The files of a site: an authority, a certificate for everybody, and what Mosquitto is told.
+"""The files of a site: an authority, certificates for all clients, Mosquitto's configuration.
 
-The name in a certificate is also the client id of its connection: no client is taken for another
-one, or ends the connection of another one. A robot may write and read its own topics alone.
+The name in a certificate is also the client id of its connection, so no client can pose as another
+or end its connection. A robot may write and read only its own topics.
 """
 
 import getpass

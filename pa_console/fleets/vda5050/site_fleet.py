@@ -64,10 +64,10 @@ class SiteFleet(MqttFleet):
         return self._epoch + timedelta(seconds=ticks * self._site_dt_s)
 
     def inject(self, incident: Incident) -> None:
-        """Make `incident` happen now at the site.
+        """Apply `incident` at the site now.
 
-        Raises ValueError naming what exists for an unknown name, and when the site says that it
-        cannot happen, or says nothing.
+        Raises ValueError with the valid names for an unknown one, and if the site refuses the
+        incident or does not answer.
         """
         _, problem = unknown_name(incident, self.world)
         if problem:

@@ -358,7 +358,7 @@ def with_newcomers(world: World, joined: JoinedBus) -> tuple[World, tuple[str, .
 
 
 def kind_of(sheet: Factsheet) -> AssetKind:
-    """Return which kind of asset a robot is: as its class says, else by what it can do."""
+    """Return the kind of asset of a robot, by its class, else by its abilities."""
     said = sheet.type_specification.mobile_robot_class.lower()
     named: Mapping[str, AssetKind] = {"uav": "uav", "ugv": "ugv", "robot": "robot"}
     if said in named:

@@ -1,7 +1,7 @@
-"""The robot's side of the protocol: which orders it takes, which it refuses, what it says of them.
+"""The robot's side of the protocol: accepted and refused orders, and its answers to them.
 
-It knows no transport and no motors. An order that is taken comes out as a device command, at most
-once whatever is sent again; what the device answers goes in as replies, and both make its state.
+It has no transport and no motors. An accepted order becomes a device command, at most once despite
+repetitions; the device's answers are its input, and both determine its state.
 """
 
 from collections import OrderedDict
@@ -84,12 +84,12 @@ class _Refusal:
 class Vehicle:
     """One robot; `offers` are the verbs that it can carry out, `now` is its own clock (UTC).
 
-    A stop is carried out however often its id has come: an id that somebody has used up beforehand
-    must not keep a stop out. No order that was sent before a stop is carried out after it.
+    A stop is carried out however often its id has arrived, so that a used id cannot block a stop.
+    No order that was sent before a stop is carried out after it.
 
-    With `relays` it speaks for a device beyond a radio that loses messages: it says nothing of a
-    command before the device does, and hands one that comes again on until it has ended. Such a
-    device has to take each id once, too.
+    With `relays`, it represents a device beyond a lossy radio: it reports on a command only after
+    the device does, and forwards repetitions until the command has ended. Such a device must also
+    carry out each id once.
     """
 
     def __init__(

@@ -25,7 +25,7 @@ MOST_ITEMS = 1000
 
 
 class UnreadableError(ValueError):
-    """A message that is not what its topic is for; its text says why, in one line."""
+    """An invalid message for its topic; the text has the reason in one line."""
 
 
 def in_milliseconds(time: datetime) -> datetime:
@@ -94,7 +94,7 @@ class Header(Wire):
 
     @classmethod
     def read(cls, payload: bytes) -> Self:
-        """Return the message in `payload`; raises UnreadableError saying what is wrong with it."""
+        """Return the message in `payload`; raises UnreadableError that describes the problem."""
         if len(payload) > MOST_BYTES:
             raise UnreadableError(f"{len(payload)} bytes, more than {MOST_BYTES} are not read")
         try:

@@ -230,7 +230,7 @@ class AnswerRun:
         )
 
     def _next(self, logits: NDArray[np.float32]) -> list[int]:
-        """Return the next tokens: those that are forced, or one chosen and those it forces."""
+        """Return the next tokens: the forced ones, or a chosen one and those that it forces."""
         tokens = forced_tokens(self._matcher)
         if tokens or self._matcher.is_stopped():
             return tokens

@@ -44,7 +44,7 @@ class _Rule(ctypes.Structure):
 def restrict_reading(readable: Iterable[str | os.PathLike[str]]) -> str:
     """Restrict reading to `readable` files and folders; return the reason if that fails, else ''.
 
-    It holds for this thread and those that it starts later. Missing files are left out.
+    It applies to this thread and the threads that it starts later. Missing files are skipped.
     """
     if sys.platform != "linux":
         return "the limit on files that are read is one of Linux"
@@ -111,7 +111,7 @@ REMEDY = "on Linux 5.13 or newer with Landlock, on x86-64 or ARM64, all of it ho
 
 
 class Restriction(StrictModel):
-    """Something that the process cannot do; `missing` says why it can here, if it can."""
+    """An action denied to the process; `missing` is the reason if it is possible here."""
 
     what: str
     missing: str = ""
@@ -212,7 +212,7 @@ def _limit(kind: int, value: int) -> str:
 
 
 def _data_bytes() -> int:
-    """Return how much memory of its own the process has; 0 where that cannot be told."""
+    """Return the private memory of the process; 0 if it is unknown."""
     try:
         lines = STATUS.read_text(encoding="ascii", errors="replace").splitlines()
     except OSError:

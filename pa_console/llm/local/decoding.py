@@ -116,8 +116,8 @@ def branch_points(  # noqa: PLR0917
     """Return the `count` likeliest ways to leave `answer`, the likeliest first.
 
     `rows` are the logits before each of its tokens, shape (n_vocabulary,); `matcher` is at its
-    start and is moved along it. Its first `begun` tokens stay, and those that the grammar forces. A
-    token that writes what the answer goes on with is no way to leave it.
+    start and is moved along it. Its first `begun` tokens and the tokens that the grammar forces
+    stay. A token that spells the answer's own continuation does not count as leaving it.
     """
     found: list[BranchPoint] = []
     """The likeliest ones so far, the least likely of them first."""
@@ -144,10 +144,10 @@ def branch_points(  # noqa: PLR0917
 def _chances(
     matcher: LLMatcher, row: NDArray[np.float32], token: int, least: float
 ) -> dict[int, float]:
-    """Return the logarithms of the chances of `token` and of the likeliest that are allowed.
+    """Return the log probabilities of `token` and of the most likely allowed tokens.
 
-    Those that cannot be likelier than `least` are left out, and not put to the grammar: inside long
-    texts that is dear, as the mask over the whole vocabulary would be.
+    Tokens that cannot exceed `least` are left out without a grammar check, which is expensive
+    inside long texts, like the mask over the whole vocabulary.
     """
     likely = np.argpartition(-row, AT_ONE_PLACE)[:AT_ONE_PLACE]
     at_most = row[likely] - np.logaddexp(row[likely], row[token])
@@ -196,9 +196,8 @@ class Candidates:
     ) -> tuple[list[str], Finish, Usage]:
         """Write answers to the prompt of the `likeliest` one.
 
-        They keep its first `begun` tokens, and end where the request's regular expression `stop`
-        is found, if there is one. Those that are not complete are left out. Raises ValueError when
-        there is no room.
+        They keep its first `begun` tokens, and end at the first match of the request's regular
+        expression `stop`, if any. Incomplete answers are left out. Raises ValueError without room.
         """
         prompt, answer = likeliest.prompt, likeliest.tokens
         started = perf_counter()
@@ -337,10 +336,10 @@ class Decoder:
     ) -> tuple[list[str], Finish, Usage]:
         """Write the answers to `request` other than the most likely one, all in one batch.
 
-        Those that are complete are returned, the likeliest first. They keep of the most likely
-        answer what `begun` says, its beginning, and leave it before the end of `within`, if that is
-        given, another beginning of it. Each ends where the regular expression `stop` is found in
-        it, if there is one. Raises ValueError as `answer` does.
+        Complete answers are returned, most likely first. They keep the beginning `begun` of the
+        most likely answer, and diverge from it before the end of its longer beginning `within`, if
+        given. Each ends at the first match of the regular expression `stop`, if any. Raises
+        ValueError as `answer` does.
         """
         last = self._last.get(sequence)
         if last is None or last.prompt != list(prompt):

@@ -68,9 +68,9 @@ Signal = Literal["stop", "late", "ended"]
 
 
 class Worker:
-    """A running worker; `ready` resolves to whether its model was loaded, `error` says why not.
+    """A running worker; `ready` is True once its model was loaded; if not, `error` is the reason.
 
-    An empty `error` of a worker that has `ended` means that it died.
+    A worker that has `ended` with an empty `error` has died.
     """
 
     def __init__(
@@ -230,7 +230,7 @@ OnState = Callable[[WorkerState, str], None]
 
 
 class Engine:
-    """Answers prompts, one at a time; `on_state` is told of every change of the worker."""
+    """Answers prompts, one at a time; `on_state` gets every change of the worker."""
 
     def __init__(
         self,
@@ -256,7 +256,7 @@ class Engine:
         )
         """The engine of the model that reads an order again; started when it is first needed.
 
-        It reads ahead only while nobody waits for this one.
+        It reads ahead only while no caller waits for this one.
         """
         n_ctx = n_ctx or model.n_ctx
         adapters = {adapter.path.name: adapter.sha256 for adapter in model.adapters}
@@ -312,7 +312,7 @@ class Engine:
     async def start(self) -> None:
         """Start loading the model and return at once.
 
-        Where it was started before anybody listened, `on_state` is told how far it is.
+        If it was started before `on_state` was set, `on_state` gets its present state.
         """
         self._closed = False
         if self.second_reader is not None:
@@ -401,7 +401,7 @@ class Engine:
                 worker.send(Cancel(id=self._number))
 
     async def _living_worker(self) -> Worker:
-        """Return the worker; whoever waits may be cancelled, a process is always born whole."""
+        """Return the worker; a waiting caller may be cancelled, but never a starting process."""
         if self._closed:
             raise ModelUnavailableError("the engine is closed")
         self._birth = asyncio.ensure_future(self._spawned())

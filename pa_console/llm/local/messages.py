@@ -79,8 +79,8 @@ class TextPiece(StrictModel):
 class Done(StrictModel):
     """Generation `id` is over; all its text was sent.
 
-    `texts` are the complete answers if several were asked for, `chances` those of a single answer.
-    `slowed` says that it took long because the machine had other work.
+    `texts` are the complete answers if several were requested, `chances` those of a single answer.
+    `slowed` is True if other work on the machine delayed it.
     """
 
     op: Literal["done"] = "done"

@@ -193,9 +193,9 @@ class SharedContext:
         self._context.free()
 
     def adopt(self, state: State, lengths: Sequence[int], sequence: int) -> None:
-        """Begin continuations of what `sequence` evaluated, `state`: each of its first tokens.
+        """Start continuations of `state`, which `sequence` has evaluated, with their first tokens.
 
-        `lengths` says of how many, continuation by continuation.
+        `lengths` has the number of those tokens for each continuation.
         """
         memory = self._context.memory
         self._adapters.use(self._context.handle, sequence)
@@ -254,10 +254,10 @@ class Runtime:
         adapters: Mapping[int, str] | None = None,
         mapped: bool = True,
     ) -> None:
-        """Load the file at `path`; raises ValueError when llama.cpp cannot.
+        """Load the file at `path`; raises ValueError if llama.cpp cannot.
 
-        `cores` says how many threads compute; `adapters` has the path of the adapter with which a
-        sequence is evaluated, if any. A `mapped` file is shared with other processes that load it.
+        `cores` is the number of computing threads; `adapters` has the path of each sequence's
+        adapter, if any. A `mapped` file is shared with other processes that load it.
         """
         _api.llama_log_set(_no_log, None)
         _api.llama_backend_init()

@@ -74,9 +74,9 @@ def batch_threads(cores: int, tokens: int) -> int:
 
 
 def idle_seconds() -> float | None:
-    """Return how long the cores that this process may use were idle since the machine started.
+    """Return the idle time of the cores open to this process since the machine started.
 
-    The seconds of all cores are added up. None where the system does not tell.
+    It is the sum over all cores, in seconds; None if the system does not report it.
     """
     import psutil  # noqa: PLC0415 - only who looks at the cores waits for it
 
@@ -140,9 +140,9 @@ class FreeCores:
         return self._now(), self._computed(), self._idle()
 
     def _follow(self, *, paused: bool) -> None:
-        """Use the cores that were idle since the last look, and those that were used here.
+        """Use the cores that were idle since the last measurement or used by this process.
 
-        The load of others in a pause is no reason to take fewer: it may be over with the pause.
+        Load from others during a pause does not reduce the number: it may end with the pause.
         """
         (then, before, idle_then), self._looked = self._looked, self._look()
         now, computed, idle = self._looked

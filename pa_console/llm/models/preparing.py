@@ -1,10 +1,10 @@
-"""Keeps a model's weights as they are to run, made once from the file that was fetched.
+"""Keeps a model's weights in the form in which they run, made once from the fetched file.
 
-That is in the type that is fastest here, and with no more vocabulary than is needed. The same
-source gives the same bytes on every machine, whatever its CPU and however many threads: the
-catalogue pins the SHA-256 of what it asks for. Where it has no pin, a JSON file beside
-`<name>-<how>.gguf` says what it was made from and its hash, signed with this machine's key, which
-is in another folder. A prepared file that does not fit the pin or the record is made again.
+This is the fastest type on this machine, with only the vocabulary that is needed. The same source
+gives the same bytes on every machine, whatever its CPU and number of threads, so the catalogue can
+pin the SHA-256 of the result. Without a pin, a JSON file beside `<name>-<how>.gguf` records the
+source and the hash, signed with this machine's key, which is in another folder. A prepared file
+that does not match the pin or the record is made again.
 """
 
 import shutil
@@ -118,10 +118,9 @@ def find_pinned(name: str, how: Preparation, pin: Sha256) -> PreparedFile | None
 
 
 def find_recorded(name: str, how: Preparation, source_sha256: str) -> PreparedFile | None:
-    """Return the prepared weights when this machine's signed record vouches for them, else None.
+    """Return the prepared weights if this machine's signed record vouches for them, else None.
 
-    That is for weights that nobody pinned: the record must be of that source, and the hash in it
-    that of the file.
+    This is for unpinned weights: the record must name this source and the hash of the file.
     """
     path = prepared_path(name, how)
     try:

@@ -72,9 +72,9 @@ class ServerClient:
     ) -> AsyncGenerator[AnswerChunk]:
         """Yield the answer to a prompt piece by piece, the last one with its `finish`.
 
-        `extra` is what the request has besides, such as a way to constrain the answer. Leaving it
-        early closes the connection, which tells the server to stop. Raises ServerError when there
-        is no whole answer within `within_s` seconds, or none at all.
+        `extra` has further fields of the request, such as a constraint on the answer. Leaving it
+        early closes the connection, which makes the server stop. Raises ServerError without a
+        complete answer within `within_s` seconds.
         """
         limit = asyncio.get_running_loop().time() + within_s
         late = ServerError(TIMED_OUT.format(within_s))

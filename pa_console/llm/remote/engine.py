@@ -199,7 +199,7 @@ OnServer = Callable[[ServerState, str], None]
 
 
 class ServerEngine:
-    """Answers prompts with the model at `address`; `on_state` is told of every change of it."""
+    """Answers prompts with the model at `address`; `on_state` gets every change of its state."""
 
     def __init__(
         self,
@@ -244,7 +244,7 @@ class ServerEngine:
             await asyncio.sleep(self._again_s)
 
     async def look(self) -> None:
-        """Probe the server once; `state`, `detail` and `report` say what came of it."""
+        """Probe the server once; `state`, `detail` and `report` have the result."""
         self._doubted.clear()
         if self.state != "away":
             self._change("probing", "its ways to constrain an answer are tried")
@@ -264,12 +264,12 @@ class ServerEngine:
         await self._client.close()
 
     async def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
-        """Give the answer to `request` in pieces, then one GenerationEnd.
+        """Yield the answer to `request` in pieces, then one GenerationEnd.
 
-        Of several answers none is given: a server does not tell them. An answer that does not meet
-        the schema of the request is asked for once more; its pieces are not given. Raises
-        ServerError when there is no answer that can be used, within the deadline or `patience_s`,
-        whichever is shorter; the server is then looked at again before it is asked anything else.
+        Several answers are not supported, because a server does not return them. An answer that
+        does not match the schema of the request is requested once more, without yielding its
+        pieces. Raises ServerError without a usable answer within the deadline or `patience_s`,
+        whichever is shorter; the server is then probed again before its next prompt.
         """
         if request.count > 1:
             yield GenerationEnd("", Usage(), "stop")

@@ -1,10 +1,10 @@
-"""Lets a model that was not trained for orders read one: it says what is asked, in clauses alone.
+"""Reads orders with a model that was not trained for them: it states its reading in clauses.
 
-Its prompt has the forms of clauses, the picture, and those taught orders that are most like the one
-to read: with these a model reads far better than with the same few for every order. The answer is
-the beginning of a plan; the console makes the rest of it. A model of this machine is held to the
-clauses of the present picture. One on a server cannot be, so its answer is read with their grammar
-afterwards, and is no reading otherwise.
+Its prompt has the forms of clauses, the picture, and the taught orders most similar to the one to
+read, with which a model reads far better than with a fixed few. The answer is the beginning of a
+plan; the console makes the rest. A local model is constrained to the clauses of the present
+picture. A model on a server cannot be, so its answer is parsed with their grammar afterwards, and
+discarded if it does not match.
 """
 
 import json
@@ -135,9 +135,9 @@ def reading_prompt(
 
 
 def reading_prefix(world: World, digest: Digest | None) -> Prompt:
-    """Return the beginning of every such prompt while the picture stays as it is.
+    """Return the beginning of every such prompt while the picture does not change.
 
-    Without a `digest`, that of a world too large to be told, it is what never changes.
+    Without a `digest`, in a world too large for the prompt, it is the part that never changes.
     """
     if digest is None:
         return Prompt(READER, "")
@@ -163,7 +163,7 @@ DEADLINE_S = 60.0
 
 @dataclass(frozen=True)
 class ReadingQuestion:
-    """A prompt for a reader; what it says matches each of `patterns`, regular expressions."""
+    """A prompt for a reader; its answer matches each of the regular expressions `patterns`."""
 
     prompt: Prompt
     patterns: Sequence[str]

@@ -236,8 +236,8 @@ def slot_grammar(slots: Sequence[CommandSlot], reasons: Sequence[str]) -> str:
     """Return the grammar (lark) of a plan with a command for each of `slots`, in their order.
 
     Its reason matches each of `reasons`, regular expressions in Rust's syntax that bound its
-    length. Nobody has two commands. As in `plan_grammar`, whether an agent was used is a bit of
-    llguidance's rule parameter.
+    length. No agent has two commands. As in `plan_grammar`, a bit of llguidance's rule parameter
+    marks each used agent.
     """
     agents = list(dict.fromkeys(name for slot in slots for name in slot.agents))
     whole = [json.dumps('{"reason": "'), "REASON", json.dumps('", "actions": ['), "slot0::0x0"]

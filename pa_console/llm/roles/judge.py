@@ -18,7 +18,7 @@ DEADLINE_S = 60.0
 
 @dataclass(frozen=True)
 class Judgement:
-    """The judge's whole answer; `verdict` None means hold, `error` says why."""
+    """The judge's whole answer; `verdict` None means hold, with the reason in `error`."""
 
     text: str
     verdict: Verdict | None

@@ -74,8 +74,8 @@ class Planner:
     ) -> tuple[list[Proposal], Usage]:
         """Return up to `count` other plans for `prompt`, the likeliest first.
 
-        They begin as the most likely answer does, as far as `begun` says. The usage is of all of
-        them together; that of each Proposal is empty. Never raises EngineError.
+        They begin with the part `begun` of the most likely answer. The usage is of all of them
+        together; that of each Proposal is empty. Never raises EngineError.
         """
         request = self._request(prompt, grammar, count=count, begun=begun)
         answer = await ask_model(self._engine, request)

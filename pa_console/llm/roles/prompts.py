@@ -337,10 +337,10 @@ def judge_prompt(  # noqa: PLR0917
     plan: Plan,
     rehearsal: Rehearsal,
 ) -> Prompt:
-    """Return the judge's prompt; what the safeguards think is not in it, so it is independent.
+    """Return the judge's prompt, which is independent: it leaves out the safeguards' findings.
 
-    Of the picture it holds the low batteries alone: a small model takes a line about guards or
-    assets that are down for a fault of the plan. The rehearsal says what matters of the rest.
+    Of the picture, it has only the low batteries: a small model mistakes a line about guards or
+    failed assets for a fault of the plan. The rehearsal covers the relevant rest.
     """
     user = [
         _rules(rules),
@@ -419,7 +419,7 @@ TASKS: dict[Role, str] = {
     "outcome": "Judge the outcome.",
 }
 MOST_RULES = 2
-"""Rules that are quoted: those that fit the mission's words best."""
+"""The number of quoted rules: those that fit the mission's words best."""
 
 
 def compact_fixed(role: Role, world: World) -> str:
@@ -436,9 +436,9 @@ def compact_fixed(role: Role, world: World) -> str:
 def compact_picture(world: World, digest: Digest) -> str:
     """Return the digested picture (paper, Step 4); it ends with a newline.
 
-    Every fact stands after the name that it is about, by place, by asset and by kind: a small model
-    finds what follows a name far better than what stands before it. Planner and judge are told the
-    same, so either can be read ahead before the mission is known.
+    Every fact follows the name that it is about, by place, by asset and by kind, because a small
+    model finds facts after a name far better than before it. Planner and judge get the same text,
+    so either prompt can be read ahead before the mission is known.
     """
     lines = [*_places(digest), *_contacts(digest), *_assets(world, digest), *_free(digest)]
     lines += line_if_any("Unknown", digest.unknown)

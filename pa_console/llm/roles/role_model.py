@@ -61,11 +61,11 @@ class PromptFormat:
     outcome_opening: str | None
     """The beginning of a verdict on an outcome without an earlier verdict on the plan."""
     ahead: Callable[[Role, World, Digest | None], Prompt]
-    """The beginning of a role's prompts that does not depend on a mission; without a picture, of
-    a world too large to be told whole."""
+    """The beginning of a role's prompts that does not depend on a mission; without a picture in a
+    world too large for the prompt."""
     typed: Callable[[Role, World, Digest, Sequence[Rule], str], Prompt] | None
-    """The same with the rules and the words of a mission that is being typed; None where the
-    picture is not told first, so that nothing is gained."""
+    """The same with the rules and the words of a mission being typed; None if the picture does not
+    come first, as nothing is gained then."""
     plan_tokens: int
     verdict_tokens: int
     """The longest answers; room for them is kept in the context."""
@@ -193,9 +193,10 @@ async def first_answer(
     ask: Callable[[RoleModel], Awaitable[AnswerT]],
     failed: Callable[[RoleModel, str], None],
 ) -> AnswerT:
-    """Return the answer of the first of `models` that gives one; the last one's is taken as it is.
+    """Return the first answer of `models`; the last model's answer is taken as it is.
 
-    `failed` is told which gave none, and why. Who is interrupted asks nobody else.
+    `failed` gets each model without an answer, and the reason. After an interruption, no other
+    model is asked.
     """
     *before, last = models
     for model in before:

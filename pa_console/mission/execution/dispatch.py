@@ -55,7 +55,7 @@ TIMED_OUT = "timed out"
 
 @dataclass
 class _OpenCommand:
-    """A command on its way; `sent` and `heard` are ticks."""
+    """A command under way; `sent` and `heard` are the ticks of sending and of the last reply."""
 
     command: DeviceCommand
     sent: int
@@ -65,10 +65,10 @@ class _OpenCommand:
 
 
 class Dispatch:
-    """The commands of one plan on their way; fed with replies and time, it says how each ended.
+    """The commands of one plan under way; replies and time determine the end of each.
 
-    It knows no link: the caller sends what `resends` names. Devices take a command id once and
-    repeat their last answer, so sending again is harmless.
+    It has no link: the caller sends the commands from `resends`. Devices carry out a command id
+    once and repeat their last answer, so resending is harmless.
     """
 
     def __init__(
@@ -79,9 +79,9 @@ class Dispatch:
         limit_s: float,
         acknowledge_s: float = ACKNOWLEDGE_S,
     ) -> None:
-        """The commands were sent at `tick` for the first time; each must end within `limit_s`.
+        """Register commands first sent at `tick`; each must end within `limit_s`.
 
-        Those that are not answered at all within `acknowledge_s` are given up.
+        A command without any reply within `acknowledge_s` is given up.
         """
         self._acknowledge_s = acknowledge_s
         self._open = {command.command_id: _OpenCommand(command, tick) for command in commands}
@@ -105,7 +105,7 @@ class Dispatch:
         return tuple(entry.command for entry in self._open.values())
 
     def forget(self, command: DeviceCommand) -> None:
-        """Follow `command` no more: its device was told something else."""
+        """Stop following `command`: its device got another one."""
         self._open.pop(command.command_id, None)
 
     def advance(self, tick: int, replies: Iterable[CommandReply]) -> Iterator[CommandReply]:

@@ -84,19 +84,19 @@ class Premises:
                 yield f"{track.id} at {track.gate} is {track.identity}, intent {track.intent}"
 
     def _waits_for_nobody_else(self, track: Track, picture: Picture) -> bool:
-        """Return whether a block of its gate would be against the track alone (ROE-02).
+        """Return True if a block of its gate would affect the track alone (ROE-02).
 
-        A gate that was to be blocked while nobody was there stays open for whoever comes: nobody
-        knows who that is. Behind a threat that is there already the track has to wait.
+        A block that was planned for an empty gate must not meet a later arrival, whose
+        identity is unknown. If a threat is already there, the track waits behind it.
         """
         others = (other for other in picture.tracks.values() if other.id != track.id)
         threat = any(o.gate == track.gate and o.intent == "hostile" and o.warned for o in others)
         return track.status != "leaving" and not threat
 
     def _would_be_warned_unknown(self, track: Track, picture: Picture) -> bool:
-        """Return whether a warning at its gate would be for the unidentified track (WF-01).
+        """Return True if a warning at its gate would address the unidentified track (WF-01).
 
-        It is not while somebody identified is there who has yet to be warned.
+        It does not while an identified track there is yet to be warned.
         """
         if track.identity != "unknown" or track.status == "leaving":
             return False
@@ -119,8 +119,8 @@ def way_to_safety(plan: Plan, world: World, picture: Picture) -> tuple[Action, .
 def ways_to_safety(plan: Plan, world: World, before: Sequence[Picture]) -> tuple[Action, ...]:
     """Return the way to safety of each action of a plan in steps, in the order of its actions.
 
-    `before` are the pictures in which its steps begin, as far as they are known; who acts later
-    holds.
+    `before` are the pictures in which its steps begin, as far as they are known; agents of later
+    steps hold.
     """
     found = [Action(agent=action.agent, command="hold") for action in plan.actions]
     for numbers, picture in zip(plan.steps, before, strict=False):
@@ -131,9 +131,9 @@ def ways_to_safety(plan: Plan, world: World, before: Sequence[Picture]) -> tuple
 
 
 def _left_gate(action: Action, plan: Plan, world: World, picture: Picture) -> str:
-    """Return the gate that `action` takes its agent away from, '' when it leaves none.
+    """Return the gate that the agent of `action` leaves, '' if it leaves none.
 
-    Of several that it covers, one that nobody covers who has no part in the plan.
+    If it covers several, prefer one that no asset outside the plan covers.
     """
     goal = goes_to(action, world)
     left = [gate for gate, cover in picture.gates.items() if action.agent in cover.by]
@@ -146,11 +146,11 @@ def _left_gate(action: Action, plan: Plan, world: World, picture: Picture) -> st
 def safe_state(
     declared: Sequence[Action], picture: Picture, open_agents: Sequence[str], prefix: str
 ) -> tuple[DeviceCommand, ...]:
-    """Return the commands that stop a plan: of the way to safety that was `declared`, what is due.
+    """Return the commands that stop a plan: the due part of the `declared` way to safety.
 
-    Only an agent that is under way still, and can be told, is told anything. One that was to go
-    back to its gate goes unless somebody who stays is known to cover the gate now, and even if the
-    picture, which is late, still shows it there; else it holds where it is, as the others do.
+    Only agents that are still under way and reachable get a command. An agent that is to return to
+    its gate does so unless a staying asset is known to cover that gate, even if the delayed picture
+    still shows the agent there. All others hold where they are.
     """
     actions: list[Action] = []
     for action in declared:

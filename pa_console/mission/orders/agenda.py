@@ -1,4 +1,4 @@
-"""The moments of timed orders: which is next, due, late, missed, skipped, and who goes back when.
+"""The moments of timed orders: next, due, late, missed and skipped ones, and returns to a place.
 
 Every moment of an order is taken once, in turn, and each one ends in a mission or in a reason why
 there is none. A clock that goes back repeats nothing; one that jumps ahead, or a machine that
@@ -51,9 +51,9 @@ class StationTime:
         """The present time."""
 
     def take(self, time_s: float, rate: float = 1.0, *, stepped: bool = False) -> None:
-        """Note the fleet's time, which goes on at `rate` seconds a second.
+        """Record the fleet's time, which runs at `rate` seconds a second.
 
-        A `stepped` fleet only goes on when somebody waits for it.
+        A `stepped` fleet advances only while a caller waits for it.
         """
         wall = self._wall()
         if self._first is None:
@@ -182,7 +182,7 @@ class Agenda:
         self._starting = False
 
     def ended(self, mission: str, moves: Sequence[Move], base: str, now: datetime) -> str:
-        """Note that a mission is over that made `moves`; return what is to be told of that."""
+        """Record the end of a mission that made `moves`; return the events to emit."""
         self._open.discard(mission)
         schedule = self.order.schedule
         if schedule is None or not schedule.stays or self._back_at is not None or self._returned:
@@ -196,7 +196,7 @@ class Agenda:
 
 
 def way_back(moves: Sequence[Move], base: str, *, to_base: bool = False) -> str:
-    """Return the order that brings everybody back to where they were before; '' for nobody."""
+    """Return the order that brings all assets back to their previous places; '' for none."""
     homes: dict[str, list[str]] = {}
     for agent, before in {move.agent: move.before for move in reversed(moves)}.items():
         went = {move.target for move in moves if move.agent == agent and move.verb not in STILL}

@@ -250,10 +250,10 @@ class _UnknownWords(NamedTuple):
 
 
 def question_back(typed: str, read: str, world: World, rulebook: Rulebook) -> str:
-    """Return what has to be asked of an operator who gives no order; '' where it may be one.
+    """Return the question about a text that is not an order; '' if it may be one.
 
-    It was `typed` so, and is `read` with what is misspelt put right. Nobody may be moved for a text
-    that is asked back about.
+    `typed` is the original text, `read` the corrected one. A questioned text may not move any
+    asset.
     """
     known = _words(typed, world, rulebook)
     if not known.words and not find_mentions(world, typed):

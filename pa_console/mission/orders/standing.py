@@ -281,9 +281,9 @@ class StandingOrders:
         return own.order if own is not None else ""
 
     def moves(self, mission: str, names: Collection[str], moves: Sequence[Move] = ()) -> None:
-        """Note the assets and places of `mission`: changes there are its own effect.
+        """Record the assets and places of `mission`: changes there are its own effect.
 
-        Its `moves` show where whoever it sends was before.
+        Its `moves` show the previous places of its assets.
         """
         own = self._own.get(mission)
         if own is not None:

@@ -87,9 +87,9 @@ def backfill_commands(
 ) -> Iterator[Commands]:
     """Yield the commands that keep every gate covered and unknown tracks seen first, best first.
 
-    With `late`, a gate may be taken over by whoever is there soonest, though that is after its
-    grace by the straight way. Nothing is yielded where there is no way, or one that would need
-    others of whom the order says that they stay.
+    With `late`, the asset that arrives first may take over a gate even after its grace time.
+    Nothing is yielded if that is impossible, or if it would need assets that the order keeps in
+    place.
     """
     needs = [*_bare(stands, goals, late=late), *_unseen(stands, goals)]
     if not needs:
@@ -207,7 +207,7 @@ def encounter_units(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
 
 
 def block_units(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
-    """Yield who closes a lane; whoever is there is met in order before (WF-01)."""
+    """Yield the asset that closes a lane; tracks there go through the workflow first (WF-01)."""
     if all(map(_may_block, stands.tracks(ask.place))):
         if ask.who.names:
             yield from (
@@ -249,7 +249,7 @@ def _look(stands: StandingAssets, place: str) -> tuple[CommandSlot, ...]:
 
 
 def _robots(stands: StandingAssets, ask: Ask) -> tuple[str, ...]:
-    """Return the robots for an encounter: those that `ask` names, or any."""
+    """Return the robots for an encounter: the ones that `ask` names, or any."""
     return tuple(stands.fit(ask)) or stands.near(ask.place, "robot")
 
 
@@ -309,7 +309,7 @@ def _looked(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
 
 
 def _taken_over(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
-    """Yield who leaves and who comes; nobody comes where those who could stand there already."""
+    """Yield leaving and arriving assets; none arrives if all candidates are there already."""
     place = ask.place or (stands.post(ask.leaving) if ask.leaving else "")
     leaves: tuple[CommandSlot, ...] = ()
     if ask.task == "relieve" and stands.before.assets[ask.leaving].available:
@@ -411,12 +411,12 @@ Way = tuple[Action, ...]
 def commands_serving(
     reading: Reading, world: World, picture: Picture
 ) -> Iterator[tuple[CommandSlot, ...]]:
-    """Yield the commands of plans that serve `reading`, each with who may have it, best first.
+    """Yield the commands of plans for `reading`, each with its possible agents, best first.
 
-    What can all be done is, and else as much as can: what only looks ahead is given up first, then
-    what was asked last. Of each part, the model's choice comes before the console's own. Those that
-    cover a gate come first (WF-03). At last, or where nothing can be done, somebody holds. Nothing
-    is yielded where the console cannot tell what serves the order.
+    Plans that do everything come first, then plans that do as much as possible: preparatory parts
+    are dropped first, then the tasks asked last. For each part, the model's choice comes before the
+    console's own. Commands that cover a gate come first (WF-03). The last plan, or the only one if
+    nothing can be done, is a hold. Nothing is yielded if the console has no plan for the order.
     """
     reading = within_capability(reading, world)
     named = (n for ask in reading.asks for n in (*ask.who.names, ask.leaving) if n)

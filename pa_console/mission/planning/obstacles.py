@@ -74,10 +74,10 @@ def _nobody(ask: Ask, picture: Picture) -> str:
 
 
 def within_capability(reading: Reading, world: World) -> Reading:
-    """Return `reading` with each ask that its assets cannot carry out in a form that is served.
+    """Return `reading` with each infeasible task in a form that its assets can carry out.
 
-    A drone that is told to identify or warn somebody looks, and a robot does it; a robot that is
-    told to look goes there; another kind blocks. If no other asset may move, none takes its place.
+    A drone that is to identify or warn observes, and a robot does the task. A robot that is to
+    observe goes there. Another kind blocks. If no other asset may move, none replaces it.
     """
     asks = (one for ask in reading.asks for one in _capable(ask, world, reading.others_stay))
     return reading._replace(asks=tuple(asks))
@@ -201,10 +201,10 @@ class Unmet(NamedTuple):
 
 
 def unmet_asks(moves: PlanMoves, reading: Reading, text: str) -> tuple[Unmet, ...]:
-    """Return each ask of `reading` that is not or not wholly carried out, with the reason.
+    """Return each task of `reading` that is not fully carried out, with the reason.
 
-    `text` is the order in its own words: where it asks for all and not for those who are free, it
-    is told who stays.
+    `text` is the original order: if it asks for all assets rather than the free ones, the result
+    names those that stay.
     """
     world, before = moves.world, moves.before
     due = tuple(ask for ask in reading.asks if not obstacle_to(ask, world, before))
@@ -278,7 +278,7 @@ def _why(case: PlanForOrder, ask: Ask) -> str:
 
 
 def _kept(moves: PlanMoves, ask: Ask) -> Iterator[str]:
-    """Yield why those who were named do not do their part."""
+    """Yield the reasons that named assets do not do their part."""
     for name in ask.who.names:
         post = moves.post(name) if name in moves.world.assets else ""
         if why := unfit(name, ask, moves.world, moves.before):

@@ -1,7 +1,7 @@
 """Step 3 in a large world: the part of the picture that a mission and the rules concern.
 
-The prompt must not grow with the number of assets: every list here is bounded, and what is left
-out is counted. A small world is told whole.
+The prompt must not grow with the number of assets: every list here is bounded, and what is left out
+is counted. A small world is included whole.
 """
 
 import math
@@ -36,8 +36,7 @@ def digest_picture(picture: Picture, world: World, selection: Selection | None =
 
     An asset is free when it is available, not low on battery, not on a task for a track, and no
     gate depends on it alone; those that cover no gate come first, then the fullest battery, or what
-    `selection` puts first. Of the rest of the picture, `selection` leaves out what it does not
-    name.
+    `selection` puts first. Everything else that `selection` does not name is left out.
     """
     gates = tuple(g for g in world.gates if selection is None or g in selection.gates)
     sole = sole_covers(picture)
@@ -145,10 +144,10 @@ def select(
     rules: Sequence[Rule],
     share: float = 1.0,
 ) -> Selection | None:
-    """Return what the prompt for `mission` speaks of; None when the world is small: of all.
+    """Return the part of the picture in the prompt for `mission`; None (all) in a small world.
 
-    `rules` are those retrieved for it: their tags say whether batteries matter beyond its gates.
-    With a `share` below 1 it speaks of no more than that part, in a small world too.
+    `rules` are those retrieved for it; their tags determine whether batteries matter beyond its
+    gates. A `share` below 1 limits the part, in a small world too.
     """
     if share == 1.0 and is_small(world):
         return None
@@ -263,8 +262,8 @@ def _trouble(picture: Picture, asset: AssetTelemetry) -> str:
 def _spares(picture: Picture, world: World, gates: Iterable[str], per_kind: int) -> Iterator[Pick]:
     """Yield the free assets of every kind that are nearest to the concerned gates, in turns.
 
-    With no gate concerned the fullest batteries come first. One that helps to cover a gate is
-    taken only after those that cover none.
+    Without a concerned gate, the fullest batteries come first. Assets that help to cover a gate
+    come after the others.
     """
     goals = [world.frames[gate].at for gate in gates]
     sole = {*sole_covers(picture).values()}
@@ -288,7 +287,7 @@ def _least(position: Point, goals: Sequence[Point]) -> float:
 
 
 def _frames(world: World, mission: Mission, gates: Iterable[str]) -> tuple[str, ...]:
-    """Return the concerned gates, the base, and posts: those that the mission means first."""
+    """Return the concerned gates, the base and posts, the places of the mission first."""
     posts = [name for name, frame in world.frames.items() if frame.kind == "post"]
     wanted = [*gates, world.base, *names_meant(posts, mission.text), *posts]
     return tuple(dict.fromkeys(wanted))

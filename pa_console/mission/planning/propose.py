@@ -59,9 +59,9 @@ def still(picture: Picture) -> tuple[CommandSlot, ...]:
 
 @dataclass(frozen=True)
 class PlanQuestion:
-    """A prompt for the planner and the grammar of its answer; `digest` is what it tells.
+    """A prompt for the planner and the grammar of its answer; `digest` is the picture in it.
 
-    Its reason matches `reasons`, regular expressions, and begins with `asked` where that is known.
+    The answer's reason matches the regular expressions `reasons`, and begins with `asked` if given.
     """
 
     digest: Digest
@@ -135,8 +135,8 @@ def ask_for_plan(
 ) -> PlanQuestion:
     """Return the question for a plan; `reasons` are the faults of the `previous` one.
 
-    It is for `model`, by default for the session's own. Of the picture it tells as much as has
-    room beside the answer.
+    It is for `model`, by default the session's own. It includes as much of the picture as has room
+    beside the answer.
     """
     prompt_format = model.prompt_format if model is not None else services.prompt_format
     started = perf_counter()
@@ -178,9 +178,9 @@ def ask_for_plan(
 async def ask_planner(
     context: MissionContext, retrieved: RetrievedRules, reasons: Sequence[str], previous: str
 ) -> PlannerAnswer:
-    """Steps 3 to 5, once; `reasons` say what was wrong with the `previous` plan.
+    """Run steps 3 to 5 once; `reasons` are the faults of the `previous` plan.
 
-    Where a model on a server gives no plan, the session's own is asked in its place.
+    If a model on a server returns no plan, the local model plans instead.
     """
     attempt, watch, emit = context.next_attempt(), context.stopwatch, context.emit
 
@@ -252,10 +252,10 @@ async def _served(
 async def ask_for_others(
     context: MissionContext, answered: PlannerAnswer, *, as_asked: bool = False
 ) -> list[NumberedPlan]:
-    """Step 5 once more, several answers at once: the other plans, the likeliest first.
+    """Repeat step 5 with several answers at once: the other plans, most likely first.
 
-    With `as_asked` all of them say of what was asked what the first answer said. All of them are
-    told. There are none where the console makes the plan.
+    With `as_asked`, all of them have the reading of the first answer. All of them are emitted.
+    There are none if the console makes the plan.
     """
     question, count = answered.question, context.services.variant.candidates - 1
     if count < 1 or answered.model.prompt_format.served:
@@ -330,10 +330,10 @@ async def ask_who(
     slots: Sequence[CommandSlot],
     reader: Reader = "planner",
 ) -> NumberedPlan | None:
-    """Step 5 once more, with the commands of `slots` given: who of those open to it has each.
+    """Repeat step 5 with the commands of `slots` given, to assign an agent to each.
 
-    The plan says that this was `asked`, as the `reader` read it. None when there is no plan in the
-    answer. Where the console makes the plans, it says who.
+    The plan has the reading `asked`, by the model `reader`. The result is None without a plan in
+    the answer. If the console makes the plans, it also assigns the agents.
     """
     first = context.attempts
     by_server = answered.model.server is not None

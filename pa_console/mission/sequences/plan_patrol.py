@@ -64,7 +64,7 @@ async def plan_patrol(
 
 
 def _first_agent(context: MissionContext, patrol: Patrol) -> str:
-    """Return who begins: the named asset, or the nearest free one of the kind; '' for nobody."""
+    """Return the first asset: the named one, or the nearest free one of the kind; '' for none."""
     if patrol.who:
         return patrol.who
     scene = context.services.scene

@@ -1,7 +1,7 @@
 """Lint of a rule set that can be loaded: gaps, repetitions, disagreements.
 
-Names that a check lacks are found by reading, words that do not retrieve a rule by saying it in
-other words: those of the retrieval vocabulary, so that the method fits any rule.
+Missing names in a check are found by parsing; words that do not retrieve a rule are found by
+paraphrases from the retrieval vocabulary, so that the method fits any rule.
 """
 
 import re
@@ -147,7 +147,7 @@ def hard_to_retrieve(rules: Sequence[Rule]) -> Iterator[Doubt]:
     """Yield the rules that less than FEWEST of their paraphrases find among FOUND_AMONG.
 
     Critical rules are always shown to the models, and so are never hard to retrieve; nor are those
-    that no model is given. A rule that not even its own text finds needs no paraphrase to tell.
+    that no model is given. A rule that its own text does not find needs no paraphrase.
     """
     made = Paraphraser()
     retriever = Retriever(rules)
@@ -234,7 +234,7 @@ class SearchDoubts:
 def lint_rules(document: Document, rule_set: RuleSet, world: World) -> list[LintFinding]:
     """Return every doubt about `rule_set`, read from `document`, by the line that it is about.
 
-    `world` says which names are assets and gates. Nothing is run but the retriever.
+    `world` has the names of assets and gates. Only the retriever is run.
     """
     names = NameLint(world)
     return _placed(
@@ -259,8 +259,8 @@ def search_rules(  # noqa: PLR0917 - a rule set, where, and how much is searched
 ) -> SearchDoubts:
     """Run the rules in the states of their examples, and in as many `states` drawn by `seed`.
 
-    Then say them in other words. `step` is called `search_steps` times. Raises ExpressionError
-    for a rule that does not compile.
+    Then paraphrase them. `step` is called `search_steps` times. Raises ExpressionError for a rule
+    that does not compile.
     """
     rules = rule_set.rules
     small = small_world(world, NameLint(world).named(rules))

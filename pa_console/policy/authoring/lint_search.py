@@ -233,7 +233,7 @@ class Conflicts:
     def _orders(self, situation: LintSituation) -> list[Action]:
         """Return every order that can be given, shuffled; those to where tracks are come first.
 
-        Whoever is not available comes last.
+        Unavailable assets come last.
         """
         idle = rehearsal_of(self._world, situation, Plan(reason=REASON, actions=()))
         usable = idle.before.assets

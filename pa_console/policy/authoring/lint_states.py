@@ -1,6 +1,6 @@
 """The states that lint searches: a small world of the given one, in any situation.
 
-Nothing is simulated: whoever can go is where he is sent when the plan has ended.
+Nothing is simulated: every asset that can move is at its destination after the plan.
 """
 
 import random
@@ -153,7 +153,7 @@ def example_states(rules: Iterable[Rule]) -> Iterator[SearchState]:
                 rehearsal = example_rehearsal(example, plan)
                 seen = example_sightings(example, rehearsal.before.time_s)
             except (ValidationError, AttributeError, KeyError, TypeError, ValueError):
-                continue  # `pa-console rules check` tells of it
+                continue  # `pa-console rules check` reports it
             mission = mission_of(example.mission or MISSION_TEXT)
             yield SearchState(plan, rehearsal, mission, WORLD, seen)
 

@@ -144,7 +144,7 @@ def _inside(problem: str, source: str) -> tuple[int, int] | None:
 
 
 def _without_place(problem: str) -> str:
-    """Return the problem without the position within the expression: that of the text is told."""
+    """Return the problem without its position in the expression; the text's position is shown."""
     return re.sub(r": line \d+, column \d+: ", ": ", problem, count=1)
 
 

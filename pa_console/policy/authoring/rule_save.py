@@ -1,4 +1,4 @@
-"""Opens one rule of a file and saves it: whole or not at all, and over nobody's work.
+"""Opens one rule of a file and saves it completely or not at all, without overwriting other work.
 
 The file is changed as text: one rule is taken out, put back, added or removed; all else stays.
 """

@@ -58,7 +58,7 @@ def shared_deadline(seconds: float, size: int = 0) -> Generator[None]:
 def deadline(seconds: float) -> Generator[None]:
     """Let the expression in the block take `seconds`; raises DeadlineError when it took longer.
 
-    It is an error also where the expression itself made nothing of being told that time was up.
+    It is raised even if the expression itself ignored the end of its time.
     """
     now = thread_time()
     seconds *= _running.scale

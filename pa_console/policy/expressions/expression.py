@@ -169,7 +169,7 @@ def _without_layout(source: str) -> str:
 _log = logging.getLogger("cel")
 _log.propagate = False
 _log.addHandler(logging.NullHandler())
-# An expression that fails is told as the finding of its rule; the library would print it too.
+# A failed expression becomes the finding of its rule; the library would also print it.
 
 PLAN_VARIABLES: frozenset[str] = frozenset(
     ("plan", "actions", "before", "after", "timeline", "tracks", "assets", "gates", "mission",
@@ -200,8 +200,8 @@ def finds(text: str, pattern: str) -> bool:
 def without(text: str, pattern: str) -> str:
     """Return `text` with every match of the regular expression `pattern` cut out.
 
-    "... but not in such a phrase" is said by cutting those phrases out first. A comma stays where
-    a phrase was, so that its neighbours do not join.
+    To express "... but not in such a phrase", cut those phrases out first. A comma stays in place
+    of a phrase, so that its neighbours do not join.
     """
     return compiled_pattern(pattern).cut(text, " , ")
 

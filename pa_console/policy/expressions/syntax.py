@@ -70,7 +70,7 @@ class Source:
     """An expression's text, found to be within the limits; raises ValueError otherwise."""
 
     def __init__(self, text: str) -> None:
-        """Read `text`; with brackets that do not match it is empty, and `problem` says so."""
+        """Parse `text`; if brackets do not match, it is empty and `problem` has the reason."""
         if len(text) > MAX_CHARACTERS:
             raise ValueError(
                 f"too long: {len(text):,} characters, at most {MAX_CHARACTERS:,}; split the rule"
@@ -231,7 +231,7 @@ def _tokens(text: str) -> list[ExpressionToken]:
 def _matched(tokens: list[ExpressionToken]) -> tuple[list[ExpressionToken], str]:
     """Return the tokens with the place of its partner in every opening bracket.
 
-    Where brackets do not match there are none, and it is said what is wrong.
+    If brackets do not match, there are no tokens, only a description of the problem.
     """
     matched = list(tokens)
     waiting: list[int] = []

@@ -464,7 +464,7 @@ def _same(path: Path, other: Path) -> bool:
 
 
 class Journal:
-    """Logs the events of the station; `problem` says why nothing may be dispatched at present.
+    """Logs the events of the station; `problem` is the reason if nothing may be dispatched.
 
     All decisions and commands of one moment are signed together: when the event loop is free again,
     and at the latest before the world moves on. So none takes effect before it is signed, and no

@@ -29,8 +29,8 @@ class PlatformLimits:
     """The limits of one kind of asset: metres, metres a second, radians.
 
     It may turn by `turn_rad` in a step. A corner of its route counts as passed within `corner_m`.
-    It looks for others within `look_m`; `apart_m` says how near the centres of it and of an asset
-    of another kind may come.
+    It looks for others within `look_m`; `apart_m` is the least distance between its centre and that
+    of an asset of another kind.
     """
 
     flies: bool

@@ -78,7 +78,7 @@ def _orders(plan: Plan) -> frozenset[tuple[str, str]]:
 
 
 def _assignments(slots: Sequence[CommandSlot]) -> Iterator[tuple[Action, ...]]:
-    """Yield who may have each of the commands, the best first; nobody has two."""
+    """Yield agents for the commands, the best assignment first; no agent has two."""
     for agents in product(*(slot.agents for slot in slots)):
         if len(set(agents)) == len(agents):
             yield tuple(
@@ -88,7 +88,7 @@ def _assignments(slots: Sequence[CommandSlot]) -> Iterator[tuple[Action, ...]]:
 
 
 def _assigned(slots: Sequence[CommandSlot]) -> tuple[Action, ...]:
-    """Return the commands with the first agent of each that has none; nobody has two."""
+    """Return the commands, each with its first agent without a command; no agent has two."""
     given: dict[int, str] = {}
     for at in sorted(range(len(slots)), key=lambda at: len(slots[at].agents)):
         free = (agent for agent in slots[at].agents if agent not in given.values())

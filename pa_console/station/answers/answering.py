@@ -1,7 +1,7 @@
-"""Answers a question of the operator's about what has been proposed or done.
+"""Answers to the operator's questions about proposed and executed plans.
 
-What is told is on record, in the picture, or found by the checks and the rehearsal that every plan
-goes through. No model is asked, nothing is decided, and no command is given.
+Answers come from the record, the picture, and the checks and the rehearsal that every plan passes.
+No model is used, nothing is decided, and no command is given.
 """
 
 from collections.abc import Callable, Iterator
@@ -39,7 +39,7 @@ class RecentRecord:
         self.state = state
 
     def take(self, event: ev.Event) -> None:
-        """Take in one event; what no log tells, or nobody has verified, is no part of it."""
+        """Process one event; unlogged and unverified facts are left out."""
         if event.data.transient or isinstance(event.data, ev.UNVERIFIED):
             return
         self.state.apply(event)

@@ -401,9 +401,9 @@ async def why_not_lines(
 
 
 def part_for(name: str, actions: Sequence[Action], world: World) -> Action | None:
-    """Return whose part an asset would have: that of one of its kind, else one that it can do.
+    """Return the action that an asset would take over: one by its kind, else a feasible one.
 
-    None where nobody does anything, or nothing that it can do.
+    The result is None if the asset can do none of `actions`.
     """
     movers = [each for each in actions if goal_of(each, world)]
     able = [each for each in movers or actions if is_able(name, each, world)]

@@ -35,10 +35,10 @@ _LEAD = 11
 
 @dataclass(frozen=True)
 class ComparedPlan:
-    """A rehearsed plan; `decision` puts it forward, None for the one that waits already.
+    """A rehearsed plan; `decision` submits it, None for the plan that waits already.
 
-    Where nothing waits, `order` is what to order for it, and empty for the plan that there was.
-    `judge` and `sure` are what judge and models said of it, where they were asked.
+    If no plan waits, `order` is an order for it, empty for the last plan. `judge` and `sure` are
+    the judge's verdict and the confidence, if there are any.
     """
 
     title: str

@@ -1,4 +1,4 @@
-"""The operator's decision on a plan: says what will happen, and cannot be hit by a stray key."""
+"""The operator's decision on a plan: shows its effects, and is safe from stray keys."""
 
 import time
 from dataclasses import dataclass
@@ -404,7 +404,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.screen.set_focus(target)
 
     def _needed(self, request: ApprovalRequested) -> Widget:
-        """Return where the operator gives what Approve still needs; here if nobody can."""
+        """Return the widget for the missing condition of Approve; this one if there is none."""
         unticked = self._given_fields.unticked
         if request.blocked_by or request.state == "not_understood":
             return self

@@ -72,9 +72,9 @@ YOUNG_S = 10.0
 
 
 def age_words(trace: MissionTrace, now_s: float) -> tuple[str, str]:
-    """Return how old the plan that waits is, with the age of its rehearsal and without.
+    """Return the age of the waiting plan, with and without the age of its rehearsal.
 
-    Both are '' for a young plan; of a timed order, they say in how much time it starts.
+    Both are '' for a young plan; for a timed order, they are the time until its start.
     """
     request = trace.approval
     if request is not None and request.standing is not None and trace.standing is not None:
@@ -185,10 +185,10 @@ def _unfinished(names: Sequence[str], preview: PlanPreview) -> Iterator[str]:
 def approval_rows(
     trace: MissionTrace, preview: PlanPreview | None = None, foreseen: str = ""
 ) -> Iterator[WrappedRow]:
-    """Yield all facts of the plan that waits; none without one.
+    """Yield all facts of the waiting plan; none without one.
 
-    `preview` is that plan as its rehearsal has shown it, None without a rehearsal; `foreseen` says
-    how a timed order would be planned now.
+    `preview` is its rehearsed plan, None without a rehearsal; `foreseen` is the present plan for a
+    timed order.
     """
     request = trace.approval
     if request is None:
@@ -409,7 +409,7 @@ _LEAD = 10
 def offered_rows(read: StandingOrderRead, foreseen: str = "") -> Iterator[WrappedRow]:
     """Yield all facts of a standing order before its approval.
 
-    `foreseen` says how its order would be planned now, '' where that is not known.
+    `foreseen` is the present plan for its order, '' if that is unknown.
     """
     if read.order.once and read.moments:
         yield row(("▶ ", NOTE), (f"Will run once at {moments_in_words(read.moments)}", "bold"),

@@ -33,7 +33,7 @@ def schedule_lines(preview: PlanPreview, width: int, now_s: float | None = None)
     """Return the chart, `width` cells wide: a time axis, a bar an agent, a line a gate.
 
     A bar begins when its agent sets out; it is thick on the way and thin at work. A gate's line
-    tells the number of its guards. With `now_s` the axis points at that moment.
+    shows the number of its guards. With `now_s`, the axis marks that moment.
     """
     agents = [a for a in dict.fromkeys(preview.plan.agents) if a in preview.ways]
     agents.sort(key=lambda name: preview.arrival_s(name) or 0.0)
@@ -162,7 +162,7 @@ LEAST_ROWS, LEAST_PLAN_ROWS = 13, 4
 def panel_rows(terminal: int, taken: int, *, compact: bool) -> int:
     """Return the most rows of the panel in `terminal` lines, where its other parts have `taken`.
 
-    `compact` says that the panel stands below the map and not beside it.
+    `compact` is True if the panel is below the map and not beside it.
     """
     share = int((terminal - ROWS_ELSEWHERE) * (COMPACT_SHARE if compact else WIDE_SHARE))
     return max(share, LEAST_ROWS, taken + LEAST_PLAN_ROWS)

@@ -146,9 +146,9 @@ def logged_orders(folder: Path) -> Iterator[list[PastOrder]]:
 
 
 def merged(typed: Iterable[str], logged: Iterable[PastOrder]) -> list[PastOrder]:
-    """Return each order once: those that were `typed` at this terminal, then those of logs.
+    """Return each order once: first the ones `typed` at this terminal, then those of logs.
 
-    Both come newest first. What was typed has the note of its newest log.
+    Both are sorted from new to old. A typed order has the note of its newest log.
     """
     notes: dict[str, PastOrder] = {}
     for order in logged:

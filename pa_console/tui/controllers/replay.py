@@ -20,9 +20,9 @@ ACCEPTED = (
 
 
 def read_position(text: str, player: Player) -> int:
-    """Return how many events are played at the moment that `text` names.
+    """Return the number of events played by the moment that `text` names.
 
-    Raises ValueError that says what may be typed.
+    Raises ValueError with the valid forms.
     """
     timeline, text = player.recording.timeline, "".join(text.split()).lower()
     if text == "end":

@@ -26,7 +26,7 @@ class SettingsController:
         self._app.theme = chosen if chosen in self._app.available_themes else DEFAULT_THEME
 
     def use(self, loaded: LoadedSettings) -> None:
-        """Put everything in force that needs no restart; what cannot be used is told."""
+        """Apply all settings that need no restart; show the unusable ones."""
         shown, self.loaded = self.loaded.values.theme, loaded
         values = loaded.values
         if values.theme != shown:  # else the one that was picked meanwhile stays

@@ -31,10 +31,10 @@ FREE = frozenset(
 
 @dataclass
 class Canvas:
-    """Glyphs and roles of `width` x `height` cells; what is drawn later lies on top.
+    """Glyphs and roles of `width` x `height` cells; later drawings lie on top.
 
-    `marks` says which assets and tracks a cell's marker stands for, and `labels` where the leader
-    and the names of the marker in a cell are.
+    `marks` maps a cell's marker to its assets and tracks, and `labels` to the cells of its leader
+    and names.
     """
 
     width: int

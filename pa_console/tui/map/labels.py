@@ -1,4 +1,4 @@
-"""Writes names beside markers that stay where they are; a leader joins those that stand apart.
+"""Places names beside fixed markers; a leader connects a name that is farther away.
 
 A name never hides a marker, and never lies on or beyond a wall or the edge of a zone.
 """

@@ -168,7 +168,7 @@ class Frames:
                     self._place(frame, line[:1], most=_ADJOINING)
 
     def erase_hidden(self) -> None:
-        """Take away what is left of a name that another one hides in part; nobody could read it."""
+        """Remove a name that another one hides in part, because it cannot be read."""
         for frame, run, written in self._loose:
             canvas, role = self._canvas, run[1]
             left = [
@@ -336,10 +336,10 @@ class MapScene:
     ) -> Canvas:
         """Return the map of `width` x `height` cells; without a picture only the ground.
 
-        `marked` is the asset or track that gets a pointer, `trails` are ways behind assets and
-        tracks, in metres; `sensors` says of which sensors the fields of view are shown, and `plan`
-        is drawn over it before it runs. The scale is that of a map of the size `fit`. `contacts`
-        are what others report; they are drawn where there is nothing else.
+        `marked` is the asset or track with a pointer, `trails` are the paths behind assets and
+        tracks, in metres; `sensors` selects the fields of view to show, and `plan` is drawn on top
+        before it runs. The scale is that of a map of the size `fit`. `contacts` are reports by
+        others; they are drawn only in empty cells.
         """
         ground = self._ground(width, height, window, fit)
         canvas, view = ground.canvas.copy(), ground.view
@@ -443,7 +443,7 @@ class MapScene:
     def _draw_cameras(
         self, canvas: Canvas, view: Projection, picture: Picture, look: Reliance, *, crowded: bool
     ) -> None:
-        """Draw cameras; in a crowded view only those that do not work."""
+        """Draw cameras; in a crowded view, only broken ones."""
         for at, _, symbol in self._cameras(view, picture, look):
             if not (crowded and symbol.role == "camera"):
                 canvas.put(at, symbol.glyph, symbol.role)

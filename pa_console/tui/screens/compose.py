@@ -251,7 +251,7 @@ def frame_choices(name: str, world: World) -> list[CardChoice]:
 def asset_lines(asset: AssetTelemetry, picture: Picture, taken_by: str = "") -> list[str]:
     """Return the last report of an asset of `picture` in lines.
 
-    `taken_by` has taken manual control of it here, '' for nobody.
+    `taken_by` has taken manual control of it here, '' for no operator.
     """
     where = f"at {asset.at}" if asset.at else f"to {asset.post}" if asset.post else "between posts"
     over = link_in_words(asset.id, picture.links)

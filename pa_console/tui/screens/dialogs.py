@@ -57,7 +57,7 @@ class AskLine(ModalScreen[Answer | None], Generic[Answer]):
 
 
 class AskFolder(AskLine[Path]):
-    """Returns an existing folder, or None; says so when there is no such folder."""
+    """Returns an existing folder, or None; shows an error for a missing one."""
 
     def __init__(self, question: str) -> None:
         super().__init__(question, "Enter opens it, Esc goes back", _folder, "folder")
@@ -141,7 +141,7 @@ def open_beside(
 
 
 class OpeningLog(ModalScreen[Opened | None], Generic[Opened]):
-    """Returns what `opening` makes of the log; None when it cannot be used, which is told."""
+    """Returns the result of `opening` for the log; None after showing why it is unusable."""
 
     BINDINGS = [Binding("escape,q", "leave", "Stop reading")]
 

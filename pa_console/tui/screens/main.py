@@ -251,7 +251,7 @@ class MainScreen(Screen[None]):
             line.show("", "")
 
     def _show_approval(self, state: SessionState) -> None:
-        """Show or withdraw the open request; focus moves only when nobody is typing."""
+        """Show or withdraw the open request; focus stays while the operator is typing."""
         panel, prompt = self.query_one(ApprovalPanel), self.query_one(MissionPrompt)
         had_keys, in_reason = panel.has_focus_within, isinstance(self.focused, Input)
         plan = self._plan_that_waits(state)

@@ -185,9 +185,9 @@ LETTER_WAITS = " (a letter waits for Enter)"
 def help_rows(
     now: ActionContext, keymap: Mapping[str, str] | None = None, here: Sequence[Binding] = ()
 ) -> list[WrappedRow]:
-    """Return the help page with the user's keys; an action that is not legal now says why.
+    """Return the help page with the user's keys, and the reason if an action is not legal now.
 
-    The keys of the screen that is open, `here`, come first.
+    The keys of the open screen, `here`, come first.
     """
     rows: list[WrappedRow] = []
     if here:

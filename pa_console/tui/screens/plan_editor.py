@@ -32,7 +32,7 @@ def read_plan(text: str) -> Plan | str:
 
 
 FORM = "form"
-"""The answer of somebody who wants to go back to the form."""
+"""The answer that goes back to the form."""
 
 
 class PlanField(TextField):

@@ -136,7 +136,7 @@ class PickField(LineField):
 
 
 class ActionRow(Vertical):
-    """The fields of one action, and below them what the checks say."""
+    """The fields of one action, with the findings of the checks below them."""
 
     def __init__(self, row: FormRow, world: World) -> None:
         super().__init__()
@@ -162,13 +162,13 @@ class ActionRow(Vertical):
         return FormRow(agent, verb, place, after, self._stay_s)
 
     def tell(self, number: int, said: str, style: str) -> None:
-        """Show the row's number, and what is said of it."""
+        """Show the row's number and its findings."""
         self._number.update(Content(f"{number}"))
         self._said.update(Content.styled(said, style))
 
 
 JSON = "json"
-"""The answer of somebody who wants to write the plan as JSON."""
+"""The answer that opens the plan as JSON."""
 
 
 class PlanForm(ModalScreen["Plan | str | None"]):
@@ -231,7 +231,7 @@ class PlanForm(ModalScreen["Plan | str | None"]):
         self.focus_next()
 
     def _check(self) -> Plan | None:
-        """Tell what is wrong at once; examine the plan in the next pause if nothing is."""
+        """Show errors at once; without any, examine the plan in the next pause."""
         rows = self._rows
         self.draft = _json(self._reason, [each.row for each in rows])
         faults = [each.row.fault(self._world) for each in rows]
@@ -252,7 +252,7 @@ class PlanForm(ModalScreen["Plan | str | None"]):
         self.query_one("#plan-verdict", Static).update(Content.styled(said, style))
 
     async def _look(self, plan: Plan) -> None:
-        """Rehearse and check the plan, and tell each row what it comes to."""
+        """Rehearse and check the plan, and show each row its result."""
         await asyncio.sleep(CHECK_AFTER_S)
         found = await self._examine(plan)
         broken = [finding for finding in found.findings if finding.broken]
@@ -319,7 +319,7 @@ class PlanForm(ModalScreen["Plan | str | None"]):
         self._check()
 
     async def on_button_pressed(self, event: Button.Pressed) -> None:
-        """Do what the button says."""
+        """Carry out the button's action."""
         event.stop()
         await self.run_action(event.button.id or "")
 

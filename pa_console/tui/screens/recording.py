@@ -138,7 +138,7 @@ class RecordingScreen(MainScreen):
                 self.app.refresh_bindings()
 
     def move(self, how: Callable[[Player], object]) -> None:
-        """Move the recording; a log that cannot be read any more is told."""
+        """Move the recording; show an error if the log can no longer be read."""
         try:
             how(self.player)
         except LogError as error:
@@ -158,7 +158,7 @@ class RecordingScreen(MainScreen):
         self.move(Player.pause if self.player.playing else Player.play)
 
     def jump(self, kinds: frozenset[MarkKind], by: int, what: str) -> None:
-        """Go to the next mark of these `kinds`, or the one before; say when there is none."""
+        """Go to the next or previous mark of these `kinds`; show a notice if there is none."""
 
         def how(player: Player) -> None:
             if not (player.next_mark(kinds) if by > 0 else player.mark_back(kinds)):

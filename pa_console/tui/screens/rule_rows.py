@@ -183,12 +183,12 @@ def _finding(found: Finding) -> tuple[Part, ...]:
 
 @dataclass
 class Workbench:
-    """Lets one console edit one rule file; `closed` says why it may not, empty when it may.
+    """Lets one console edit one rule file; `closed` is the reason if it may not, else empty.
 
-    `drafts` are what was typed and not saved, by rule id, '' for a new rule; they outlive the
-    editor and the console. `saved` is awaited after the file was written, so that it is taken at
-    once. `offered` says why the rules in the file wait to be accepted, empty when they do not, and
-    `accept` takes them.
+    `drafts` are unsaved texts by rule id, '' for a new rule; they outlive the editor and the
+    console. `saved` is awaited after the file was written, so that it is loaded at once. `offered`
+    is the reason that the rules in the file need to be accepted, empty if they do not, and `accept`
+    accepts them.
     """
 
     world: World

@@ -133,7 +133,7 @@ class SettingsScreen(Screen[None]):
             self._save(value)
 
     def _save(self, text: str) -> None:
-        """Write the choice at the pointer; what is wrong is said and nothing is written."""
+        """Write the choice at the pointer; an invalid one is shown and not written."""
         choice = self._at
         try:
             self._loaded = self._loaded.again()

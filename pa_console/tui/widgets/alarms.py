@@ -180,8 +180,7 @@ EMPTY = "No alarm is open and no mission waits."
 class AlarmPane(VirtualRows):
     """Worst alarm first, then the queue, next mission first.
 
-    The cursor is always shown. It is on the worst alarm that nobody has seen, unless the
-    operator put it elsewhere.
+    The cursor is always shown. It is on the worst unseen alarm unless the operator moves it.
     """
 
     def __init__(self, **kwargs: str) -> None:

@@ -59,7 +59,7 @@ def tracks(width: int) -> Layout:
 
 
 def asset_cells(asset: AssetTelemetry, short: Mapping[str, str], look: Reliance) -> Cells:
-    """Return the cells of an asset; what an unreliable report says is dimmed and questioned."""
+    """Return the cells of an asset; values from an unreliable report are dimmed and questioned."""
     status, comms, state = look.asset(asset), term("comms", asset.comms), look.report(asset)
     going = asset.at or (f"{arrow(asset.heading_deg)} {asset.post}" if asset.post else "between")
     low = "▼" if asset.low_battery else ""
@@ -79,7 +79,7 @@ def asset_cells(asset: AssetTelemetry, short: Mapping[str, str], look: Reliance)
 
 
 def track_cells(track: Track, look: Reliance) -> Cells:
-    """Return the cells of a track; one that is not seen any more says so before all else."""
+    """Return the cells of a track; a track out of sight shows that first."""
     identity, intent = term("identity", track.identity), term("intent", track.intent)
     lost = look.lost(track)
     style = QUIET if lost else identity.style
@@ -229,7 +229,7 @@ class AssetTable(VirtualRows):
         self.show(self._picture)
 
     def _arranged(self, picture: Picture, look: Reliance) -> list[_Item]:
-        """Return the rows in order: what is most urgent first, equal ones as they were told."""
+        """Return the rows in order: the most urgent first, equal ones as they arrived."""
         tracks = sorted(picture.tracks.values(), key=lambda t: (*track_rank(t), t.id))
         ranks = {name: look.rank(asset) for name, asset in picture.assets.items()}
         assets = sorted(picture.assets.values(), key=lambda a: ranks[a.id])

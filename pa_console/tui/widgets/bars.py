@@ -276,7 +276,7 @@ class _Item(NamedTuple):
 
 
 def _fitted(items: list[_Item], width: int) -> Content:
-    """Return the parts in one line: without those that have no room, then in fewer words."""
+    """Return the parts in one line: without parts that do not fit, then in fewer words."""
     shown = list(items)
     while _cells(shown) > width and (least := max((each.rank for each in shown), default=0)) > 0:
         shown = [each for each in shown if each.rank < least]
@@ -305,9 +305,9 @@ def _rules_alarm(seal: RulesSeal | None) -> str:
 
 
 class KeyFooter(Footer):
-    """The keys that are legal now; it is composed anew only when one of them has changed.
+    """The keys that are legal now; composed again only if one of them has changed.
 
-    Textual tells of a change with every move of the focus.
+    Textual reports a change with every move of the focus.
     """
 
     def __init__(self) -> None:

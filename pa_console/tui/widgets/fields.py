@@ -16,7 +16,7 @@ from pa_console.schema.text import visible
 
 
 class CheckBox(Static, can_focus=True):
-    """Ticked by Space, Enter or a click; `name` says what is accepted."""
+    """A box ticked by Space, Enter or a click; `name` identifies the accepted point."""
 
     BINDINGS = [Binding("enter,space", "tick", "Tick", show=False)]
 

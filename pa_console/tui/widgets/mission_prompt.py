@@ -278,7 +278,7 @@ class ReadingLine(Static):
 
 
 class MissionPrompt(Horizontal):
-    """The prompt; closed, it says why no mission can be given, and takes questions at most."""
+    """The prompt; when closed, it shows the reason, and accepts questions at most."""
 
     @dataclass
     class Given(Message):

@@ -87,7 +87,7 @@ class TextRows(Widget):
 
 
 class VirtualRows(ScrollView):
-    """A list with a cursor on one of its keys; subclasses say how a key's row looks.
+    """A list with a cursor on one of its keys; subclasses render the row of a key.
 
     A key may have several rows one below the other. The cursor stays on its key when rows move.
     """
@@ -234,9 +234,9 @@ Item = TypeVar("Item")
 
 
 class PointedRows(VirtualRows, Generic[Item]):
-    """A row an item; the pointer stays on its row when others come.
+    """A table with a row for each item; the pointer stays on its row when others arrive.
 
-    Subclasses set the least `COLUMNS`, and say what a row's cells are and which columns grow.
+    Subclasses set the least `COLUMNS`, and define the cells of a row and the columns that grow.
     """
 
     COLUMNS: ClassVar[Layout]
