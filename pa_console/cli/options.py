@@ -79,6 +79,25 @@ AgentsOption = Annotated[
         help="Let agents propose missions over MCP at this port of this machine; 0 for none.",
     ),
 ]
+AlertOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--alert",
+        metavar="URL",
+        envvar="PA_CONSOLE_ALERT",
+        help="Alert people by mail, chat or push: an address of Apprise; repeatable. Better set "
+        "where no list of processes shows it.",
+    ),
+]
+AlertLaterOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--alert-later",
+        metavar="URL",
+        envvar="PA_CONSOLE_ALERT_LATER",
+        help="Alert these people too when nobody acts.",
+    ),
+]
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else there.")
 ]
@@ -198,6 +217,9 @@ class SessionOptions:
             help="Refuse to start where the system does not confine the model's process.",
         ),
     ] = False
+    alert: list[str] | None = None
+    """The addresses that are alerted, and those of `alert_later` when nobody acts."""
+    alert_later: list[str] | None = None
     agents: int = 0
     """The port at which agents are let in; 0 for none."""
     readonly: bool = False
