@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from pa_console.cli import completion
+from pa_console.resources import install_hint
 
 if TYPE_CHECKING:
     from pa_console.evaluation.dask_sweep import Workers
@@ -125,8 +126,7 @@ def naming_what_is_missing(extra: str, what: str = "this needs") -> Generator[No
         yield
     except ModuleNotFoundError as error:
         raise ValueError(
-            f"{what} a library that is not installed ({error.name}): "
-            f"pip install 'pa-console[{extra}]'"
+            f"{what} a library that is not installed ({error.name}): {install_hint(extra)}"
         ) from error
 
 
@@ -138,7 +138,7 @@ def dask_workers(where: int | str) -> "Workers":
     try:
         from pa_console.evaluation.dask_sweep import Workers  # noqa: PLC0415
     except ImportError as error:
-        raise ValueError("a sweep needs Dask: pip install 'pa-console[sweep]'") from error
+        raise ValueError(f"a sweep needs Dask: {install_hint('sweep')}") from error
     return Workers(count=where) if isinstance(where, int) else Workers(scheduler=where)
 
 

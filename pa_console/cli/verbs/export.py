@@ -271,7 +271,8 @@ def mcap(
     """Write the whole session as MCAP, for Foxglove, Rerun and the mcap tools.
 
     /telemetry has the pictures, /events/KIND every other event, /notices the event list and
-    /scene the checkpoint in 3D. Needs the extra: pip install 'pa-console[mcap]'
+    /scene the checkpoint in 3D. Needs the extra `mcap`; without it, the error
+    says how to install it.
     """
     session = opened(context, log)
     site = world_of(session.started, world)
