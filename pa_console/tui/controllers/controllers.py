@@ -51,6 +51,7 @@ HANDLERS: Mapping[str, Callable[[Controllers], None]] = {
     "evaluation": lambda to: to.browsing.show_evaluation(),
     "sessions": lambda to: to.browsing.show_sessions(),
     "standing_orders": lambda to: to.commands.show_standing_orders(),
+    "take_up": lambda to: to.commands.take_up(),
     "approval": lambda to: to.approval.go_to_it(),
     "cancel": lambda to: to.commands.cancel_mission(),
     "stop": lambda to: to.commands.stop_all(),
