@@ -178,7 +178,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("standing_orders", "V", "Standing orders",
                   "Look at the standing orders, what they have started, and revoke one", "Mission",
                   words="whenever revoke automatic repeat"),
-    ConsoleAction("take_up", "U", "Take up again",
+    ConsoleAction("take_up", "ctrl+n,U", "Take up again",
                   "Give the standing orders again that were in force at the end of the last "
                   "session; each waits for your approval", "Mission", needs=(*_COMMAND, "left"),
                   confirmed=True, words="last shift resume"),
@@ -273,6 +273,8 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("copy_plan", "Y", "Copy plan", "Copy the plan's JSON, and write it to a file",
                   "Copy", needs=("idle_trace",),
                   words="export save"),
+    ConsoleAction("screenshot", "P", "Screenshot", "Write a screenshot to an SVG file", "Copy",
+                  words="picture save svg"),
     ConsoleAction("faster", "plus", "Faster", "Twice the speed, up to 8x (replay: 32x)",
                   "Simulation"),
     ConsoleAction("slower", "minus", "Slower", "Half the speed, down to 1x (replay: 1/4x)",

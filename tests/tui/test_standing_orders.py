@@ -146,7 +146,7 @@ async def test_one_key_gives_those_of_the_last_session_again_and_once(tmp_path: 
     async with console(station, tmp_path, last=last).run_test(size=(120, 36)) as pilot:
         await settle(pilot, station)
         for _ in range(2):
-            await pilot.press("U", "enter")
+            await pilot.press("ctrl+n")
             await settle(pilot, station)
     assert station.submitted == [TEXT]
 

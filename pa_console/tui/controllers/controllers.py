@@ -88,6 +88,7 @@ HANDLERS: Mapping[str, Callable[[Controllers], None]] = {
     "earlier": lambda to: to.browsing.select_mission(-1),
     "later": lambda to: to.browsing.select_mission(1),
     "copy_trace": lambda to: to.browsing.copy_trace(),
+    "screenshot": lambda to: to.browsing.take_screenshot(),
     "copy_plan": lambda to: to.browsing.copy_plan(),
     "faster": lambda to: to.commands.change_rate(2.0),
     "slower": lambda to: to.commands.change_rate(0.5),
@@ -157,6 +158,10 @@ class ConsoleCommands(Provider):
         for title, incident in self._what_ifs:
             yield title, partial(commands.inject, incident), "Simulation only", ""
 
+    def _themes(self) -> Iterator[PaletteCommand]:
+        for name in self.app.available_themes:
+            yield f"Theme {name}", partial(setattr, self.app, "theme", name), "Colours", ""
+
     async def discover(self) -> Hits:
         """Yield the actions, and the what-ifs that start a typical situation."""
         for title, run, help_text, _ in self._actions():
@@ -173,7 +178,7 @@ class ConsoleCommands(Provider):
         """
         matcher, words = self.matcher(query), query.lower().split()
         found = (item for item in self._simulation() if _has(item[0].lower(), words))
-        for title, run, help_text, others in (*self._actions(), *found):
+        for title, run, help_text, others in (*self._actions(), *self._themes(), *found):
             score = max(matcher.match(title), matcher.match(others))
             if score > 0:
                 yield Hit(score, matcher.highlight(title), run, text=title, help=help_text)
