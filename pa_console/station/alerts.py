@@ -154,6 +154,7 @@ class Alerting:
         self._rules, self._delivery, self._clock = rules, delivery, clock
         self._events: SimpleQueue[ev.Event | None] = SimpleQueue()
         self._thread = Thread(target=self._run, name="alerts", daemon=True)
+        self._problem: list[str] = []
 
     def take(self, event: ev.Event) -> None:
         """Hand one event over; returns at once."""
@@ -165,8 +166,12 @@ class Alerting:
             ev.Noticed(
                 level="warning" if "not told" in line else "info", subject="alert", text=line
             )
-            for line in self._delivery.news()
+            for line in [*self._delivery.news(), *self._problems()]
         ]
+
+    def _problems(self) -> list[str]:
+        found, self._problem = self._problem, []
+        return found
 
     def __enter__(self) -> Self:
         self._thread.start()
@@ -177,6 +182,12 @@ class Alerting:
         self._thread.join(1.0)
 
     def _run(self) -> None:
+        try:
+            self._watch()
+        except Exception as error:  # alerts that end must not end the session, nor go unnoticed
+            self._problem = [f"people are not told any more: {type(error).__name__}: {error}"]
+
+    def _watch(self) -> None:
         while True:
             try:
                 event = self._events.get(timeout=self._rules.next_s(self._clock()) + 0.01)

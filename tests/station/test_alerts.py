@@ -100,6 +100,24 @@ def test_a_flood_is_few_messages_and_an_emergency_goes_all_the_same() -> None:
     assert told.of(51.0) == []
 
 
+def test_alerts_that_break_down_are_told_of() -> None:
+    class Broken:
+        def give(self, message: Message) -> None:
+            raise OSError("no more threads")
+
+        def news(self) -> Sequence[str]:
+            return []
+
+    with Alerting(AlertRules("high", 0.0), Broken()) as alerts:
+        alerts.take(at(0, raised("Track_01")))
+    [notice] = alerts.news()
+    assert isinstance(notice, ev.Noticed)
+    assert (notice.level, notice.text) == (
+        "warning",
+        "people are not told any more: OSError: no more threads",
+    )
+
+
 def test_the_station_waits_for_nothing_and_hears_what_became_of_a_message() -> None:
     given: Queue[Message] = Queue()
 
