@@ -1,5 +1,6 @@
 """The worlds, rules and model catalogue that are installed with the package."""
 
+import sys
 from pathlib import Path
 
 from pa_console.schema.document import DocumentError
@@ -14,6 +15,21 @@ def data_folder() -> Path:
     """
     installed = _PACKAGE / "data"
     return installed if installed.is_dir() else _PACKAGE.parent
+
+
+def install_hint(extra: str) -> str:
+    """Return the command that adds an `extra` to the program as it was installed here.
+
+    That is pip, pipx, or pip in a clone of the repository.
+    """
+    prefix, root = Path(sys.prefix), _PACKAGE.parent
+    if (root / "pyproject.toml").is_file():
+        inside = prefix.is_relative_to(root)
+        pip = prefix.relative_to(root) / "bin" / "pip" if inside else f"{sys.executable} -m pip"
+        return f"{pip} install --editable '{'.' if inside else root}[{extra}]'"
+    if prefix.parent.parts[-2:] == ("pipx", "venvs"):
+        return f"pipx runpip {prefix.name} install 'pa-console[{extra}]'"
+    return f"pip install 'pa-console[{extra}]'"
 
 
 def find_data(kind: str, name: str, file: str) -> Path:

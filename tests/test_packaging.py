@@ -153,6 +153,7 @@ def test_every_library_that_is_imported_is_asked_for() -> None:
         *extras["serve"],
         *extras["telemetry"],
         *extras["sweep"],
+        *extras["alert"],
         *extras["tak"],
     ]
     declared = {re.split(r"[^\w.-]", line)[0].lower().replace("_", "-") for line in asked}

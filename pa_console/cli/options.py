@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from pa_console.cli import completion
+from pa_console.resources import install_hint
 
 if TYPE_CHECKING:
     from pa_console.evaluation.dask_sweep import Workers
@@ -79,6 +80,25 @@ AgentsOption = Annotated[
         help="Let agents propose missions over MCP at this port of this machine; 0 for none.",
     ),
 ]
+AlertOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--alert",
+        metavar="URL",
+        envvar="PA_CONSOLE_ALERT",
+        help="Alert people by mail, chat or push: an address of Apprise; repeatable. Better set "
+        "where no list of processes shows it.",
+    ),
+]
+AlertLaterOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--alert-later",
+        metavar="URL",
+        envvar="PA_CONSOLE_ALERT_LATER",
+        help="Alert these people too when nobody acts.",
+    ),
+]
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else there.")
 ]
@@ -106,8 +126,7 @@ def naming_what_is_missing(extra: str, what: str = "this needs") -> Generator[No
         yield
     except ModuleNotFoundError as error:
         raise ValueError(
-            f"{what} a library that is not installed ({error.name}): "
-            f"pip install 'pa-console[{extra}]'"
+            f"{what} a library that is not installed ({error.name}): {install_hint(extra)}"
         ) from error
 
 
@@ -119,7 +138,7 @@ def dask_workers(where: int | str) -> "Workers":
     try:
         from pa_console.evaluation.dask_sweep import Workers  # noqa: PLC0415
     except ImportError as error:
-        raise ValueError("a sweep needs Dask: pip install 'pa-console[sweep]'") from error
+        raise ValueError(f"a sweep needs Dask: {install_hint('sweep')}") from error
     return Workers(count=where) if isinstance(where, int) else Workers(scheduler=where)
 
 
@@ -198,6 +217,9 @@ class SessionOptions:
             help="Refuse to start where the system does not confine the model's process.",
         ),
     ] = False
+    alert: list[str] | None = None
+    """The addresses that are alerted, and those of `alert_later` when nobody acts."""
+    alert_later: list[str] | None = None
     agents: int = 0
     """The port at which agents are let in; 0 for none."""
     readonly: bool = False

@@ -15,6 +15,7 @@ from pydantic import BaseModel, TypeAdapter
 
 from pa_console import __version__
 from pa_console.export.source_log import OpenedSession
+from pa_console.resources import install_hint
 from pa_console.schema.base import Payload, Point
 from pa_console.schema.events.event import Event, TelemetryReceived
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
@@ -233,7 +234,7 @@ def _resolved(schema: Schema) -> Schema:
     return put(schema)
 
 
-NEEDED = "MCAP files need one more package: pip install 'pa-console[mcap]'"
+NEEDED = f"MCAP files need one more package: {install_hint('mcap')}"
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _LEVELS = {"info": 2, "warning": 3, "alarm": 4}
 

@@ -31,6 +31,8 @@ Size = tuple[int, int]
 
 DRAWN_LIMIT_S = 10.0
 """The longest wait for the screen to be drawn once."""
+QUIET_ROUNDS = 3
+"""The rounds of the event loop without any message after which a widget starts nothing more."""
 
 
 class TapeDriver(HeadlessDriver):
@@ -51,6 +53,19 @@ class ShotRecordingScreen(RecordingScreen):
 
     shown: int | None = None
     """The number of events that had been played at the last painting."""
+    filmed: bool = False
+    """True once the exporter alone decides when something is painted."""
+
+    def paint(self) -> None:
+        """Send to the terminal what has changed on the screen."""
+        super()._on_timer_update()
+
+    def _on_timer_update(self) -> None:
+        if not self.filmed:
+            super()._on_timer_update()
+
+    def _tick(self) -> None:
+        """Let no time pass: the exporter moves the player."""
 
     def show_now(self) -> None:
         """Paint the views that have changed since the last painting."""
@@ -106,24 +121,30 @@ class ReplayedScreen:
         self.player = player
 
     async def show(self) -> None:
-        """Paint the present state of the player."""
-        if self._app.recording_screen is not None:
-            self._app.recording_screen.show_now()
-        await self._pilot.pause()
-        await self._drawn()
-
-    async def _drawn(self) -> None:
-        """Wait until painting is done, which may take long on a busy machine.
+        """Paint the present state of the player.
 
         A console that has broken down no longer paints: there is no wait for it.
         """
-        sent = -1
-        while sent != len(self._app.tape):
-            sent, drawn = len(self._app.tape), asyncio.Event()
-            if not self._app.screen.call_after_refresh(drawn.set):
-                return
-            with suppress(TimeoutError):
-                await asyncio.wait_for(drawn.wait(), DRAWN_LIMIT_S)
+        screen = self._app.recording_screen
+        if screen is None:
+            return
+        screen.filmed = True
+        screen.show_now()
+        sent, tape = -1, self._app.tape
+        with suppress(TimeoutError):
+            async with asyncio.timeout(DRAWN_LIMIT_S):
+                while sent != len(tape):
+                    sent = len(tape)
+                    await self._settled(screen)
+                    screen.paint()
+
+    async def _settled(self, screen: ShotRecordingScreen) -> None:
+        """Wait until no widget has anything to do any more."""
+        quiet = 0
+        while quiet < QUIET_ROUNDS:
+            await asyncio.sleep(0)
+            pumps = (self._app, *screen.walk_children(with_self=True))
+            quiet = 0 if any(pump.message_queue_size for pump in pumps) else quiet + 1
 
     def written(self) -> str:
         """Return the output for a terminal since the last call."""
@@ -238,17 +259,25 @@ BEGIN = "\x1b[?25l\x1b[0m\x1b[2J"
 END = "\x1b[0m\x1b[?25h\r\n"
 
 
+QUIET_STEPS = 8
+"""The steps after which telemetry is shown with which nothing else came."""
+
+
 def positions(recording: Recording, first: float, last: float, step: float) -> list[float]:
-    """Return seconds to show, `step` apart, without those at which there is no new event."""
-    shown = [first]
-    known = recording.timeline.count_until(first)
+    """Return seconds to show, `step` apart, without those at which there is no new event.
+
+    While telemetry alone comes, they are `QUIET_STEPS` times as far apart.
+    """
+    shown, timeline = [first], recording.timeline
+    known, since = timeline.count_until(first), 0
     for number in range(1, int((last - first) / step) + 1):
         at = first + number * step
-        count = recording.timeline.count_until(at)
-        if count > known:
+        count = timeline.count_until(at)
+        told = any(True for _ in timeline.without_telemetry(known, count))
+        if told or (count > known and number - since >= QUIET_STEPS):
             shown.append(at)
-            known = count
-    if recording.timeline.count_until(last) > known:
+            known, since = count, number
+    if timeline.count_until(last) > known:
         shown.append(last)
     return shown
 

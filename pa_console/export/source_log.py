@@ -131,18 +131,14 @@ def site_of(started: SessionStarted, world: str | None, rules: str | None) -> Si
     return load_site(world or started.world, rules or started.rules, unsigned=True)
 
 
-def choose_mission(missions: Mapping[str, MissionTrace], wanted: str | None) -> MissionTrace:
-    """Return the mission whose id is or begins with `wanted`, or the only one.
+def choose_mission(missions: Mapping[str, MissionTrace], wanted: str) -> MissionTrace:
+    """Return the mission whose id is or begins with `wanted`.
 
     Raises ValueError that lists the known missions.
     """
     if not missions:
         raise ValueError("the session has no mission")
     known = ", ".join(missions)
-    if wanted is None:
-        if len(missions) > 1:
-            raise ValueError(f"which mission? Name one with --mission: {known}")
-        return next(iter(missions.values()))
     if wanted in missions:
         return missions[wanted]
     begun = [name for name in missions if wanted and name.startswith(wanted)]

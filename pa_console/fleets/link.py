@@ -11,6 +11,7 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Protocol, runtime_checkable
 
 from pa_console.fleets.reports import AssetReport, SensorReport
+from pa_console.resources import install_hint
 from pa_console.schema.base import Point
 from pa_console.schema.command import DeviceCommand, ReplyStatus
 from pa_console.schema.events.event import Level
@@ -174,7 +175,7 @@ def open_link(url: str, world: World, settings: Settings) -> Link:
     try:
         opener: OpenLink = point.load()
     except ModuleNotFoundError as error:
-        remedy = f": pip install 'pa-console[{scheme}]'" if point in OWN else ""
+        remedy = f": {install_hint(scheme)}" if point in OWN else ""
         raise ValueError(
             f"--fleet {url} needs a library that is not installed ({error.name}){remedy}"
         ) from error

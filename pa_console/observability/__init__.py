@@ -8,6 +8,7 @@ from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
+from pa_console.resources import install_hint
 from pa_console.schema.events.event import Event
 
 Observer = Callable[[Event], None]
@@ -58,7 +59,7 @@ def observed(
             except ImportError as error:
                 raise ValueError(
                     f"traces need a library that is not installed ({error.name}): "
-                    "pip install 'pa-console[telemetry]'"
+                    f"{install_hint('telemetry')}"
                 ) from error
             export = SpanExport(asked.traces, asked.version)
             stack.callback(lambda: tell(export.problem) if export.problem else None)

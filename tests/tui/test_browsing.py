@@ -1,13 +1,17 @@
 """Policies, help, palette, what-ifs, copies, keys of the user's own."""
 
 from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
 
 import pytest
+from textual.pilot import Pilot
 from textual.widgets import Footer, Input, OptionList, Select
 
 from pa_console.schema.incident import SpawnTrack
 from pa_console.schema.rule import RuleExample
 from pa_console.tui.actions import ACTIONS, ActionContext
+from pa_console.tui.app import ConsoleApp
 from pa_console.tui.screens.dialogs import Confirm
 from pa_console.tui.screens.manual import help_rows
 from pa_console.tui.screens.policies import PolicyScreen
@@ -96,6 +100,32 @@ async def test_the_palette_finds_an_action_by_what_it_is_also_called(
         await pilot.press("f10", *words)
         results = app.screen.query_one(OptionList)
         await until(pilot, lambda: found in " ".join(str(o.prompt) for o in results.options))
+
+
+async def from_palette(pilot: Pilot[Any], app: ConsoleApp, words: str) -> None:
+    """Choose the first entry that the palette finds for `words`."""
+    await pilot.press("f10")
+    await pilot.pause()
+    app.screen.query_one(Input).value = words
+    results = app.screen.query_one(OptionList)
+    await until(pilot, lambda: results.option_count and not results.get_option_at_index(0).disabled)
+    await pilot.press("down", "enter")
+
+
+async def test_the_palette_takes_a_screenshot_without_itself(show: Show, tmp_path: Path) -> None:
+    async with show(story.told("finished")) as (app, pilot, _, _):
+        await from_palette(pilot, app, "screenshot")
+        await until(pilot, lambda: list(tmp_path.rglob("screen-*.svg")))
+    [picture] = tmp_path.rglob("screen-*.svg")
+    text = "".join(ElementTree.parse(picture).getroot().itertext()).replace("\xa0", " ")
+    assert "STOP ALL" in text
+    assert "screenshot" not in text, "the palette is closed before"
+
+
+async def test_the_palette_lists_every_theme_and_sets_one(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, _, _):
+        await from_palette(pilot, app, "theme nord")
+        await until(pilot, lambda: app.theme == "nord")
 
 
 async def test_the_help_of_a_screen_begins_with_its_own_keys(show: Show) -> None:

@@ -11,6 +11,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Metrics, Schedule, StandingOrder, StandingStart
 from pa_console.schema.plan import Plan
 from pa_console.schema.text import clock_text
+from pa_console.station.last_session import LastSession
 from pa_console.terminal.line_console import LineConsole
 from pa_console.terminal.session_lines import LineOutput
 from pa_console.tui.app import ConsoleApp
@@ -136,6 +137,18 @@ async def test_leaving_with_one_in_force_asks_once_and_says_what_ends(show: Show
         assert TEXT in asked_so
         await pilot.press("n")
         assert app.is_running
+
+
+async def test_one_key_gives_those_of_the_last_session_again_and_once(tmp_path: Path) -> None:
+    last = LastSession(tmp_path, "0" * 64, "U")
+    last.orders = (TEXT,)
+    station = ScriptedStation(story.opening())
+    async with console(station, tmp_path, last=last).run_test(size=(120, 36)) as pilot:
+        await settle(pilot, station)
+        for _ in range(2):
+            await pilot.press("ctrl+n")
+            await settle(pilot, station)
+    assert station.submitted == [TEXT]
 
 
 async def test_without_one_the_screen_says_how_to_give_one(show: Show) -> None:

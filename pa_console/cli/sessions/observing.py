@@ -1,12 +1,14 @@
 """The observers of a verb's session by its settings, and the sources of outside reports."""
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 from pa_console import __version__
 from pa_console.cli.options import naming_what_is_missing
+from pa_console.cli.sessions.alerting import NOBODY, AlertTargets, alerting
 from pa_console.observability import Observer, Observing, observed
+from pa_console.schema.events.event import OutsideReport
 from pa_console.settings.schema import Settings
 from pa_console.station.notices import Outside
 from pa_console.terminal.output import errors
@@ -21,11 +23,14 @@ class Beside:
 
 
 @contextmanager
-def observing(settings: Settings, world: str = "", *, live: bool = False) -> Generator[Beside]:
+def observing(
+    settings: Settings, world: str = "", alerts: AlertTargets = NOBODY, *, live: bool = False
+) -> Generator[Beside]:
     """Yield the observers of a session; their problems are reported at the end.
 
     With the name of a `world`, the session is shown on the map of a TAK server, if one is set.
     Changes of that connection are reported meanwhile if stderr is `live`: no screen is over it.
+    People are alerted at the addresses of `alerts`.
     Raises ValueError for a port that cannot be listened on, for a library that is missing and for a
     world without a place on the earth.
     """
@@ -35,7 +40,7 @@ def observing(settings: Settings, world: str = "", *, live: bool = False) -> Gen
     )
     try:
         with ExitStack() as stack:
-            also, outside = list[Observer](), None
+            also, sources = list[Observer](), list[Outside]()
             if world and settings.tak:
                 with naming_what_is_missing("tak", "TAK maps need"):
                     from pa_console.cli.sessions.on_map import on_map  # noqa: PLC0415 - then only
@@ -43,11 +48,27 @@ def observing(settings: Settings, world: str = "", *, live: bool = False) -> Gen
                     on_map(settings, world, problems.append, _say if live else _nothing)
                 )
                 also.append(shown.take)
-                outside = shown.reports
+                sources.append(shown.reports)
+            if alerts:
+                told = stack.enter_context(alerting(alerts, settings))
+                also.append(told.take)
+                sources.append(told)
+            outside = _Together(sources) if sources else None
             yield Beside(stack.enter_context(observed(asked, problems.append, also)), outside)
     finally:
         for problem in dict.fromkeys(problems):
             errors.print_line(f"warning: {problem}", style="yellow")
+
+
+@dataclass(frozen=True)
+class _Together:
+    """Several sources of reports as one."""
+
+    sources: Sequence[Outside]
+
+    def news(self) -> list[OutsideReport]:
+        """Return the new reports of all of them."""
+        return [report for source in self.sources for report in source.news()]
 
 
 def _say(line: str) -> None:

@@ -8,9 +8,12 @@ from pa_console.cli.sessions.live import LiveSession
 from pa_console.cli.sessions.log import tell_of_witness, usual_file
 from pa_console.observability import Observer
 from pa_console.session.log.chain import LogError
+from pa_console.session.log.writer import default_folder
 from pa_console.settings.sources import LoadedSettings
+from pa_console.station.last_session import LastSession
 from pa_console.terminal.opening_frame import OpeningFrame
 from pa_console.terminal.output import out
+from pa_console.tui.actions import first_key
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.over_frame import keep_first, take_over
 from pa_console.views.waiting import load_usual, save_usual
@@ -29,7 +32,12 @@ def run_screen(
     def cannot_write(error: LogError) -> None:
         app.notify(str(error), title="Session log", severity="error", timeout=30, markup=False)
 
-    station.offer_at_start(site.world.low_battery_policy)
+    policy, last = site.world.low_battery_policy, None
+    station.offer_at_start(policy)
+    if not station.readonly and opened.resumed_log is None:
+        folder = settings.values.logs or default_folder()
+        last = LastSession(folder, site.world_sha256, first_key("take_up"), policy)
+        station.listen_to(last)
     writer = opened.open_log(cannot_write)
     app = ConsoleApp(
         site.world,
@@ -40,6 +48,7 @@ def run_screen(
         settings=settings,
         rules_file=site.rules_path,
         usual=load_usual(usual_file(), model),
+        last=last,
     )
     app.feed.observer = observer
     app.first_painted = lambda: keep_first(app, frame)

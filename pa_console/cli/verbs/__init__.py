@@ -48,6 +48,10 @@ VERBS = {
         "doctor:doctor",
         "Look for everything that the console needs; exit code 0 when nothing is missing.",
     ),
+    "alert": Verb(
+        "alert:alert",
+        "Send a test alert to everybody who would be alerted; exit code 1 when one is not reached.",
+    ),
     "export": Verb(
         "export:app", "Write a recorded session as Markdown, MCAP, SVG or asciinema cast."
     ),
@@ -154,6 +158,7 @@ EXAMPLES = {
     "replay": "pa-console replay session.jsonl --verify",
     "sessions": "pa-console sessions last --json",
     "doctor": "pa-console doctor --json",
+    "alert": "pa-console alert --alert ntfys://ntfy.example/our-site",
     "export": "pa-console export markdown session.jsonl --mission M1 --out M1.md",
     "export markdown": "pa-console export markdown session.jsonl --mission M1 --out M1.md",
     "export mcap": "pa-console export mcap session.jsonl --out session.mcap",

@@ -9,7 +9,13 @@ from typing import Annotated
 import typer
 
 from pa_console import __version__
-from pa_console.cli.options import AgentsOption, SessionOptions, naming_what_is_missing
+from pa_console.cli.options import (
+    AgentsOption,
+    AlertLaterOption,
+    AlertOption,
+    SessionOptions,
+    naming_what_is_missing,
+)
 from pa_console.cli.settings_defaults import OBSERVED, settings_of
 from pa_console.terminal.opening_frame import OpeningFrame, frame_file
 from pa_console.terminal.output import DRIVER
@@ -19,6 +25,8 @@ from pa_console.terminal.output import DRIVER
 class ConsoleOptions(SessionOptions):
     """The options of a session with an operator."""
 
+    alert: AlertOption = None
+    alert_later: AlertLaterOption = None
     agents: AgentsOption = 0
     readonly: Annotated[
         bool, typer.Option("--readonly", help="Look only: every command is refused.")

@@ -118,13 +118,17 @@ def _checks(tell: Callable[[str], None]) -> Iterator[Check]:
 
 
 def _print(checks: list[Check], missing: list[str]) -> None:
+    """Print the checks as a table, into a pipe as lines that are as long as their paths."""
     table = Table(box=None, pad_edge=False, show_header=False)
     for check in checks:
         said = f"{check.found}\n→ {check.remedy}" if check.remedy else check.found
-        table.add_row(
-            Text(check.name), Text(check.state, STYLES[check.state]), Text(said, overflow="fold")
-        )
-    out.print(table)
+        if out.is_terminal:
+            state = Text(check.state, STYLES[check.state])
+            table.add_row(Text(check.name), state, Text(said, overflow="fold"))
+        else:
+            out.print_line(f"{check.name}: {check.state}: {said}")
+    if out.is_terminal:
+        out.print(table)
     for check in checks:
         if check.details:
             out.print_line(f"\n{check.name}")

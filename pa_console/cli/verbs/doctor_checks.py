@@ -27,6 +27,7 @@ from pa_console.llm.models.cache import cache_folder, hash_file
 from pa_console.llm.models.catalogue import Catalog, ModelEntry, check_adapters
 from pa_console.llm.models.preparing import Preparation, find_recorded
 from pa_console.private_files import exposed, nearest_existing, unwritable
+from pa_console.resources import install_hint
 from pa_console.schema.document import DocumentError
 from pa_console.schema.text import count
 from pa_console.session.log.chain import LogError
@@ -373,7 +374,7 @@ def check_schemes() -> Iterator[Check]:
         except ModuleNotFoundError as error:
             found = f"not installed ({error.name} is missing)"
             if point in OWN:
-                found += f"; pip install 'pa-console[{scheme}]' adds it"
+                found += f"; {install_hint(scheme)} adds it"
             yield Check(f"link {scheme}", "ok" if point in OWN else "warning", found)
         except Exception as error:  # whatever a package of somebody else raises when it is loaded
             found = f"{point.value} cannot be loaded: {type(error).__name__}: {error}"

@@ -15,6 +15,7 @@ from pa_console.cli.progress_bars import ExportBar
 from pa_console.cli.sessions.log import recorded_log
 from pa_console.export.markdown import mission_document
 from pa_console.export.mcap_file import write_mcap
+from pa_console.export.shift_report import session_document
 from pa_console.export.source_log import (
     OpenedSession,
     choose_mission,
@@ -236,29 +237,34 @@ def markdown(
     log: LogArgument,
     mission: Annotated[
         str | None,
-        typer.Option(help="Id of the mission; may be left out when the session has only one."),
+        typer.Option(help="Id of one mission; without it, the whole session as a shift report."),
     ] = None,
     target: Annotated[
         Path | None, typer.Option("--out", "-o", help="The file; without it, standard output.")
     ] = None,
     rules: SessionRules = None,
 ) -> None:
-    """Write one mission's whole trace as GitHub Markdown: rules, prompts, plans, checks, outcome.
+    """Write a session as GitHub Markdown, a shift report with every mission's trace, or one trace.
 
-    Prompts, answers and rules that were not broken are folded away.
+    The report begins with what is left open. Prompts, answers and rules that were not broken are
+    folded away.
     """
     session = opened(context, log)
-    trace = choose_mission(session.final_state().missions, mission)
     known, note = rules_of(session.started, rules)
     problem = session.recording.problem
     notes = tuple(text for text in (note, str(problem) if problem else "") if text)
-    document = mission_document(trace, session.started, known, notes)
+    if mission is None:
+        what, document = "shift report", session_document(session, known, notes)
+    else:
+        trace = choose_mission(session.final_state().missions, mission)
+        what = f"mission {trace.mission.id}"
+        document = mission_document(trace, session.started, known, notes)
     if target is None:
         print_document(document)
         return
     with whole_file(target, log) as file:
         file.write(visible(document).encode())
-    written(target, f"mission {trace.mission.id}")
+    written(target, what)
 
 
 @app.command("mcap")
@@ -271,7 +277,8 @@ def mcap(
     """Write the whole session as MCAP, for Foxglove, Rerun and the mcap tools.
 
     /telemetry has the pictures, /events/KIND every other event, /notices the event list and
-    /scene the checkpoint in 3D. Needs the extra: pip install 'pa-console[mcap]'
+    /scene the checkpoint in 3D. Needs the extra `mcap`; without it, the error
+    says how to install it.
     """
     session = opened(context, log)
     site = world_of(session.started, world)

@@ -10,6 +10,8 @@ import typer
 from pa_console.child_processes import python_command
 from pa_console.cli.options import (
     AgentsOption,
+    AlertLaterOption,
+    AlertOption,
     FollowOptions,
     JsonOption,
     ModelOption,
@@ -39,6 +41,8 @@ RoleName = Literal["observer", "proposer", "operator", "commander"]
 class ServeOptions(SessionOptions):
     """The options of a session that programs use."""
 
+    alert: AlertOption = None
+    alert_later: AlertLaterOption = None
     agents: AgentsOption = 0
 
 

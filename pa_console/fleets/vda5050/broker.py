@@ -21,6 +21,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from pa_console.fleets.vda5050.wire import Token
 from pa_console.network_address import host_and_port, is_this_machine, server_address
+from pa_console.resources import install_hint
 
 if TYPE_CHECKING:
     from aiomqtt import Client
@@ -323,7 +324,7 @@ def run_broker(port: int) -> Generator[None]:
         from iotcore import Broker  # noqa: PLC0415 - an extra
     except ImportError:
         raise ValueError(
-            "the embedded broker needs iotcore: pip install 'pa-console[fleet]', "
+            f"the embedded broker needs iotcore: {install_hint('fleet')}, "
             "or use Mosquitto: 'pa-console site init FOLDER'"
         ) from None
     with tempfile.TemporaryDirectory(prefix="pa-console-broker-") as folder:

@@ -32,6 +32,7 @@ from pa_console.llm.models.catalogue import (
     PathSource,
     WeightsSource,
 )
+from pa_console.resources import install_hint
 
 
 def label_of(source: WeightsSource) -> str:
@@ -180,7 +181,7 @@ def fetch_from_hub(source: HubSource, place: Path, total: int, progress: Progres
     return place / source.file
 
 
-HUB_EXTRA = "the extra is not installed: pip install 'pa-console[hub]'"
+HUB_EXTRA = f"the extra is not installed: {install_hint('hub')}"
 
 
 def pull(entry: ModelEntry, progress: Progress = silent) -> Path:

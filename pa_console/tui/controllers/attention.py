@@ -11,7 +11,7 @@ from textual.screen import Screen
 from textual.widgets import Static
 
 from pa_console.schema.text import visible_line
-from pa_console.session.state import SessionState
+from pa_console.station.waits import what_waits
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.settings import SettingsController
 
@@ -36,9 +36,6 @@ RESTORE_TITLE = "\x1b[23;2t"
 """Has it take that title again."""
 
 
-_URGENT = ("emergency", "high")
-
-
 class AttentionController:
     """Looks at the session after each frame; every means can be switched off in the settings."""
 
@@ -56,14 +53,15 @@ class AttentionController:
         if session.player is not None or not session.decides:
             return
         now = what_waits(session.folded)
-        new = [text for key, text in now.items() if key not in self._waits]
+        new = [wait.text for key, wait in now.items() if key not in self._waits]
         self._waits = frozenset(now)
         values = self._settings.loaded.values
         if new and values.bell:
             write("\a")
         if new and values.desktop_notices:
             write(notice("; ".join(new)))
-        self._name_window(next(iter(now.values()), ""), wanted=values.window_title)
+        title = next((wait.text for wait in now.values()), "")
+        self._name_window(title, wanted=values.window_title)
 
     def leave(self) -> None:
         """Give the window its own title back."""
@@ -78,22 +76,6 @@ class AttentionController:
             first = KEEP_TITLE if self._title is None else ""
             self._title = title
             self._write(first + window_title(title))
-
-
-def what_waits(state: SessionState) -> dict[str, str]:
-    """Return what waits for the operator, in words by a key of its own, the first most urgent."""
-    waits: dict[str, str] = {}
-    if state.log_problem:
-        waits["log"] = "the session log cannot be written"
-    current = state.current
-    if current is not None and current.approval is not None:
-        request = current.approval.request_id or str(current.approval.attempt)
-        waits[f"approval {current.mission.id} {request}"] = f"plan of {current.mission.id} waits"
-    for item in state.alarms:
-        if not item.acknowledged and item.alarm.priority in _URGENT:
-            key = f"alarm {item.alarm.id} {item.alarm.priority}"
-            waits[key] = f"{item.alarm.priority} alarm: {item.alarm.subject}"
-    return waits
 
 
 CLOSED = "LOG NOT WRITTEN: nothing is dispatched, no plan can be approved"

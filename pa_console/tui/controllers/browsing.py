@@ -1,6 +1,7 @@
 """Moves about in the console: panes, map, pointers, screens to read, copies to take along."""
 
 from collections.abc import Callable
+from datetime import datetime
 from pathlib import Path
 
 from textual.binding import Binding
@@ -147,6 +148,17 @@ class BrowsingController:
         trace = self._shown_trace
         if trace is not None:
             self._copy("plan", f"{trace.mission.id}-plan.json", _plan_text(trace))
+
+    def take_screenshot(self) -> None:
+        """Write what the screen shows, once the palette is closed, to an SVG file."""
+
+        def take() -> None:
+            picture = self._app.export_screenshot(title=self._app.title)
+            name = f"screen-{datetime.now():%Y%m%d-%H%M%S}.svg"
+            where = write_copy(self._copies or export_folder(), name, picture)
+            self._session.tell(str(where), "Screenshot")
+
+        self._app.call_after_refresh(take)
 
     @property
     def _shown_trace(self) -> MissionTrace | None:

@@ -156,6 +156,12 @@ class CommandController:
         if self._session.station is not None and shown is not None:
             self._session.station.point(shown.query_one(MapView).followed)
 
+    def take_up(self) -> None:
+        """Give the standing orders of the last session again; each waits for its approval."""
+        last = self._session.last
+        for order in last.take_up() if last is not None else ():
+            self.attempt("Mission", lambda station, text=order: station.submit(text))
+
     def submit(self, text: str) -> None:
         """Submit a mission; a refused text stays in the field."""
         self.point()

@@ -10,6 +10,7 @@ from textual.widgets import Input, TextArea
 from pa_console.schema.world import World
 from pa_console.session.recording import Player
 from pa_console.session.state import SessionState
+from pa_console.station.last_session import LastSession
 from pa_console.tui.actions import ActionContext, ConsoleAction
 from pa_console.tui.kept_input import History
 from pa_console.tui.screens.main import MainScreen
@@ -30,8 +31,13 @@ class ConsoleSession:
         readonly: bool,
         clock: SecondsClock,
         joined: JoinedTo | None = None,
+        last: LastSession | None = None,
     ) -> None:
-        """A live console has a `station`, a replay a `player`; one may have `joined` another."""
+        """A live console has a `station`, a replay a `player`; one may have `joined` another.
+
+        Standing orders of the `last` session can be taken up again.
+        """
+        self.last = last
         self.app, self.world = app, world
         self.station, self.player = station, player
         self.readonly, self.clock, self.joined = readonly or joined is not None, clock, joined
@@ -118,6 +124,7 @@ class ConsoleSession:
             queue=len(state.queue),
             agents=bool(state.last_agent),
             stopped=state.stop is not None,
+            left=self.last is not None and bool(self.last.orders),
         )
 
     def allows(self, action: ConsoleAction) -> bool:

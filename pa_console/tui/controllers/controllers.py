@@ -51,6 +51,7 @@ HANDLERS: Mapping[str, Callable[[Controllers], None]] = {
     "evaluation": lambda to: to.browsing.show_evaluation(),
     "sessions": lambda to: to.browsing.show_sessions(),
     "standing_orders": lambda to: to.commands.show_standing_orders(),
+    "take_up": lambda to: to.commands.take_up(),
     "approval": lambda to: to.approval.go_to_it(),
     "cancel": lambda to: to.commands.cancel_mission(),
     "stop": lambda to: to.commands.stop_all(),
@@ -87,6 +88,7 @@ HANDLERS: Mapping[str, Callable[[Controllers], None]] = {
     "earlier": lambda to: to.browsing.select_mission(-1),
     "later": lambda to: to.browsing.select_mission(1),
     "copy_trace": lambda to: to.browsing.copy_trace(),
+    "screenshot": lambda to: to.browsing.take_screenshot(),
     "copy_plan": lambda to: to.browsing.copy_plan(),
     "faster": lambda to: to.commands.change_rate(2.0),
     "slower": lambda to: to.commands.change_rate(0.5),
@@ -156,6 +158,10 @@ class ConsoleCommands(Provider):
         for title, incident in self._what_ifs:
             yield title, partial(commands.inject, incident), "Simulation only", ""
 
+    def _themes(self) -> Iterator[PaletteCommand]:
+        for name in self.app.available_themes:
+            yield f"Theme {name}", partial(setattr, self.app, "theme", name), "Colours", ""
+
     async def discover(self) -> Hits:
         """Yield the actions, and the what-ifs that start a typical situation."""
         for title, run, help_text, _ in self._actions():
@@ -172,7 +178,7 @@ class ConsoleCommands(Provider):
         """
         matcher, words = self.matcher(query), query.lower().split()
         found = (item for item in self._simulation() if _has(item[0].lower(), words))
-        for title, run, help_text, others in (*self._actions(), *found):
+        for title, run, help_text, others in (*self._actions(), *self._themes(), *found):
             score = max(matcher.match(title), matcher.match(others))
             if score > 0:
                 yield Hit(score, matcher.highlight(title), run, text=title, help=help_text)

@@ -1,0 +1,77 @@
+"""The last session of a world: one line about it, and the standing orders that were in force."""
+
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+from threading import Thread
+
+from pa_console.schema.events import event as ev
+from pa_console.schema.text import count
+from pa_console.session.log.chain import LogError
+from pa_console.session.past_sessions import fold_decisions, is_held, newest_logs
+from pa_console.session.state import SessionState
+from pa_console.station.earlier_session import LOOKED_AT
+
+ENDED = "the session has ended"
+"""The end of a standing order that was in force to the end of its session."""
+
+
+class LastSession:
+    """The last closed or broken-off session of a world whose log is in a folder.
+
+    The first call of `news` begins to look for it, in a thread, for a log may be long; a later one
+    tells of it.
+    """
+
+    def __init__(self, folder: Path, world_sha256: str, key: str, offered: str = "") -> None:
+        """`key` takes its orders up again; the world's own order, `offered` anyway, is left out."""
+        self._folder, self._world, self._key, self._offered = folder, world_sha256, key, offered
+        self._told: list[ev.OutsideReport] = []
+        self.orders: tuple[str, ...] = ()
+        """The texts of the orders that were in force and were not taken up again."""
+        self._looking = Thread(target=self._look, name="last-session", daemon=True)
+
+    def news(self) -> Sequence[ev.OutsideReport]:
+        """Return the line about it, once."""
+        if self._looking.ident is None:
+            self._looking.start()
+        told, self._told = self._told, []
+        return told
+
+    def wait(self) -> None:
+        """Wait until it was looked for."""
+        self._looking.join()
+
+    def take_up(self) -> tuple[str, ...]:
+        """Return the orders that are to be given again, once."""
+        orders, self.orders = self.orders, ()
+        return orders
+
+    def _look(self) -> None:
+        for log in newest_logs(self._folder)[:LOOKED_AT]:
+            try:
+                if is_held(log):
+                    continue
+                state, last = fold_decisions(log, self._world)
+            except (LogError, OSError, ValueError):
+                continue
+            if state is not None and last is not None and state.started is not None:
+                self._tell(state, state.started.session, last)
+                return
+
+    def _tell(self, state: SessionState, session: str, last: datetime) -> None:
+        orders = dict.fromkeys(
+            trace.order.text for trace in state.standing.values() if trace.ended in ("", ENDED)
+        )
+        orders.pop(self._offered, None)
+        missions = sum(trace.status is None for trace in state.missions.values())
+        left = [count(missions, "mission")] if missions else []
+        left += [count(len(state.open_alarms), "alarm")] if state.open_alarms else []
+        text = f"{session} ended {last.astimezone():%Y-%m-%d %H:%M}"
+        text += "" if state.ended else ", not closed"
+        text += f"; left open: {' and '.join(left)}" if left else "; nothing was left open"
+        if orders:
+            named = "; ".join(f"“{order}”" for order in orders)
+            text += f"; {self._key} takes up again what was in force: {named}"
+        self.orders = tuple(orders)
+        self._told = [ev.Noticed(level="info", subject="last session", text=text)]

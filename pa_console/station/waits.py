@@ -1,0 +1,49 @@
+"""The things that wait for the operator, each with how urgent it is, by the state of a session."""
+
+from dataclasses import dataclass
+
+from pa_console.schema.mission import AlarmPriority
+from pa_console.session.state import OpenAlarm, SessionState
+
+URGENT: tuple[AlarmPriority, ...] = ("emergency", "high")
+"""The alarms that call the operator to the screen."""
+
+
+@dataclass(frozen=True)
+class Wait:
+    """One thing that waits, in few words; a plan has no priority of its own."""
+
+    text: str
+    priority: AlarmPriority | None = None
+    detail: str = ""
+
+
+def what_waits(
+    state: SessionState, priorities: tuple[AlarmPriority, ...] = URGENT
+) -> dict[str, Wait]:
+    """Return what waits for the operator by a key of its own, the first most urgent.
+
+    Alarms of the `priorities` wait until somebody has acknowledged them.
+    """
+    waits: dict[str, Wait] = {}
+    if state.log_problem:
+        waits["log"] = Wait("the session log cannot be written", "emergency", state.log_problem)
+    current = state.current
+    if current is not None and current.approval is not None:
+        request = current.approval.request_id or str(current.approval.attempt)
+        name = current.mission.id
+        waits[f"approval {name} {request}"] = Wait(
+            f"plan of {name} waits", None, current.mission.said
+        )
+    for item in state.alarms:
+        if not item.acknowledged and item.alarm.priority in priorities:
+            alarm = item.alarm
+            words = f"{alarm.priority} alarm: {alarm.subject}"
+            waits[f"alarm {alarm.id} {alarm.priority}"] = Wait(words, alarm.priority, alarm.text)
+    return waits
+
+
+def is_answered(state: SessionState, item: OpenAlarm) -> bool:
+    """Return True if a plan that answers the alarm was approved and has not ended."""
+    trace = state.missions.get(state.answers.get(item.alarm.id, ""))
+    return trace is not None and trace.decision is not None and trace.decision.kind == "approve"
