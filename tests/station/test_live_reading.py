@@ -18,6 +18,7 @@ from pa_console.schema.mission import Decision
 from pa_console.station import live_reading
 from pa_console.station.assembly import Site, open_station
 from pa_console.station.clock import SteppedClock
+from pa_console.station.intake import LEAST_LETTERS
 from pa_console.station.station import ControlStation
 from tests.rig import Rig
 from tests.scripted import SUCCESS, ScriptedEngine, plan
@@ -355,7 +356,8 @@ async def happen(console: Console, step: Step, text: str) -> str:
             if draft is not None:
                 await asyncio.wait([draft])
         case "enter" | "enter and type on":
-            if text.strip() and not station.stopped and station.question_in(text) is None:
+            sent = len(text.strip()) >= LEAST_LETTERS and not station.stopped
+            if sent and station.question_in(text) is None:
                 station.submit(text)
                 text = ""
                 station.typing(text)

@@ -100,6 +100,7 @@ def team(world: World, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tea
 
 
 def test_everything_that_is_needed_is_reported(team: Team) -> None:
+    team.until(lambda: all(report.status == "ok" for report in team.reports.values()))
     assert {name: report.status for name, report in team.reports.items()} == dict.fromkeys(
         (ONE, TWO, ROVER), "ok"
     )
