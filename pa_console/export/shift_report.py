@@ -7,8 +7,9 @@ from datetime import datetime
 
 from pa_console.export.markdown import inline, mission_document, table
 from pa_console.export.source_log import OpenedSession
+from pa_console.schema.base import ALARM_PRIORITIES
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import ALARM_PRIORITIES, Alarm
+from pa_console.schema.mission import Alarm
 from pa_console.schema.rule import Rule
 from pa_console.schema.text import clock_text, count
 from pa_console.session.state import SessionState

@@ -72,7 +72,9 @@ def world_of_robots(
     known = {name: spec for name, spec in base.assets.items() if name in present}
     if not known and not added:
         raise ValueError("no robot was found: switch one on, and see its address and its name")
-    world = base.model_copy(update={"assets": {**known, **added}})
+    assets = {**known, **added}
+    aliases = _aliases(base, {*base.frames, *base.zones, *assets})
+    world = base.model_copy(update={"assets": assets, "aliases": aliases})
     for field, problem in geometry_problems(world):
         raise ValueError(f"{'.'.join(map(str, field))}: {problem}")
     return world, told
@@ -99,6 +101,7 @@ def around_places(
         "background": background.model_dump() if background is not None else None,
     }
     home = next((name for name, frame in places.items() if frame.kind == "base"), "")
+    document["aliases"] = _aliases(base, {*places, *base.assets})
     document["assets"] = {
         name: {**spec.model_dump(), "post": home} for name, spec in base.assets.items()
     }
@@ -107,6 +110,11 @@ def around_places(
     except ValidationError as error:
         said = error.errors(include_url=False)[0]["msg"].removeprefix("Value error, ")
         raise ValueError(f"--place: {said}") from error
+
+
+def _aliases(base: World, names: Collection[str]) -> dict[str, str]:
+    """Return the aliases of `base` for those of `names`."""
+    return {alias: name for alias, name in base.aliases.items() if name in names}
 
 
 def places_of(written: Iterable[str]) -> dict[str, Frame]:

@@ -19,8 +19,8 @@ from prometheus_client import (
 )
 
 from pa_console.observability.mission_spans import Step
+from pa_console.schema.base import ALARM_PRIORITIES
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import ALARM_PRIORITIES
 
 if TYPE_CHECKING:
     from wsgiref.types import StartResponse, WSGIApplication, WSGIEnvironment

@@ -22,6 +22,9 @@ Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]
 
+AlarmPriority = Literal["emergency", "high", "medium", "low"]
+ALARM_PRIORITIES: tuple[AlarmPriority, ...] = ("emergency", "high", "medium", "low")
+
 
 class StrictModel(BaseModel):
     """An immutable value that refuses unknown fields, coercion and non-finite numbers."""

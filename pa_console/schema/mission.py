@@ -6,7 +6,7 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from pa_console.schema.base import Name, NonNegative, StrictModel
+from pa_console.schema.base import AlarmPriority, Name, NonNegative, StrictModel
 from pa_console.schema.plan import Plan
 
 MAX_MISSION_TEXT = 2000
@@ -181,8 +181,6 @@ AlarmKind = Literal[
     "coverage_lost", "coverage_unknown", "asset_failed", "link_lost", "low_battery",
     "camera_lost", "suspect_telemetry", "many_contacts", "way_blocked",
 ]  # fmt: skip
-AlarmPriority = Literal["emergency", "high", "medium", "low"]
-ALARM_PRIORITIES: tuple[AlarmPriority, ...] = ("emergency", "high", "medium", "low")
 
 
 class Alarm(StrictModel):

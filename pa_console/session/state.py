@@ -5,8 +5,9 @@ from collections.abc import Mapping, MutableMapping
 from dataclasses import dataclass, field
 from datetime import datetime
 
+from pa_console.schema.base import ALARM_PRIORITIES
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import ALARM_PRIORITIES, Alarm, QueueEntry, StandingOrder
+from pa_console.schema.mission import Alarm, QueueEntry, StandingOrder
 from pa_console.schema.telemetry import Picture
 from pa_console.session.mission_trace import (
     CommandTrace,

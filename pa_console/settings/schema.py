@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from pa_console.schema.mission import AlarmPriority
+from pa_console.schema.base import AlarmPriority
 
 ENV_PREFIX = "PA_CONSOLE_"
 

@@ -8,8 +8,9 @@ from typing import Literal, NamedTuple
 from pa_console.mission.planning.picture_text import silence
 from pa_console.mission.report import CLEARS_WHEN
 from pa_console.policy.moments import ways_out_shut
+from pa_console.schema.base import ALARM_PRIORITIES, AlarmPriority
 from pa_console.schema.events.event import AlarmAcknowledged, AlarmCleared, AlarmRaised
-from pa_console.schema.mission import ALARM_PRIORITIES, Alarm, AlarmKind, AlarmPriority
+from pa_console.schema.mission import Alarm, AlarmKind
 from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Track
 from pa_console.schema.world import World
 from pa_console.session.wording import TRACK_PLACES

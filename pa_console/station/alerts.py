@@ -13,8 +13,8 @@ from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import Protocol, Self
 
+from pa_console.schema.base import ALARM_PRIORITIES, AlarmPriority
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import ALARM_PRIORITIES, AlarmPriority
 from pa_console.schema.text import visible_line
 from pa_console.session.state import SessionState
 from pa_console.station.waits import Wait, is_answered, what_waits

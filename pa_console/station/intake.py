@@ -17,12 +17,11 @@ from pa_console.mission.orders.spelling import read_words
 from pa_console.mission.orders.standing import Due
 from pa_console.policy.plain_text import compatible_form
 from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.base import ALARM_PRIORITIES, AlarmPriority
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import (
-    ALARM_PRIORITIES,
     MAX_MISSION_TEXT,
     Alarm,
-    AlarmPriority,
     Mission,
     QueueEntry,
 )

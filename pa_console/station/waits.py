@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from pa_console.schema.mission import AlarmPriority
+from pa_console.schema.base import AlarmPriority
 from pa_console.session.state import OpenAlarm, SessionState
 
 URGENT: tuple[AlarmPriority, ...] = ("emergency", "high")

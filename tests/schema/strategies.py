@@ -11,7 +11,7 @@ from pydantic import BaseModel
 
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.events.event import Event, EventPayload
-from pa_console.schema.mission import Schedule, StandingOrder, SubjectKind
+from pa_console.schema.mission import Ban, Schedule, StandingOrder, SubjectKind
 from pa_console.schema.plan import Action
 from pa_console.schema.rule import Priority, Rule, RuleSet
 
@@ -50,9 +50,18 @@ def models(model: type[BaseModel]) -> st.SearchStrategy[Any]:
         name: values(field.annotation, field.metadata) for name, field in model.model_fields.items()
     }
     if model is StandingOrder:
-        state = {"each": values(SubjectKind), "condition": TEXT.filter(bool), "schedule": st.none()}
-        clock = {"each": st.none(), "condition": st.just(""), "schedule": models(Schedule)}
-        return st.one_of(*(st.builds(model, **{**fields, **trigger}) for trigger in (state, clock)))
+        none = {
+            "each": st.none(),
+            "condition": st.just(""),
+            "schedule": st.none(),
+            "ban": st.none(),
+        }
+        triggers = (
+            none | {"each": values(SubjectKind), "condition": TEXT.filter(bool)},
+            none | {"schedule": models(Schedule)},
+            none | {"ban": models(Ban)},
+        )
+        return st.one_of(*(st.builds(model, **{**fields, **trigger}) for trigger in triggers))
     return st.builds(model, **fields)
 
 

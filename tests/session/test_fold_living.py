@@ -4,14 +4,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pa_console.schema.base import ALARM_PRIORITIES, AlarmPriority
 from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Usage, Verdict
 from pa_console.schema.incident import FailAsset, Incident
 from pa_console.schema.mission import (
-    ALARM_PRIORITIES,
     Alarm,
-    AlarmPriority,
     Decision,
     Metrics,
     Mission,

@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pa_console.resources import find_data
+from pa_console.schema.base import ALARM_PRIORITIES
 from pa_console.schema.events.event import AlarmCleared, AlarmRaised
-from pa_console.schema.mission import ALARM_PRIORITIES, Alarm
+from pa_console.schema.mission import Alarm
 from pa_console.schema.telemetry import AssetTelemetry, CameraReport, GateCover, Picture, Track
 from pa_console.sim.worlds.world_file import load_world
 from pa_console.station.alarms import MOST_ALIKE, MOST_IDS, MOST_MINOR, AlarmBook, AlarmChange

@@ -5,8 +5,9 @@ from queue import Queue
 
 import pytest
 
+from pa_console.schema.base import AlarmPriority
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import Alarm, AlarmPriority
+from pa_console.schema.mission import Alarm
 from pa_console.station.alerts import Alerting, AlertRules, Message
 from tests.session.story import at
 from tests.tui import story

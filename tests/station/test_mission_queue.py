@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.schema.mission import ALARM_PRIORITIES, Alarm, AlarmKind, AlarmPriority, Mission
+from pa_console.schema.base import ALARM_PRIORITIES, AlarmPriority
+from pa_console.schema.mission import Alarm, AlarmKind, Mission
 from pa_console.station.intake import MissionQueue
 
 PREFIXES: dict[AlarmPriority, AlarmKind] = {
