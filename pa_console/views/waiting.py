@@ -52,7 +52,8 @@ class Waiting:
     """A clock for the steps of the active mission; `usual` are seconds by step, of old sessions."""
 
     def __init__(self, usual: Mapping[str, float] | None = None) -> None:
-        self._stored = dict(usual or {})
+        stored = (usual or {}).items()
+        self._stored = {step: taken for step, taken in stored if taken >= SHOWN_AFTER_S}
         self._taken: defaultdict[str, deque[float]] = defaultdict(lambda: deque(maxlen=_REMEMBERED))
         self._step: tuple[str, str] | None = None
         self._since = 0.0
@@ -80,7 +81,8 @@ class Waiting:
         step = self._active_step(state)
         if step == self._step:
             return
-        if self._step is not None and step is not None and self._step[0] == step[0]:
+        waited = now - self._since >= SHOWN_AFTER_S
+        if waited and self._step is not None and step is not None and self._step[0] == step[0]:
             self._taken[self._step[1]].append(now - self._since)
         self._step, self._since, self._written = step, now, 0
 
@@ -92,7 +94,7 @@ class Waiting:
         return trace.mission.id, step
 
     def usual_s(self, step: str) -> float | None:
-        """Return the usual seconds of `step`; None if they are unknown."""
+        """Return the usual seconds of `step`, of the times it was waited for; None if unknown."""
         taken = self._taken.get(step, ())
         if len(taken) >= _LEAST or (taken and step not in self._stored):
             return median(taken)

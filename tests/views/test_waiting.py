@@ -117,3 +117,7 @@ def test_a_plan_that_is_carried_out_takes_as_long_as_it_was_rehearsed_to() -> No
         session.tell(story.MISSION.id, told)
     seconds = story.rehearsal().timeline.duration_s
     assert session.line(3.0) == f"the assets carry out the plan: 3 s of about {seconds:.0f} s"
+
+
+def test_a_step_that_was_not_waited_for_has_no_usual_time() -> None:
+    assert Waiting({"plan": 0.0, "judge": 2.0}).usual == {"judge": 2.0}

@@ -112,24 +112,26 @@ def test_the_seed_decides_the_result_and_the_size_of_batches_does_not(
     assert one == pytest.approx(two, rel=1e-4)
 
 
+def summed_loss(network: Any, batch: dict[str, Any]) -> float:
+    """Return the weighted loss of a batch, summed over its tokens."""
+    labels, weights = batch.pop("labels"), batch.pop("weights")
+    with torch.no_grad():
+        logits = network(**batch).logits
+    found = torch.nn.functional.cross_entropy(
+        logits.flatten(0, 1), labels.flatten(), reduction="none", ignore_index=-100
+    ).view_as(labels)
+    return float((found * (weights if weights.dim() > 1 else weights[:, None])).sum())
+
+
 def test_a_batch_has_the_loss_of_its_samples_alone(tiny: Path, data: Path) -> None:
     chosen = config(tiny, data)
     rows = rows_to_learn(chosen, Tokeniser(tiny, "template"))[:4]
     rows[1]["weight"] = 2.0
     network: Any = adapted(load_base(tiny, chosen), chosen).eval()
 
-    def loss(batch: dict[str, Any]) -> float:
-        labels, weights = batch.pop("labels"), batch.pop("weights")
-        with torch.no_grad():
-            logits = network(**batch).logits
-        found = torch.nn.functional.cross_entropy(
-            logits.flatten(0, 1), labels.flatten(), reduction="none", ignore_index=-100
-        )
-        return float((found.view_as(labels) * weights[:, None]).sum())
-
     assert len({len(row["tokens"]) for row in rows}) > 1
-    alone = sum(loss(collated([row])) for row in rows)
-    assert loss(collated(rows)) == pytest.approx(alone, rel=1e-4)
+    alone = sum(summed_loss(network, collated([row])) for row in rows)
+    assert summed_loss(network, collated(rows)) == pytest.approx(alone, rel=1e-4)
 
 
 @pytest.mark.parametrize("precision", ["bfloat16", "float32"])
@@ -239,17 +241,8 @@ def test_a_pack_has_the_loss_of_its_samples_alone(tiny: Path, data: Path) -> Non
     pack[1]["weight"] = 2.0
     network: Any = adapted(load_base(tiny, chosen), chosen).eval()
 
-    def loss(batch: dict[str, Any]) -> float:
-        labels, weights = batch.pop("labels"), batch.pop("weights")
-        with torch.no_grad():
-            logits = network(**batch).logits
-        found = torch.nn.functional.cross_entropy(
-            logits.flatten(0, 1), labels.flatten(), reduction="none", ignore_index=-100
-        ).view_as(labels)
-        return float((found * (weights if weights.dim() > 1 else weights[:, None])).sum())
-
-    alone = sum(loss(collated([row])) for row in pack)
-    assert loss(packed([{"rows": pack}])) == pytest.approx(alone, rel=1e-4)
+    alone = sum(summed_loss(network, collated([row])) for row in pack)
+    assert summed_loss(network, packed([{"rows": pack}])) == pytest.approx(alone, rel=1e-4)
 
 
 def test_packs_keep_to_their_size_and_lose_no_sample(tiny: Path, data: Path) -> None:
