@@ -25,7 +25,7 @@ def install_hint(extra: str) -> str:
     prefix, root = Path(sys.prefix), _PACKAGE.parent
     if (root / "pyproject.toml").is_file():
         inside = prefix.is_relative_to(root)
-        pip = prefix.relative_to(root) / "bin" / "pip" if inside else f"{sys.executable} -m pip"
+        pip = (prefix.relative_to(root) if inside else prefix) / "bin" / "pip"
         return f"{pip} install --editable '{'.' if inside else root}[{extra}]'"
     if prefix.parent.parts[-2:] == ("pipx", "venvs"):
         return f"pipx runpip {prefix.name} install 'pa-console[{extra}]'"

@@ -153,7 +153,7 @@ def test_a_judge_that_reads_something_else_and_says_success_anyway_is_no_witness
     order = ("Drone_T04", "move_to EastGate")
     models.read("1 drone to EastGate", order, judged="1 drone to NorthGate")
     code, done = auto("Send one drone to the east gate.")
-    assert (code, done["commands"]) == (3, {})
+    assert (code, done["commands"]) == (5, {}), "it may be chosen between the readings"
     assert "another reader reads the order otherwise" in done["reason"]
 
 

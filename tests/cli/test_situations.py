@@ -111,6 +111,7 @@ def test_the_console_opens_on_the_situation(
             settings: LoadedSettings,
             rules_file: Path,
             usual: Mapping[str, float],
+            **_others: object,
         ) -> None:
             assert readonly
             self.feed = SimpleNamespace(waiting=SimpleNamespace(usual=usual))

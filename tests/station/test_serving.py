@@ -150,7 +150,11 @@ def test_whoever_is_there_is_met_in_the_order_of_the_workflow(
                 "Drone_T02 move_to Checkpoint",
             ],
         ),
-        ("1 drone warn at EastGate; Robot_T01 home", (), ["Robot_T01 return_to_base"]),
+        (
+            "1 drone warn at EastGate; Robot_T01 home",
+            (),
+            ["Drone_T04 observe EastGate", "Robot_T01 return_to_base"],
+        ),
         ("unknown vehicle at EastGate; 1 drone to WestGate", (), ["Drone_T04 move_to WestGate"]),
     ],
 )

@@ -151,7 +151,7 @@ class DroneState:
             self.prearm.clear()
             return ""
         fresh = [text for text, at_s in self.prearm.items() if now_s - at_s < PREARM_S]
-        return "; ".join(fresh[:3]) or "its checks before arming fail"
+        return "; ".join(fresh[:3]) or "its checks before arming have not passed"
 
     @property
     def status(self) -> AssetStatus:

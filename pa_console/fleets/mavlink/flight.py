@@ -225,7 +225,9 @@ class Flight:
         if self.state.clock.restarted(int(message["time_boot_ms"]) / 1e3):
             self._say("alarm", "has started again")
             self.fence.start_again()
-            self.state.fix, self.state.may_arm = None, None
+            self.state.fix = None
+            if self.state.may_arm:
+                self.state.may_arm = False
             self._autopilot.ask_again()
             if self._order is not None:
                 self._end(self._order, "failed", "it has started again")

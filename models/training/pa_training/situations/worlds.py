@@ -181,7 +181,10 @@ def random_world(
 
 
 def renamed(rng: random.Random, world: World, split: Split) -> World:
-    """Return `world` with every frame, asset and zone named anew, and lanes and cameras to fit."""
+    """Return `world` with every frame, asset and zone named anew, lanes and cameras to fit.
+
+    What people there call them is left out.
+    """
     frames = frame_names(rng, world, split)
     assets = asset_names(rng, world, split)
     zones = zone_names(rng, world, split, frames)
@@ -201,6 +204,7 @@ def renamed(rng: random.Random, world: World, split: Split) -> World:
                 for number, camera in enumerate(world.cameras.values(), start=1)
             },
             "zones": {zones[name]: zone for name, zone in world.zones.items()},
+            "aliases": {},
             "assets": _sorted_team(
                 {
                     assets[name]: spec.model_copy(update={"post": frames[spec.post]})
