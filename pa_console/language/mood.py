@@ -225,7 +225,9 @@ def _signs(words: str) -> Iterator[_Sign]:
     for found in _pattern("passed_on").finditer(words):
         yield _Sign("reported", found.start(), len(words))
     for found in _pattern("prohibited").finditer(words):
-        if not _is_kept(words, found) and not _is_asked(words, found.start()):
+        if _is_kept(words, found) or _is_asked(words, found.start()):
+            continue
+        if not _is_supposed(words, found.start()):
             yield _Sign("prohibited", *found.span())
     for found in _pattern("past").finditer(words):
         before = words[: found.start()].split()[-1:]
@@ -282,6 +284,12 @@ def _is_asked(words: str, start: int) -> bool:
 
 
 _POLITE = re.compile(r"(?:can|could|would|will) not (?:you|we|it|he|she|somebody|someone)\b")
+
+
+def _is_supposed(words: str, start: int) -> bool:
+    """Return whether a negation belongs to a condition: *if he does not go away, close the lane*."""
+    clause = words[:start].rpartition(",")[2].split()
+    return clause[:1] == ["if"] or "if" in clause[-3:]
 
 
 def _reports(words: str) -> Iterator[_Sign]:
@@ -349,7 +357,15 @@ def _waits(words: str) -> Iterator[_Sign]:
             yield _Sign("waiting", *found.span())
 
 
-_CLOCK = re.compile(r"\b(?:o'clock|am|pm|noon|midnight|\d\d? : \d\d)\b")
+_NUMBER = (
+    r"(?:\d+|a|an|one|two|three|four|five|six|seven|eight|nine|ten|eleven|twelve|fifteen|twenty|thirty"
+    r"|forty|sixty|half an|a quarter of an)"
+)
+_CLOCK = re.compile(
+    r"\b(?:o ?' ?clock|am|pm|noon|midnight|\d\d? : \d\d|\d{4} (?:hours|hrs)|on the dot|sharp"
+    r"|(?:quarter|half|ten|twenty|five) (?:to|past) \w+"
+    rf"|(?:in|after) {_NUMBER} (?:more )?(?:minutes?|mins?|hours?|seconds?|secs?))\b"
+)
 _STOP = re.compile(r" [,.:;!?–—]")
 
 
