@@ -1,5 +1,6 @@
 """The services that every mission uses, and the context of the steps of one mission."""
 
+import re
 from collections.abc import Callable, Generator, Iterable
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -8,6 +9,7 @@ from typing import TYPE_CHECKING, Self
 
 from pa_console.fleets.fleet import Fleet
 from pa_console.fleets.simulated import ForeseenFleet
+from pa_console.language.references.resolution import with_answers
 from pa_console.language.references.scene import Move, PastMission, ReferenceScene, after
 from pa_console.llm.backend import Answerer
 from pa_console.llm.early_answers import EarlyAnswers
@@ -279,6 +281,14 @@ class MissionContext:
     stopwatch: Stopwatch = field(default_factory=Stopwatch)
     attempts: int = 0
     """Plans so far: answers of the planner and plans of the operator, numbered from 1."""
+    described: tuple[str, tuple[str, ...]] = ("", ())
+    """Words of the order that describe an asset, and the assets that they may mean."""
+
+    def as_described(self, text: str, asked: str) -> str:
+        """Return `text` with the one asset that `asked` names instead of words that describe it."""
+        words, choices = self.described
+        named = [name for name in choices if re.search(rf"\b{re.escape(name)}\b", asked)]
+        return with_answers(text, {words: named[0]}) if len(named) == 1 else text
 
     def turn_to_own(self, failed: RoleModel, error: str) -> None:
         """Emit that the session's own model takes over from one on a server."""

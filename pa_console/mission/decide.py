@@ -30,6 +30,7 @@ from pa_console.schema.events.event import MOST_READINGS
 from pa_console.schema.mission import ELSEWHERE, Decision, MissionStatus
 from pa_console.schema.plan import Plan
 from pa_console.schema.world import World
+from pa_console.session.confidence import UNSURE
 
 Decide = Callable[[], Awaitable[Decision]]
 """Waits for the operator's answer once approval was requested."""
@@ -289,6 +290,22 @@ def unknown_place(planned: PlanForDecision, world: World) -> NotUnderstood | Non
         "no place here is called that. Which one is meant?",
         choices=choices if len(choices) <= MOST_CHOICES else (),
     )
+
+
+def unsettled(planned: PlanForDecision, question: NotUnderstood | None) -> NotUnderstood | None:
+    """Return the `question` unless the models have settled which assets the words describe.
+
+    They have if the reading that the plan serves is likely, no other one may be right, no word
+    speaks against it, and the assets that it names are among the choices of the question.
+    """
+    if question is None:
+        return None
+    sure, asked = planned.confidence, read_asked(planned.best.asked)
+    if sure is None or sure < UNSURE or planned.read_apart or asked is None:
+        return question
+    moved = {action.agent for action in planned.best.examination.plan.actions}
+    fits = not question.choices or bool(moved & {*question.choices})
+    return None if fits and not planned.best.gaps_told else question
 
 
 def rejection(shown: Candidate, decided: AdmissibleDecision) -> MissionResult:

@@ -300,7 +300,8 @@ async def _examined(
     mentions = NOTHING_SAID
     if not own and not retrieved.chosen:
         asked = asked_words(plan_.reason).rstrip("; ")
-        mentions = check_mentions(fleet.world, before, task.text, asked, plan_, unmet)
+        words = context.as_described(task.text, asked)
+        mentions = check_mentions(fleet.world, before, words, asked, plan_, unmet)
         leaning = leaning_words(context.services.scene, task.text)
         mentions = mentions._replace(leaning=leaning)
     if found.rehearsal is not None and context.services.variant.rehearsal:

@@ -124,7 +124,8 @@ async def read_order(
     for group in groups[1:]:
         first = max(group, key=lambda answer: answer.chance or 0.0)
         plan = await foreseen(context, answered, first.asked)
-        check = check_mentions(world, before, text, first.asked, plan)
+        words = context.as_described(text, first.asked)
+        check = check_mentions(world, before, words, first.asked, plan)
         found.append(_with_evidence(first, group, check))
     return weighed(found)
 

@@ -21,6 +21,7 @@ from pa_console.mission.decide import (
     offer_standing,
     rejection,
     unknown_place,
+    unsettled,
 )
 from pa_console.mission.examine import Examination
 from pa_console.mission.execute import ApprovedStep, Execution
@@ -261,6 +262,7 @@ class MissionRun:
     def _begin_as(self, understood: Understood) -> None:
         """Work on the mission as it was read."""
         mission, self._understood = understood.mission, understood
+        self._context.described = understood.described
         if understood.patrol is not None:
             self._facts.patrolled = {place: PlaceWatch() for place in understood.patrol.places}
         if mission == self._facts.mission:
@@ -366,9 +368,11 @@ class MissionRun:
             verdict = planned.best.verdict
             judged = planned.steps or planned.by_grammar or verdict is not None
             planned = planned if judged else await judge(context, planned)
-            unknown = unknown_place(planned, context.services.fleet.world)
-            if unknown is not None and self._questions < MOST_QUESTIONS:
-                return unknown
+            if self._questions < MOST_QUESTIONS:
+                unknown = unknown_place(planned, context.services.fleet.world)
+                question = self._understood.unsettled if self._understood is not None else None
+                if (asked := unknown or unsettled(planned, question)) is not None:
+                    return asked
             was_blocked = planned.best.examination.blocked
             self._waiting = waiting = WaitingPlan(context, retrieved.task, planned.best)
             decided = await waiting.decided(planned, self._readings, self._station.decide)

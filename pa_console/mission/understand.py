@@ -49,6 +49,8 @@ class NotUnderstood:
     question: str
     said: str = ""
     choices: tuple[str, ...] = ()
+    describes: bool = False
+    """True if the words describe assets, so that a model that is sure may settle the question."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,14 @@ class Understood:
     """The words of each step, where it is an order in steps; each is read at its turn."""
     patrol: Patrol | None = None
     """The patrol that it is, if it is one."""
+    unsettled: NotUnderstood | None = None
+    """The question that is asked unless the models are sure which assets its words describe."""
+
+    @property
+    def described(self) -> tuple[str, tuple[str, ...]]:
+        """The words that describe an asset, and the assets that they may mean."""
+        asked = self.unsettled
+        return (asked.said, asked.choices) if asked is not None else ("", ())
 
 
 @dataclass(frozen=True)
@@ -102,6 +112,8 @@ async def understand(
     if context.mission.agent and _is_for_later(context):
         return RefusedMission("an agent proposes no order that is to hold from now on")
     read = await asyncio.to_thread(_read, context, answers)
+    if isinstance(read, NotUnderstood) and read.describes and not answers:
+        return Understood(context.mission, unsettled=read)
     if isinstance(read, Understood) and read.mission is not context.mission:
         return await _refused(context, read.mission) or read
     return read
@@ -296,7 +308,7 @@ def _read(context: MissionContext, answers: Answers) -> NotUnderstood | Understo
         if (excluded := contradiction(world, words)) is not None:
             return NotUnderstood(excluded.question)
     if isinstance(found, Unclear):
-        return NotUnderstood(found.question, found.said, found.choices)
+        return NotUnderstood(found.question, found.said, found.choices, found.describes)
     if found.text == mission.text or len(found.text) > MAX_MISSION_TEXT:
         return Understood(mission)
     references = tuple(ev.Reference(said=said, means=means) for said, means in found.meant)

@@ -199,3 +199,26 @@ def test_an_operator_sees_less_confidence_and_what_is_not_accounted_for() -> Non
     assert attempt.sure is not None
     assert attempt.sure < min(sure, UNSURE)
     assert "not accounted for: base" in attempt.doubt
+
+
+DESCRIBED = "Swap Drone_T01 with the one at the Checkpoint."
+SWAP = (("Drone_T01", "move_to Checkpoint"), ("Drone_T04", "move_to WestGate"))
+
+
+def test_models_that_are_sure_settle_which_asset_is_described(auto: Auto, models: Readers) -> None:
+    models.read("swap Drone_T01 and Drone_T04", *SWAP)
+    code, done = auto(DESCRIBED)
+    assert (code, done["status"]) == (0, "verified"), done["reason"]
+
+
+@pytest.mark.parametrize(
+    ("asked", "sure"), [("swap Drone_T01 and Drone_T04", 0.6), ("swap Drone_T01 and Drone_T02", 0.99)]
+)
+def test_it_is_asked_which_asset_is_described_where_they_are_not_or_name_another(
+    auto: Auto, models: Readers, asked: str, sure: float
+) -> None:
+    other = "Drone_T02" if "T02" in asked else "Drone_T04"
+    models.read(asked, SWAP[0], (other, "move_to WestGate"), sure=sure)
+    code, done = auto(DESCRIBED)
+    assert (code, done["commands"]) == (5, {})
+    assert "3 assets fit “the one at the Checkpoint”. Which one is meant?" in done["reason"]

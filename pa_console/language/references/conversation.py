@@ -53,6 +53,8 @@ class Unclear:
     said: str
     question: str
     choices: tuple[str, ...] = ()
+    describes: bool = False
+    """True if the words describe assets of this picture, so that a model may know which."""
 
 
 def substituted(text: str, meant: Sequence[ResolvedReference]) -> str:

@@ -344,11 +344,13 @@ def _unclear(scene: ReferenceScene, one: Description, names: Sequence[str]) -> U
         every = scene.gates if one.sort == "gate" else ()
         every = one.group.members if one.group is not None else every
         choices = tuple(every) if len(every) <= MOST_CHOICES else ()
-        return Unclear(one.said, f"No {what} fits “{one.said}”. Which {what} is meant?", choices)
+        question = f"No {what} fits “{one.said}”. Which {what} is meant?"
+        return Unclear(one.said, question, choices, describes=what == "asset")
     many = f"{len(names)} {what}s fit" if len(names) > 1 else f"Only {names[0]} fits"
     choices = tuple(names) if len(names) <= MOST_CHOICES else ()
     which = "Which one is meant?" if one.number == 1 else "Who is meant?"
-    return Unclear(one.said, f"{many} “{one.said}”. {which}", choices)
+    question = f"{many} “{one.said}”. {which}"
+    return Unclear(one.said, question, choices, describes=what == "asset")
 
 
 def _written(

@@ -12,6 +12,7 @@ from pa_console.language.canonical.reading import plain_reading
 from pa_console.language.mention_check import MentionCheck
 from pa_console.language.references.resolution import Answers
 from pa_console.mission.context import ForeseenContext, MissionContext
+from pa_console.mission.decide import unsettled
 from pa_console.mission.judge import judge, verdict_on
 from pa_console.mission.plan import (
     UNTOLD,
@@ -61,7 +62,7 @@ async def plan_steps(
             case StandingOffer():
                 return NotUnderstood(f"{named}: a step has no condition or time of its own.")
             case Understood():
-                step.mission = read.mission
+                step.mission, step.described = read.mission, read.described
         text = step.mission.text
         context.emit(ev.OrderStepRead(step=number, steps=len(steps), text=text))
         found = await _planned(step, read)
@@ -84,7 +85,10 @@ async def _planned(
     if read.patrol is not None:
         return await plan_patrol(step, retrieved, read.patrol)
     found = await plan(step, retrieved)
-    return found if isinstance(found, PlanningFailure) else await judge(step, found)
+    if isinstance(found, PlanningFailure):
+        return found
+    judged = await judge(step, found)
+    return unsettled(judged, read.unsettled) or judged
 
 
 async def _joined(
