@@ -20,6 +20,7 @@ from pa_console.language.lexicon import any_of
 from pa_console.language.mentions import Mention, Sort, find_mentions, without_quotations
 from pa_console.language.name_linking import WORD, link_names
 from pa_console.language.orders.order_steps import unkept_steps
+from pa_console.language.references.conversation import leaning_words
 from pa_console.language.references.scene import ReferenceScene
 from pa_console.schema.command import Verb
 from pa_console.schema.plan import Plan
@@ -124,13 +125,20 @@ NOTHING_SAID = MentionCheck(())
 
 
 def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
-    world: World, picture: Picture, text: str, asked: str, plan: Plan, unmet: Sequence[str] = ()
+    world: World,
+    picture: Picture,
+    text: str,
+    asked: str,
+    plan: Plan,
+    unmet: Sequence[str] = (),
+    follows: str = "",
 ) -> MentionCheck:
     """Compare the words of an order with the planner's reading `asked`.
 
     `asked` is in canonical words; '' without a reading: then only missing parts are looked for, as
     a plan may well do more than the order. `unmet` are the lines on parts of the order that are not
-    carried out. A refusal of the whole order moves no asset, and lacks nothing.
+    carried out. A refusal of the whole order moves no asset, and lacks nothing. What the order
+    `follows`, the commands before it, may be meant without being named again.
     """
     mentions = find_mentions(world, text, picture.tracks)
     moves = any(action.verb not in _STAYS for action in plan.actions)
@@ -143,14 +151,29 @@ def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
         AccountedMention(one, not one.asked or one in dropped or made.accounts_for(one))
         for one in mentions
     )
-    found = _OrderWords(world, picture, text, mentions).lacking(made) if asked else ()
+    words = _OrderWords(world, picture, text, mentions, follows)
+    found = words.lacking(made) if asked else ()
     against = (UnsupportedPart("asset", n) for a in made.asks for n in a.who.names if n in excluded)
     lacking = tuple(dict.fromkeys((*found, *against)))
-    names = any(one.sort in ("place", "asset", "track") for one in mentions)
+    names = follows or any(one.sort in ("place", "asset", "track") for one in mentions)
     unfounded = made.is_unfounded(lacking) and not names and not _GATES.search(text.lower())
     times = unread_times(world, text) if moves else ()
     steps = unkept_steps(ReferenceScene(world, picture), text) if moves else ()
     return MentionCheck(tuple(listed), lacking, moves, unfounded, times, steps)
+
+
+def leans(scene: ReferenceScene, text: str) -> bool:
+    """Return whether an order may need the one before it: it lacks somebody, or a place.
+
+    *Home*, *hold* and *report* need no place.
+    """
+    if leaning_words(scene, text):
+        return True
+    mentions = find_mentions(scene.world, text, scene.picture.tracks)
+    sorts = {one.sort for one in mentions}
+    tasks = {task for one in mentions for task in one.supports}
+    somewhere = sorts & {"place", "track"} or tasks & {"home", "hold", "report"}
+    return not (sorts & {"asset", "kind"} and somewhere)
 
 
 def _dropped(excluded: Collection[str], linked: str, mentions: Sequence[Mention]) -> set[Mention]:
@@ -270,16 +293,25 @@ class _OrderWords:
     """The parts of a reading that the words of an order support."""
 
     def __init__(
-        self, world: World, picture: Picture, text: str, mentions: Sequence[Mention]
+        self,
+        world: World,
+        picture: Picture,
+        text: str,
+        mentions: Sequence[Mention],
+        follows: str = "",
     ) -> None:
         self._world, self._picture = world, picture
         self._text = without_quotations(text).lower()
+        before = _NAME.findall(follows)
         mentions = [one for one in mentions if not one.quoted]
         self._names = {one.means for one in mentions if one.sort in ("place", "asset", "track")}
+        self._names.update(before)
         self._placed = any(one.sort == "place" for one in mentions)
         self._kinds = {one.means for one in mentions if one.sort == "kind"}
+        self._kinds |= {world.assets[name].kind for name in before if name in world.assets}
         self._numbers = {one.means for one in mentions if one.sort in ("number", "numeral")}
         self._tasks = {task for one in mentions for task in one.supports}
+        self._tasks |= {task for verb, task in TASK_OF.items() if verb in before}
         self._plain = any(
             one.sort == "verb" and one.asked and "hold" not in one.tasks for one in mentions
         )

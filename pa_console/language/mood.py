@@ -287,7 +287,7 @@ _POLITE = re.compile(r"(?:can|could|would|will) not (?:you|we|it|he|she|somebody
 
 
 def _is_supposed(words: str, start: int) -> bool:
-    """Return whether a negation belongs to a condition: *if he does not go away, close the lane*."""
+    """Return whether a negation belongs to a condition: *if he does not leave, close it*."""
     clause = words[:start].rpartition(",")[2].split()
     return clause[:1] == ["if"] or "if" in clause[-3:]
 

@@ -303,8 +303,9 @@ def unsettled(planned: PlanForDecision, question: NotUnderstood | None) -> NotUn
     sure, asked = planned.confidence, read_asked(planned.best.asked)
     if sure is None or sure < UNSURE or planned.read_apart or asked is None:
         return question
-    moved = {action.agent for action in planned.best.examination.plan.actions}
-    fits = not question.choices or bool(moved & {*question.choices})
+    actions = planned.best.examination.plan.actions
+    named = {name for action in actions for name in (action.agent, action.target)}
+    fits = not question.choices or bool(named & {*question.choices})
     return None if fits and not planned.best.gaps_told else question
 
 
@@ -325,5 +326,6 @@ def _baseless(context: MissionContext, planned: PlanForDecision, said: str) -> b
         return False
     rehearsal = planned.best.examination.rehearsal
     before = rehearsal.before if rehearsal is not None else context.services.fleet.picture()
-    text, nothing = planned.answered.retrieved.task.text, Plan(reason="", actions=())
-    return check_mentions(world, before, text, said, nothing).unfounded
+    task, nothing = planned.answered.retrieved.task, Plan(reason="", actions=())
+    check = check_mentions(world, before, task.text, said, nothing, follows=task.follows)
+    return check.unfounded

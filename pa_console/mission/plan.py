@@ -301,8 +301,9 @@ async def _examined(
     if not own and not retrieved.chosen:
         asked = asked_words(plan_.reason).rstrip("; ")
         words = context.as_described(task.text, asked)
-        mentions = check_mentions(fleet.world, before, words, asked, plan_, unmet)
-        leaning = leaning_words(context.services.scene, task.text)
+        follows = task.follows
+        mentions = check_mentions(fleet.world, before, words, asked, plan_, unmet, follows)
+        leaning = () if follows else leaning_words(context.services.scene, task.text)
         mentions = mentions._replace(leaning=leaning)
     if found.rehearsal is not None and context.services.variant.rehearsal:
         context.emit(

@@ -60,17 +60,18 @@ async def _read_again(
 ) -> list[ReaderAnswer]:
     """Return what the second reader reads in an order that is in doubt; nothing without an answer.
 
-    The judge's `question` on the plan is its own too.
+    The judge's `question` on the plan is its own too. An order that leans on the one before is not
+    read again: the second reader has learnt none.
     """
-    services = context.services
+    services, task = context.services, answered.retrieved.task
     reader = services.server_reader or services.second_reader
-    if reader is None or not services.variant.read_again or not in_doubt(shown):
+    if reader is None or task.follows or not services.variant.read_again or not in_doubt(shown):
         return []
     with context.stopwatch.time("readings_s"):
         try:
             async with asyncio.timeout(PATIENCE_S):
                 if isinstance(reader, ClauseReader):
-                    task, digest = answered.retrieved.task, answered.question.digest
+                    digest = answered.question.digest
                     asked = ask_what_is_asked(services.fleet.world, digest, task)
                     read = await reader.read(asked)
                 else:
@@ -101,7 +102,8 @@ async def read_order(
     The planner's is that of the judged plan on show; `question` is what the judge was asked about
     it. A reader whose reading the plan serves as well shares the planner's.
     """
-    world, text = context.services.fleet.world, answered.retrieved.task.text
+    world, task = context.services.fleet.world, answered.retrieved.task
+    text, follows = task.text, task.follows
     rehearsal = shown.examination.rehearsal
     before = rehearsal.before if rehearsal is not None else context.services.fleet.picture()
     answers = [ReaderAnswer("planner", shown.asked, shown.confidence)]
@@ -125,7 +127,7 @@ async def read_order(
         first = max(group, key=lambda answer: answer.chance or 0.0)
         plan = await foreseen(context, answered, first.asked)
         words = context.as_described(text, first.asked)
-        check = check_mentions(world, before, words, first.asked, plan)
+        check = check_mentions(world, before, words, first.asked, plan, follows=follows)
         found.append(_with_evidence(first, group, check))
     return weighed(found)
 

@@ -268,7 +268,12 @@ class MissionRun:
         if mission == self._facts.mission:
             return
         self._emit(
-            ev.OrderRead(text=mission.text, typed=mission.said, references=understood.references)
+            ev.OrderRead(
+                text=mission.text,
+                typed=mission.said,
+                references=understood.references,
+                follows=mission.follows,
+            )
         )
         self.mission = self._context.mission = mission
         self._progress = WorkflowProgress(self._services.rulebook, mission)

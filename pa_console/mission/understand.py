@@ -8,6 +8,7 @@ from time import perf_counter
 from pa_console.language.canonical.reading import listed
 from pa_console.language.clock_words import duration_words
 from pa_console.language.demands import contradiction
+from pa_console.language.mention_check import leans
 from pa_console.language.mood import NoOrder, lasting_ban, no_order
 from pa_console.language.orders.order_steps import ReadSteps, read_steps
 from pa_console.language.orders.patrols import Patrol, least_s, read_patrol
@@ -30,6 +31,10 @@ from pa_console.schema.mission import (
     StandingOrder,
     StandingStart,
 )
+
+
+LAST_ORDER = "the order before"
+"""The reference that stands for the commands on which an order leans."""
 
 
 @dataclass(frozen=True)
@@ -113,10 +118,25 @@ async def understand(
         return RefusedMission("an agent proposes no order that is to hold from now on")
     read = await asyncio.to_thread(_read, context, answers)
     if isinstance(read, NotUnderstood) and read.describes and not answers:
-        return Understood(context.mission, unsettled=read)
-    if isinstance(read, Understood) and read.mission is not context.mission:
-        return await _refused(context, read.mission) or read
-    return read
+        read = Understood(context.mission, unsettled=read)
+    if not isinstance(read, Understood):
+        return read
+    if read.mission is not context.mission and (refused := await _refused(context, read.mission)):
+        return refused
+    return _leaning(context, read)
+
+
+def _leaning(context: MissionContext, read: Understood) -> Understood:
+    """Return what was `read` with the commands before it, if the words still lean on them."""
+    scene, mission = _scene(context), read.mission
+    if mission.source != "operator" or scene.last is None or not leans(scene, mission.text):
+        return read
+    before = scene.last.commands
+    return replace(
+        read,
+        mission=mission.model_copy(update={"follows": before}),
+        references=(*read.references, ev.Reference(said=LAST_ORDER, means=before)),
+    )
 
 
 def _no_order(context: MissionContext) -> NoOrder | None:

@@ -64,6 +64,11 @@ class Mission(StrictModel):
         exclude_if=lambda offered: not offered,
         description="the world's own standing order, which nobody typed: all others go first",
     )
+    follows: str = Field(
+        default="",
+        exclude_if=lambda words: not words,
+        description="the commands of the order before, where the words lean on it",
+    )
     subject: Name | None = Field(default=None, description="track, asset or gate it is about")
     gate: Name | None = Field(default=None, description="the gate concerned, if one is")
 

@@ -291,8 +291,8 @@ def _apply_reading(trace: MissionTrace, data: ev.EventPayload) -> None:
             trace.questions.append(data)
         case ev.QuestionAnswered():
             trace.answers.append(data)
-        case ev.OrderRead(text=text, typed=typed, references=references):
-            words = {"text": text, "typed": typed if typed != text else ""}
+        case ev.OrderRead(text=text, typed=typed, references=references, follows=follows):
+            words = {"text": text, "typed": typed if typed != text else "", "follows": follows}
             trace.mission = trace.mission.model_copy(update=words)
             trace.references = references
         case ev.OrderStepRead(step=step, steps=steps, text=text):

@@ -54,7 +54,7 @@ class Unclear:
     question: str
     choices: tuple[str, ...] = ()
     describes: bool = False
-    """True if the words describe assets of this picture, so that a model may know which."""
+    """True if the words describe an asset or point at one, so that a model may know which."""
 
 
 def substituted(text: str, meant: Sequence[ResolvedReference]) -> str:
@@ -515,7 +515,7 @@ class _Turn:
             return who
         found = re.search(rf"\b(?:{'|'.join(_IT)})\b", self._text, re.IGNORECASE)
         said = found[0] if found is not None else "it"
-        return Unclear(said, f"Who is meant by “{said}”?", tuple(who))
+        return Unclear(said, f"Who is meant by “{said}”?", tuple(who), describes=True)
 
     def _they(self) -> list[str]:
         """Return who was moved by the last mission; of one alone, with whom was moved before."""
@@ -605,7 +605,7 @@ class _Turn:
         if not self._theres:
             return None
         said = self._text[self._tokens[at].start : self._tokens[end - 1].end]
-        return Unclear(said, f"Which place is “{said}”?", tuple(self._theres))
+        return Unclear(said, f"Which place is “{said}”?", tuple(self._theres), describes=True)
 
     def _replaced(
         self, at: int, end: int, means: str, *, to: bool = False

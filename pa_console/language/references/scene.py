@@ -16,6 +16,9 @@ from pa_console.schema.command import Verb
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
 from pa_console.schema.world import AssetKind, World
 
+MOST_COMMANDS = 6
+"""The number of an order's commands that a prompt quotes."""
+
 
 @dataclass(frozen=True)
 class Move:
@@ -35,6 +38,15 @@ class PastMission:
     moves: tuple[Move, ...]
     undid: bool = False
     """True if it took back the order before it."""
+
+    @property
+    def commands(self) -> str:
+        """Its commands in one line: *Drone_T04 move_to EastGate from Base; Robot_T01 report*."""
+        return "; ".join(
+            f"{move.agent} {move.verb} {move.target}".rstrip()
+            + (f" from {move.before}" if move.before not in ("", move.target) else "")
+            for move in self.moves[:MOST_COMMANDS]
+        )
 
 
 @dataclass(frozen=True)

@@ -473,7 +473,7 @@ def compact_planner_prompt(  # noqa: PLR0917
     previous: str = "",
 ) -> Prompt:
     """Return the planner's prompt; `repair` says what was wrong with the `previous` answer."""
-    lines = [*_rules_held(rules), _mission(world, mission.text)]
+    lines = [*_rules_held(rules), *_said(world, mission)]
     if repair:
         lines.append(f"Previous answer: {previous}")
         lines += [f"Wrong: {' '.join(reason.split())}" for reason in repair]
@@ -494,9 +494,8 @@ def compact_judge_prompt(
     What is planned comes into the answer, after what was asked.
     """
     start = picture_prefix("judge", world, digest)
-    return Prompt(
-        start.system, start.user + "\n".join([*_rules_held(rules), _mission(world, mission.text)])
-    )
+    lines = [*_rules_held(rules), *_said(world, mission)]
+    return Prompt(start.system, start.user + "\n".join(lines))
 
 
 def compact_outcome_prompt(
@@ -510,6 +509,13 @@ def compact_outcome_prompt(
     ]
     start = picture_prefix("outcome", world, digest)
     return Prompt(start.system, start.user + "\n".join(lines))
+
+
+def _said(world: World, mission: Mission) -> Iterator[str]:
+    """Yield the mission's words, after the commands of the order before if they lean on it."""
+    if mission.follows:
+        yield f"Before: {mission.follows}"
+    yield _mission(world, mission.text)
 
 
 def _mission(world: World, words: str) -> str:

@@ -105,6 +105,11 @@ class OrderRead(Payload):
     text: str = Field(description="the order with names for what it points at; this is planned")
     typed: str = Field(description="what was typed, answers to questions included")
     references: tuple[Reference, ...] = ()
+    follows: str = Field(
+        default="",
+        exclude_if=lambda words: not words,
+        description="the commands of the order before, where the words lean on it",
+    )
 
 
 class OrderStepRead(Payload):

@@ -38,7 +38,7 @@ def _share(kind: str, shares: Mapping[str, float]) -> float:
 
 
 _REASON, _FEEDBACK = '{"reason": "', '{"feedback": "'
-_MISSION = "\nMission: "
+_BEFORE, _MISSION = "\nBefore: ", "\nMission: "
 
 
 def readings(samples: Iterable[Sample], share: float, seed: int) -> Iterator[Sample]:
@@ -79,7 +79,7 @@ def _asked(sample: Sample) -> str:
 
 def _begun(sample: Sample, answer: str) -> Sample:
     """Return `sample` without its rules, with only the beginning of an answer."""
-    mission = f"\n{sample.rest}".partition(_MISSION)[2]
-    return sample.model_copy(
-        update={"rest": _MISSION.lstrip() + mission, "answer": answer, "goes_on": True}
-    )
+    held, said, mission = f"\n{sample.rest}".partition(_MISSION)
+    before = held.rpartition(_BEFORE)
+    words = "".join((*before[1:], said)).lstrip() + mission
+    return sample.model_copy(update={"rest": words, "answer": answer, "goes_on": True})

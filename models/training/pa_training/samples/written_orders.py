@@ -18,7 +18,10 @@ from pa_console.language.canonical.facts import conditions
 from pa_console.language.canonical.order import Ask, Condition, in_words
 from pa_console.language.canonical.reading import asked_words, parted, read_asked
 from pa_console.language.clause_grammar import asked_now
+from pa_console.language.name_linking import link_names
+from pa_console.language.references.scene import PastMission
 from pa_console.llm.roles.prompts import compact_planner_prompt, picture_prefix
+from pa_console.mission.context import ordered_by
 from pa_console.schema.base import StrictModel
 from pa_console.schema.document import Document
 from pa_console.schema.mission import Mission
@@ -30,7 +33,7 @@ from pa_training.samples.near_duplicates import NearDuplicates
 from pa_training.samples.reading_samples import NO_TIME
 from pa_training.samples.sample import Sample, make_sample
 from pa_training.samples.selection import judge_readings, reading_of
-from pa_training.situations.situations import Situation, random_situation
+from pa_training.situations.situations import Situation, carried_out, random_situation
 from pa_training.situations.worlds import (
     Numbers,
     Split,
@@ -96,30 +99,80 @@ def written_samples(name: str, writer: Writer) -> Iterator[Sample]:
     forbidden, known = generated_numbers(missions), NearDuplicates(missions)
     for place, each in enumerate(writer.situations, 1):
         situation = drawn_situation(each, forbidden)
-        world, digest = situation.world, situation.digest
-        picture = picture_prefix("planner", world, digest).user
+        world = situation.world
         orders = each.first_orders
         fresh = known.keep([order.text for order in orders], world)
         for order, kept in zip(orders, fresh, strict=True):
-            meaning = meaning_now(order.meaning)
-            if not kept or not meaning:
-                continue
-            mission = Mission(id="M", text=order.text, created=NO_TIME)
-            prompt = compact_planner_prompt(world, digest, [], mission)
-            try:
-                asked = asked_as_seen(meaning, world, digest)
-            except ValueError:  # a condition about a place where sensors show nothing
-                continue
-            fact = _fact(meaning, situation)
-            ends = "" if meaning == NOTHING else f"; {fact or _SOME_FACT}"
-            answer = f'{{"reason": "{asked}{ends}", "actions": []}}'
-            group = f"written-{name}-{place}"
-            sample = make_sample(group, "planner", prompt, picture, answer, f"written/{name}")
-            read = reading_of(sample)
-            if ends and not fact:
-                read = read.model_copy(update={"answer": f'{{"reason": "{asked};'})
-            yield read
-            yield from judge_readings([sample])
+            if kept:
+                yield from _samples(f"written-{name}-{place}", f"written/{name}", order, situation)
+        for number, order in enumerate(each.orders):
+            if isinstance(order, WrittenDialogue):
+                group = f"written-{name}-{place}-{number}"
+                yield from _later_turns(group, f"written/{name}", order, situation)
+
+
+def _samples(
+    group: str, kind: str, order: WrittenOrder, situation: Situation, follows: str = ""
+) -> Iterator[Sample]:
+    """Yield what planner and judge are to read of an order, which `follows` other commands."""
+    world, digest = situation.world, situation.digest
+    meaning = meaning_now(corrected(order.meaning))
+    if not meaning:
+        return
+    mission = Mission(id="M", text=order.text, created=NO_TIME, follows=follows)
+    prompt = compact_planner_prompt(world, digest, [], mission)
+    try:
+        asked = asked_as_seen(meaning, world, digest)
+    except ValueError:  # a condition about a place where sensors show nothing
+        return
+    fact = _fact(meaning, situation)
+    ends = "" if meaning == NOTHING else f"; {fact or _SOME_FACT}"
+    answer = f'{{"reason": "{asked}{ends}", "actions": []}}'
+    picture = picture_prefix("planner", world, digest).user
+    sample = make_sample(group, "planner", prompt, picture, answer, kind)
+    read = reading_of(sample)
+    if ends and not fact:
+        read = read.model_copy(update={"answer": f'{{"reason": "{asked};'})
+    yield read
+    yield from judge_readings([sample])
+
+
+def _later_turns(
+    group: str, kind: str, dialogue: WrittenDialogue, situation: Situation
+) -> Iterator[Sample]:
+    """Yield the samples of the turns after the first, each once the one before was carried out.
+
+    The teacher's plan stands for what was done. A turn that names assets which nobody has named
+    and nobody moved is left out: its writer had another plan in mind.
+    """
+    follows, known = "", set[str]()
+    for number, turn in enumerate(dialogue.turns):
+        named = {name for name in situation.world.assets if _names(name, turn.meaning)}
+        if number:
+            linked = link_names(situation.world, turn.text)
+            if not follows or not all(n in known or _names(n, linked) for n in named):
+                return
+            yield from _samples(f"{group}-{number}", kind, turn, situation, follows)
+        known |= named
+        if orders_nothing(turn.meaning):
+            continue
+        try:
+            plan = ordered(meaning_now(corrected(turn.meaning)), situation).plan
+        except (ValueError, LookupError):
+            return
+        moves = ordered_by(plan, situation.picture)
+        situation = carried_out(situation, plan)
+        known |= {move.agent for move in moves}
+        follows = PastMission(turn.text, moves).commands
+
+
+def _names(name: str, meaning: str) -> bool:
+    return re.search(rf"\b{re.escape(name)}\b", meaning) is not None
+
+
+def corrected(meaning: str) -> str:
+    """Return the meaning of a correction without the sign that it is one."""
+    return meaning.removeprefix("instead: ")
 
 
 def drawn_situation(written: WrittenSituation, forbidden: Collection[Numbers]) -> Situation:

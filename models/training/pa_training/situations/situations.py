@@ -2,7 +2,7 @@
 
 import random
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pa_console.evaluation.score import SETTLE_S
 from pa_console.mission.execution.dispatch import Dispatch
@@ -124,6 +124,16 @@ def settled(  # noqa: PLR0917
     picture = sim.picture()
     digest = digest_picture(picture, world)
     return Situation(world, seed, tuple(setup), history, tuple(troubles), sim, picture, digest)
+
+
+def carried_out(situation: Situation, plan: Plan) -> Situation:
+    """Return the situation once `plan` was carried out in it."""
+    sim = situation.fork()
+    _carry_out(sim, plan, "plan")
+    picture = sim.picture()
+    return replace(
+        situation, sim=sim, picture=picture, digest=digest_picture(picture, situation.world)
+    )
 
 
 def _wait(sim: Checkpoint, seconds: float) -> None:
