@@ -32,7 +32,6 @@ from pa_console.schema.mission import (
     StandingStart,
 )
 
-
 LAST_ORDER = "the order before"
 """The reference that stands for the commands on which an order leans."""
 
