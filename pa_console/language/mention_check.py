@@ -21,6 +21,7 @@ from pa_console.language.mentions import Mention, Sort, find_mentions, without_q
 from pa_console.language.name_linking import WORD, link_names
 from pa_console.language.orders.order_steps import unkept_steps
 from pa_console.language.references.conversation import leaning_words
+from pa_console.language.references.reader import CONTACTS, read_tokens
 from pa_console.language.references.scene import ReferenceScene
 from pa_console.schema.command import Verb
 from pa_console.schema.plan import Plan
@@ -165,7 +166,7 @@ def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
 def leans(scene: ReferenceScene, text: str) -> bool:
     """Return whether an order may need the one before it: it lacks somebody, or a place.
 
-    *Home*, *hold* and *report* need no place.
+    *Home*, *hold* and *report* need no place, *anybody* is somebody, and so is a visitor.
     """
     if leaning_words(scene, text):
         return True
@@ -173,7 +174,12 @@ def leans(scene: ReferenceScene, text: str) -> bool:
     sorts = {one.sort for one in mentions}
     tasks = {task for one in mentions for task in one.supports}
     somewhere = sorts & {"place", "track"} or tasks & {"home", "hold", "report"}
-    return not (sorts & {"asset", "kind"} and somewhere)
+    words = {token.word for token in read_tokens(text)}
+    anyone = sorts & {"asset", "kind"} or words & _ANYONE or _EVERY.search(text.lower())
+    return not (anyone and somewhere)
+
+
+_ANYONE = frozenset(("somebody", "someone", "anybody", "anyone", "anything", *CONTACTS))
 
 
 def _dropped(excluded: Collection[str], linked: str, mentions: Sequence[Mention]) -> set[Mention]:

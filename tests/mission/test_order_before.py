@@ -42,7 +42,13 @@ async def test_words_that_lean_on_the_order_before_come_with_its_commands(site: 
 
 
 @pytest.mark.parametrize(
-    "text", ["Send Robot_T01 to the north gate.", "Drone_T02 home.", "Report, all drones."]
+    "text",
+    [
+        "Send Robot_T01 to the north gate.",
+        "Drone_T02 home.",
+        "Report, all drones.",
+        "Somebody to the west gate.",
+    ],
 )
 async def test_an_order_that_stands_by_itself_comes_without(site: Site, text: str) -> None:
     assert (await understood(site, text)).mission.follows == ""
