@@ -24,7 +24,9 @@ SENT = (Move("Drone_T04", "move_to", "EastGate", "Checkpoint"),)
 
 async def understood(site: Site, text: str, moves: Sequence[Move] = SENT) -> Understood:
     """Return how `text` is understood after an order with these `moves`."""
-    services = Services.open(SimulatedFleet.start(site.world), site.rulebook, ScriptedEngine([]))
+    services = Services.open(
+        SimulatedFleet.start(site.world), site.rulebook, ScriptedEngine([]).engine()
+    )
     before = Mission(id="M1", text="Drone_T04 to EastGate", created=THEN)
     services.past.remember(before, moves, undid=False, corrects=False)
     mission = Mission(id="M2", text=text, created=THEN)
