@@ -1,9 +1,9 @@
 """Step 1: the words of a mission before any model reads them.
 
-Misspelt words are put right. A word is misspelt when no dictionary, no operator, no rule and no
-name of the world knows it; it is read as the likeliest word that few slips of the hand make of it
-(a noisy channel). Words that are known stay as they are, so a rule's words never vanish, and what
-was typed is kept beside.
+Misspelt words are corrected. A word is misspelt when it is in no dictionary, list of operators'
+words, rule or name of the world; it is replaced by the likeliest word within a few typing slips (a
+noisy channel). Known words stay as they are, so a rule's words never vanish, and the typed text is
+kept as well.
 
 A model finds an order in everything. So what is not English, has no words, is program text, or
 speaks of nothing that the site has is asked back about, and no plan is made for it. Words alone
@@ -80,7 +80,7 @@ class English:
             self._by_length[len(word)].append(word)
 
     def __contains__(self, word: str) -> bool:
-        """Return whether `word`, in lower case, is known in American or in British spelling."""
+        """Return whether `word`, in lower case, is known in American or British spelling."""
         return word in self._likely or any(form in self._likely for form in _american(word))
 
     def is_common(self, word: str) -> bool:
