@@ -154,7 +154,7 @@ def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
 
 
 def _dropped(excluded: Collection[str], linked: str, mentions: Sequence[Mention]) -> set[Mention]:
-    """Return the mentions of `excluded` names, and those that a correction in the order replaces.
+    """Return the mentions that are `excluded` or replaced by a correction in the order.
 
     An excluded name is never used (`exclusions.py`), so no reading has to account for it. `linked`
     is the order with its names linked.

@@ -39,11 +39,11 @@ class LastSession:
         return told
 
     def wait(self) -> None:
-        """Wait until it was looked for."""
+        """Wait for the end of the search."""
         self._looking.join()
 
     def take_up(self) -> tuple[str, ...]:
-        """Return the orders that are to be given again, once."""
+        """Return the orders to give again, and forget them."""
         orders, self.orders = self.orders, ()
         return orders
 

@@ -188,9 +188,9 @@ _CALL_SIGN = re.compile(r"\w*[\d_]\w*")
 """Names of assets and frames, call signs and numbers: of no language."""
 _ALPHABET = frozenset("abcdefghijklmnopqrstuvwxyz")
 _MOST_STRANGE = 0.3
-"""The share of strange words from which a text is not English."""
+"""The share of strange words at which a text counts as not English."""
 _RUN, _HIDDEN = 6, 0.5
-"""A text is not read through where so many words in a row are strange to this share."""
+"""Words in a row, and the share of strange ones among them at which a text is not English."""
 _SLIP_WEIGHT = 0.35
 """The weight, as a strange word, of a word that is nearly a word of orders."""
 _OTHER_LANGUAGES = frozenset(
@@ -243,7 +243,7 @@ class _UnknownWords(NamedTuple):
 
     @property
     def strangest_run(self) -> "_UnknownWords":
-        """The `_RUN` words in a row of which most are strange; all where there are fewer."""
+        """The `_RUN` words in a row with the most strange ones; all words if there are fewer."""
         starts = range(max(len(self.words) - _RUN, 0) + 1)
         runs = [_UnknownWords(self.words[at : at + _RUN]) for at in starts]
         return max(runs, key=lambda run: run.share)
