@@ -218,13 +218,13 @@ class SessionOptions:
         ),
     ] = False
     alert: list[str] | None = None
-    """The addresses that are alerted, and those of `alert_later` when nobody acts."""
+    """The addresses for alerts; those of `alert_later` only get reminders."""
     alert_later: list[str] | None = None
     agents: int = 0
     """The port at which agents are let in; 0 for none."""
     readonly: bool = False
     resume: bool | None = False
-    """True to go on with a session that was not closed; None where the operator is to be asked."""
+    """True to continue a session that was not closed; None to ask the operator."""
     log: Path | None = None
     """The file of the log; a new one in the folder of logs otherwise."""
     stepped: bool = False

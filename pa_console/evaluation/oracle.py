@@ -464,7 +464,7 @@ def _authorized(contact: TrueContact) -> bool:
 
 
 MET_AT_GATES = 2
-"""Assets sent to a person at so many gates in a row follow that person at the next (ROE-14)."""
+"""The number of gates in a row at which assets may be sent to one person (ROE-14)."""
 
 
 def pursuit_breaches(recording: RunRecording) -> Iterator[RuleBreach]:

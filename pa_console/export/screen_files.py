@@ -260,7 +260,7 @@ END = "\x1b[0m\x1b[?25h\r\n"
 
 
 QUIET_STEPS = 8
-"""The steps after which telemetry is shown with which nothing else came."""
+"""Telemetry without another event is shown after this many steps."""
 
 
 def positions(recording: Recording, first: float, last: float, step: float) -> list[float]:

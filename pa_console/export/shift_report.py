@@ -21,7 +21,7 @@ Row = Sequence[object]
 
 @dataclass
 class _AlarmRow:
-    """An alarm at its worst, and when somebody had seen it and it was over."""
+    """An alarm at its highest priority, with the times of its acknowledgement and end."""
 
     at: str
     alarm: Alarm

@@ -121,7 +121,7 @@ class LinkFinding:
     wanted: str = ""
     """The value as it should be, '' if it is."""
     consequence: str = ""
-    """What will not work as it is, '' if nothing is wrong."""
+    """The effect of the wrong value, '' if nothing is wrong."""
 
 
 @runtime_checkable

@@ -21,7 +21,7 @@ MOST = 128
 IDLE_S = 10.0
 """A connection without a complete request is closed after this time, in seconds."""
 ACCEPTED, QUEUED = 8, 1024
-"""Connections accepted in one turn of the event loop, and those that wait in the kernel for that.
+"""Connections accepted in one turn of the event loop, and the length of the kernel's queue.
 
 A request is read some turns after its connection was accepted. Until then MOST other connections
 must not be accepted, or they would end it unread.

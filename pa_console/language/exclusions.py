@@ -48,7 +48,7 @@ _FILLERS = r"(?:,? (?:please|though|to|the|for|with|at all))*"
 
 
 def excluded_names(world: World, text: str) -> tuple[str, ...]:
-    """Return the assets and places of which `text` excludes every mention.
+    """Return the assets and places that `text` excludes wherever it mentions them.
 
     *Not Drone_T04, the robot* and *Robot_T02, not Drone_T04* correct the previous order, and the
     asset that they exclude may have to come back: they exclude nothing.
@@ -71,7 +71,7 @@ def excluded_names(world: World, text: str) -> tuple[str, ...]:
 
 
 def _listed(one: str) -> str:
-    """Return the expression for a list of names, each of which matches `one`."""
+    """Return the expression for a list of names that match `one`."""
     return (
         rf"{one}(?:(?:, {one})*,? (?:and|or|nor|plus|&) (?:the |not )?{one})?(?!,? wh(?:o|ich)\b)"
     )

@@ -183,7 +183,7 @@ _ANYONE = frozenset(("somebody", "someone", "anybody", "anyone", "anything", *CO
 
 
 def _dropped(excluded: Collection[str], linked: str, mentions: Sequence[Mention]) -> set[Mention]:
-    """Return the mentions of `excluded` names, and those that a correction in the order replaces.
+    """Return the mentions that are `excluded` or replaced by a correction in the order.
 
     An excluded name is never used (`exclusions.py`), so no reading has to account for it. `linked`
     is the order with its names linked.

@@ -203,7 +203,7 @@ class Services:
         """Return the same for a mission that is planned and never carried out.
 
         Only the models of this machine are asked, and their answers are kept. No command passes
-        its gate, and later missions know nothing of it.
+        its gate, and it leaves no trace for later missions.
         """
         engine, ahead, prompt_format = self.engine, self.early.ahead, self.prompt_format
         gate = CommandGate(self.fleet, Journal())

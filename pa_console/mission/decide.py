@@ -63,7 +63,7 @@ class AdmissibleDecision:
 
 @dataclass(frozen=True)
 class ApprovedPlan:
-    """The plan to execute, and who decided that on which request."""
+    """The plan to execute, the person who decided, and the request."""
 
     planned: PlanForDecision
     decided: AdmissibleDecision

@@ -110,7 +110,7 @@ def assume_done(before: Picture, world: World, plan: Plan) -> Rehearsal:
 
 
 def _handled(track: Track, plan: Plan) -> TrackTimeline:
-    """Return what the orders for the track's gate would make known of it, all at once."""
+    """Return the timeline of a track as if all orders for its gate had succeeded at once."""
     verbs = {action.verb for action in plan.actions if action.target == track.gate}
 
     def when(known: bool) -> float | None:

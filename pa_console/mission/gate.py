@@ -204,7 +204,7 @@ class CommandGate:
     def resume(self, stops: int, *, stopped: bool) -> None:
         """Take up a session in which there were `stops` stops, the last perhaps not released.
 
-        A device takes no command whose id it knows, so the ids of stops are counted on.
+        A device ignores a command id that it has seen, so the ids of stops continue from `stops`.
         """
         self._stops, self.stopped = stops, stopped
 
@@ -332,7 +332,7 @@ class CommandGate:
         return "" if order is None else f"standing order {order.id}: {order.order}"
 
     def _kept_for_hand(self, command: DeviceCommand) -> str:
-        """Return why a person who drives the asset keeps `command` back; '' for a stop's hold."""
+        """Return why manual control of the asset bars `command`; '' for a stop's hold."""
         return "" if command in self._stop_holds else self.manual.refusal(command.agent)
 
     def _unauthorized(self, command: DeviceCommand) -> str:
@@ -365,7 +365,7 @@ class ManualControl:
     def __init__(self, world: World) -> None:
         self._world = world
         self.taken: dict[str, str] = {}
-        """The assets under manual control by a decision at this station, each with who took it."""
+        """The person who took manual control at this station, by asset."""
         self._reported: frozenset[str] = frozenset()
         self._awaiting: dict[str, AwaitingMission] = {}
 

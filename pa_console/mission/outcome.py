@@ -133,8 +133,7 @@ class Results:
     open_alarms: Callable[[], Sequence[Alarm]]
     verifications: list[Verification] = field(default_factory=list[Verification])
     idle: list[str] = field(default_factory=list[str])
-    """Of each executed plan that only held, the part of the order that it leaves out; '' of any
-    other."""
+    """The part of the order that each executed plan left out, if it only held; otherwise ''."""
 
     @property
     def unanswered(self) -> tuple[str, ...]:

@@ -134,7 +134,7 @@ def device_commands(plan: Plan, prefix: str) -> tuple[DeviceCommand, ...]:
 
 
 def order_moments(plan: Plan, world: World, done: Collection[str]) -> tuple[OrderMoment, ...]:
-    """Return the plan's orders as ordering rules see them; `done` names who has finished."""
+    """Return the plan's orders as ordering rules see them; `done` names the finished agents."""
     return tuple(
         OrderMoment(
             agent=action.agent,
@@ -163,7 +163,7 @@ async def rehearse(outlook: Outlook, plan: Plan) -> Rehearsal:
 async def rehearse_steps(outlook: Outlook, plan: Plan) -> RehearsedSteps:
     """Run `plan` in a forecast, step by step, each at most HORIZON_S seconds and its stays.
 
-    The forecast knows what the picture shows and nothing of the truth. A step begins where the one
+    The forecast is built from the picture, never from the truth. A step begins where the one
     before has ended; one that does not end is the last. The event loop gets its turn after every
     slice of simulated steps, so a screen stays alive meanwhile.
     """

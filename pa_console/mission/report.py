@@ -65,7 +65,7 @@ class PlaceWatch:
     _since_s: float | None = None
 
     def see(self, time_s: float, *, somebody: bool) -> None:
-        """Note whether an asset is known to be there."""
+        """Record whether an asset is known to be there."""
         if somebody:
             self._since_s = None
             return
@@ -108,7 +108,7 @@ class ReportFacts:
         self.moves.append((move, time_s))
 
     def see(self, picture: Picture) -> None:
-        """Note from a new picture how long gates were without known cover."""
+        """Record from a new picture how long gates were without known cover."""
         if self.seen_from_s is None:
             self.seen_from_s = picture.time_s
         for place, watch in self.patrolled.items():
@@ -225,7 +225,7 @@ def _patrol(facts: ReportFacts) -> Iterator[str]:
 
 
 def _gates(facts: ReportFacts, picture: Picture) -> Iterator[str]:
-    """Yield how the gates stand; a gate of which nothing is known is never called covered."""
+    """Yield the cover of the gates; a gate with unknown cover is never called covered."""
     unknown = [gate for gate, cover in picture.gates.items() if cover.unknown]
     bare = [g for g, cover in picture.gates.items() if not cover.covered and not cover.unknown]
     if bare:

@@ -528,7 +528,7 @@ class MissionRun:
         return ordered
 
     async def _watch_outcome(self, phase: str, task: Mission) -> None:
-        """Let the world go on until `phase` or `task` is over and its outcome known.
+        """Let the world go on until `phase` or `task` is over and has an outcome.
 
         At most WATCH_S simulated seconds.
         """

@@ -66,7 +66,7 @@ class _Held:
 
     @property
     def hurries(self) -> bool:
-        """True while the asset may not know of the stop, and a short interval may change that."""
+        """True while the asset may not have heard the stop and quick repetitions may reach it."""
         return self.reply is None and self.quick > 0
 
     @property
@@ -189,7 +189,7 @@ class EmergencyStop:
         return bool(self._open) or (self._stop is not None and not self._stop.confirmed)
 
     def hold_all(self) -> list[ev.EventPayload]:
-        """Stop everything: send every asset a hold, whatever is known of it; return the events.
+        """Stop everything: send every asset a hold, whatever its state; return the events.
 
         A hold is sent again until telemetry shows that its asset stands, however long that takes,
         and whenever an asset moves again before `release`.

@@ -73,8 +73,8 @@ def verify_plan(
     """Compare `after` with what every action should have brought about.
 
     `final` maps agents to the last reply to their command; its tick is when the command ended. A
-    gate that was covered before and is known not to be now makes the outcome a failure whatever
-    the actions did (WF-03); one whose cover is not known now makes it unknown.
+    gate that was covered before and is uncovered now makes the outcome a failure, whatever the
+    actions did (WF-03); a gate whose cover is unknown now makes it unknown.
     """
     ends = {agent: reply.tick * world.dt_s for agent, reply in final.items()}
     seen = [
@@ -277,8 +277,8 @@ class OutcomeVerdicts:
     def __init__(self, start: Start, *, between_missions: bool) -> None:
         """`start` runs work beside the session.
 
-        `between_missions` alone are verdicts asked for where the world waits for the model: there,
-        an operator takes no time to decide, and what a mission takes is to be known.
+        With `between_missions`, verdicts are requested between missions only. That is for runs in
+        which the world waits for the model, so that they do not add to the time of a mission.
         """
         self._start, self._between_missions = start, between_missions
         self._waiting: deque[_Verification] = deque()

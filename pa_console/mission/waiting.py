@@ -47,7 +47,7 @@ class WaitingPlan:
         self._due = asyncio.Event()
 
     def see(self, picture: Picture) -> None:
-        """Note whether the plan is to be examined again."""
+        """Request another examination of the plan if the picture has changed enough."""
         if self._drifted(picture) or self._sudden(picture):
             self._due.set()
 

@@ -22,11 +22,11 @@ SEND_S = 10.0
 TRIES_AFTER_S = (0.0, 5.0, 30.0)
 """The seconds before each try to deliver one message."""
 MOST_WAITING = 20
-"""The most messages that wait for a slow receiver; later ones are not told there."""
+"""The most messages that wait for a slow receiver; later ones are dropped there."""
 MOST_HANGING = 3
-"""The tries that may hang at a time; no other one is made before one of them ends."""
+"""The most attempts that may hang at once; no other is made before one of them ends."""
 LEAVE_S = 2.0
-"""The longest wait for what is under way at the end of a session."""
+"""The longest wait, at the end of a session, for messages under way."""
 
 _log = logging.getLogger("apprise")
 _log.addHandler(logging.NullHandler())
@@ -48,13 +48,13 @@ class Letter(Protocol):
 
     @property
     def later(self) -> bool:
-        """True if those are told too who are told when nobody acts."""
+        """True if it also goes to the later receivers."""
         ...
 
 
 @dataclass
 class Receiver:
-    """One address; `name` is safe to be shown, `later` is only told when nobody acts."""
+    """One address; `name` is safe to show, and a `later` one only gets reminders."""
 
     name: str
     later: bool
@@ -150,7 +150,7 @@ class AlertDelivery:
         return [self._news.popleft() for _ in range(len(self._news))]
 
     def close(self, wait_s: float = LEAVE_S) -> None:
-        """Stop once what was given is delivered, after `wait_s` seconds in any case."""
+        """Stop once all messages are delivered, or after `wait_s` seconds."""
         for _, queue in self._queues:
             try:
                 queue.put_nowait(None)

@@ -37,7 +37,7 @@ _SIGNS_BETWEEN = re.compile(r"(?<![^\W_])[^\W_](?:[.*_/·-]+[^\W_](?![^\W_])){2,
 """Letters with signs and no spaces between them; they are joined first, a word at a time."""
 _DRAWN = re.compile(r"([a-z])\1{2,}")
 _JUNK = re.compile(r"(?<![^\W_])(?:([^\W_])\1{3,}|[^\W_]{40,})(?![^\W_])\s*")
-"""What is no word: one letter again and again, or a row of letters longer than any word."""
+"""Strings that are not words: one letter repeated, or more letters than any word has."""
 _MARKUP = re.compile(r"[<>()\[\]{}`~#^\\]+|(?<![^\W_])[_*]+|[_*]+(?![^\W_])")
 """The signs with which a text is marked up: `__stop__`, `<stop>`. Within a name they are none."""
 _WITHIN = re.compile(r"(?<=[a-z])[-*·/.+~_]+(?=[a-z])(?!t\d)")

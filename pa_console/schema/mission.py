@@ -252,7 +252,7 @@ class Schedule(StrictModel):
 
     @property
     def once(self) -> bool:
-        """True if it has one moment only, and nobody goes back after it."""
+        """True if it has only one moment and no stay."""
         return not self.every_s and not self.stays
 
     @property

@@ -1,4 +1,4 @@
-"""The proposals of agents: who may, how often, how many of theirs may wait, and what becomes of it.
+"""Proposals of agents: their admission, rate, number and fate.
 
 An agent is a program that proposes over MCP; a person decides. What an agent may never do is no
 matter of this module: it has no way to approve, release or sign.
@@ -30,7 +30,7 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
 
 class AgentDesk:
-    """Admits proposals; it knows who is muted."""
+    """Admits proposals, except those of muted agents."""
 
     def __init__(self, muted: Collection[str] = (), clock: Callable[[], float] = monotonic) -> None:
         self.muted = set(muted)

@@ -159,7 +159,7 @@ def _cover(
 ) -> Cause:
     """Return why a gate needs an asset; a hand-over may take half the grace time (WF-03).
 
-    With its guard known to be lost, no hand-over is going on: every second counts.
+    If the guard is known to be lost, there is no hand-over, and every second counts.
     """
     if cover.unknown:
         unsure = [picture.assets[name] for name in cover.unsure if name in picture.assets]

@@ -1,7 +1,7 @@
-"""Alerts beyond the screen: what is told, when it is told again, and in a thread of its own.
+"""Alerts beyond the screen: rules for what is sent and repeated, and a thread that sends it.
 
-An alarm is told once when it is raised, and what waits, alarm or plan, again and to more people
-when nobody acts. The station hands its events over and waits for nothing.
+An alarm is sent once when it is raised. An alarm or plan that waits too long is sent again, and to
+more people. The station hands its events over and never waits.
 """
 
 import math
@@ -20,17 +20,17 @@ from pa_console.session.state import SessionState
 from pa_console.station.waits import Wait, is_answered, what_waits
 
 AGAIN_S = 600.0
-"""The seconds in which an alarm that goes and comes back is not told again."""
+"""Seconds in which an alarm that clears and returns is not sent again."""
 MOST_SENT, SENT_WITHIN_S = 10, 600.0
-"""The most messages in so many seconds; only one about an emergency goes in spite of that. What is
-left is told in the next message."""
+"""The most messages in that many seconds; only emergencies are exempt. The rest goes into the next
+message."""
 MOST_LINES = 8
 """The lines of a message; the rest is counted."""
 
 
 @dataclass(frozen=True)
 class Message:
-    """One message: its title, its lines, and whether more people are told."""
+    """One message: its title, its lines, and whether it also goes to the later addresses."""
 
     title: str
     body: str
@@ -40,7 +40,7 @@ class Message:
 
 @dataclass
 class _Waiting:
-    """Something that waits: since when, how often it was told that nobody acts, and when next."""
+    """An item that waits: since when, the number of reminders, and the time of the next."""
 
     wait: Wait
     since_s: float
@@ -49,10 +49,10 @@ class _Waiting:
 
 
 class AlertRules:
-    """The decisions on what is told; times are seconds of any clock that only goes forward."""
+    """Decides what to send; times are seconds of any clock that only goes forward."""
 
     def __init__(self, lowest: AlarmPriority, after_s: float) -> None:
-        """Alarms are told from the priority `lowest` up; `after_s` 0 tells nothing again."""
+        """Send alarms from priority `lowest` up, and again after `after_s`; 0 for never again."""
         self._told_of = ALARM_PRIORITIES[: ALARM_PRIORITIES.index(lowest) + 1]
         self._after_s = after_s
         self._state = SessionState()
@@ -89,7 +89,7 @@ class AlertRules:
                     self._pending.append((wait, ""))
 
     def due(self, now_s: float) -> list[Message]:
-        """Return the messages for now: one of what is new, one of what nobody acts on."""
+        """Return the messages that are due: one for new items, one for unanswered ones."""
         self._told = {key: at for key, at in self._told.items() if now_s - at < AGAIN_S}
         for waiting in self._waits.values():
             if self._after_s and now_s >= waiting.next_s:
@@ -134,7 +134,7 @@ def _rank(priority: AlarmPriority | None) -> int:
 
 
 class Delivery(Protocol):
-    """The way to the people who are told."""
+    """Sends messages to people."""
 
     def give(self, message: Message) -> None:
         """Have a message delivered; returns at once."""
@@ -161,7 +161,7 @@ class Alerting:
         self._events.put(event)
 
     def news(self) -> Sequence[ev.OutsideReport]:
-        """Return notices about what was told and what could not be."""
+        """Return notices about messages that were sent and that could not be sent."""
         return [
             ev.Noticed(
                 level="warning" if "not told" in line else "info", subject="alert", text=line

@@ -1,4 +1,4 @@
-"""Changes by an operator that take effect at once: who drives an asset, and standing orders."""
+"""Changes by an operator that take effect at once: manual control and standing orders."""
 
 from collections.abc import Callable, Collection, Iterable
 
@@ -73,7 +73,7 @@ class ManualAssets:
     def take_up(
         self, taken: Iterable[tuple[str, str]], awaiting: Iterable[tuple[Mission, Collection[str]]]
     ) -> None:
-        """Go on with the assets of an earlier session, who took each, and what awaits them."""
+        """Restore manual control from an earlier session, and the missions that await it."""
         for asset, by in taken:
             self._gate.take_manual(asset, by)
         self._gate.manual.take_up(awaiting)

@@ -69,7 +69,7 @@ class LeftMissions:
         )
 
     def notices(self, station: str) -> Iterator[str]:
-        """Yield what an operator has to know of it, as lines; `station` is who was relieved."""
+        """Yield lines about it for the operator; `station` is the relieved one."""
         for trace in self.under_way:
             sent = "; ".join(
                 f"{one.command.agent} {order_in_words(one.command)}"
@@ -134,7 +134,7 @@ class UnclosedSession:
 
     @property
     def manual(self) -> Iterator[tuple[str, str]]:
-        """The assets under manual control, each with who took it."""
+        """Assets under manual control, each with the person who took it."""
         return ((name, one.by) for name, one in self.state.manual.items())
 
     @property
@@ -158,11 +158,11 @@ class UnclosedSession:
 
 @dataclass(frozen=True)
 class ResumedSession:
-    """A session as it was at its last record: its world and what was known of it, brought back.
+    """A session restored to its last record: its world and its picture.
 
     `stops` counts the stops so far, with one that a killed console may have sent before its log had
-    it: a stop waits for no disk, and a vehicle takes no command whose id it knows. No standing
-    order goes on.
+    it: a stop waits for no disk, and a vehicle ignores a command id that it has seen. Standing
+    orders do not continue.
     """
 
     before: UnclosedSession

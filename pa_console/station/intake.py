@@ -68,7 +68,7 @@ class Arrivals:
 
 
 class Intake:
-    """The alarms of the site and the missions that wait; yields events, knows no simulator."""
+    """The alarms of the site and the waiting missions; yields events, without a simulator."""
 
     def __init__(self, world: World, session: str, *, respond: bool) -> None:
         """Make an intake without alarms; with `respond`, alarms become missions."""

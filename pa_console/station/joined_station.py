@@ -234,7 +234,7 @@ class JoinedStation:
         self._closing = True
 
     async def look_at(self, mission: Mission, asked: str) -> RehearsedReading | None:
-        """Rehearse here what another reading of a mission would lead to; None: not known here."""
+        """Rehearse another reading of a mission here; None if this console cannot."""
         self.fleet.show(self._state.picture)
         return None if self._unfit() else await rehearse_reading(self, mission, asked)
 
@@ -266,7 +266,7 @@ class JoinedStation:
     def question_in(self, text: str) -> Question | None:
         """Return what `text` asks about the session, for `answer`; None for anything else.
 
-        Without a picture nothing that words could point at is known, so nothing is a question.
+        Without a picture, words have nothing to refer to, so nothing is a question.
         """
         picture = self._state.picture
         if picture is None:

@@ -19,8 +19,8 @@ ENDED = "the session has ended"
 class LastSession:
     """The last closed or broken-off session of a world whose log is in a folder.
 
-    The first call of `news` begins to look for it, in a thread, for a log may be long; a later one
-    tells of it.
+    The first call of `news` starts the search, in a thread because a log may be long; a later one
+    reports it.
     """
 
     def __init__(self, folder: Path, world_sha256: str, key: str, offered: str = "") -> None:
@@ -39,11 +39,11 @@ class LastSession:
         return told
 
     def wait(self) -> None:
-        """Wait until it was looked for."""
+        """Wait for the end of the search."""
         self._looking.join()
 
     def take_up(self) -> tuple[str, ...]:
-        """Return the orders that are to be given again, once."""
+        """Return the orders to give again, and forget them."""
         orders, self.orders = self.orders, ()
         return orders
 

@@ -277,8 +277,8 @@ class ReadAhead:
     def see(self, payload: ev.EventPayload) -> None:
         """Let the model read the expected picture of a mission's next plan.
 
-        It is known once a plan is approved that ends with a contact identified but not yet warned:
-        it is the picture at the end of the rehearsal.
+        That picture exists once a plan is approved that ends with a contact identified but not yet
+        warned: it is the one at the end of the rehearsal.
         """
         match payload:
             case ev.MissionStarted():

@@ -391,7 +391,7 @@ class ControlStation:
         return corrects(order.text) if active.mission.source == "operator" else ""
 
     def _change_in(self, order: ReadText) -> OrderChange | ManualWords | Unclear | None:
-        """Return what a text changes at once: standing orders, or who drives an asset."""
+        """Return what a text changes at once: a standing order, or manual control."""
         change = self._standing.read(order.text)
         if change is not None or order.question is not None:
             return change

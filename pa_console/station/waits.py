@@ -23,7 +23,7 @@ def what_waits(
 ) -> dict[str, Wait]:
     """Return what waits for the operator by a key of its own, the first most urgent.
 
-    Alarms of the `priorities` wait until somebody has acknowledged them.
+    Alarms of the `priorities` wait until they are acknowledged.
     """
     waits: dict[str, Wait] = {}
     if state.log_problem:

@@ -11,7 +11,7 @@ from pa_console.station.alerts import Alerting, AlertRules
 
 @dataclass(frozen=True)
 class AlertTargets:
-    """The addresses that are alerted at once, and those only when nobody acts."""
+    """The addresses for alerts at once, and those for reminders only."""
 
     now: Sequence[str] = ()
     later: Sequence[str] = ()
@@ -22,7 +22,7 @@ class AlertTargets:
         return cls(tuple(options.alert or ()), tuple(options.alert_later or ()))
 
     def __bool__(self) -> bool:
-        """Return True if anybody is to be alerted."""
+        """Return True if there is any address."""
         return bool(self.now or self.later)
 
 

@@ -161,7 +161,7 @@ ASKED_BACK = 5
 
 
 def _is_asked_back(trace: MissionTrace) -> bool:
-    """Return whether one of several meanings is to be chosen; a person who rejected chose none."""
+    """Return whether a meaning must be chosen; a person who rejected has chosen none."""
     if trace.status not in ("held", "rejected"):
         return False
     made = trace.decision

@@ -144,7 +144,7 @@ class Flight:
 
     @property
     def not_ready(self) -> str:
-        """Why it cannot start yet, '' if it can."""
+        """The reason why it cannot start yet, '' if it can."""
         return self._not_ready
 
     def may_arm(self) -> bool:

@@ -110,7 +110,7 @@ class FenceWatch:
         say: Callable[[Level, str], None],
         every_s: float,
     ) -> None:
-        """`say` notifies the operator; the fence is read again every `every_s` seconds."""
+        """Notify the operator with `say`; read the fence again every `every_s` seconds."""
         self._areas, self._geography, self._autopilot = areas, geography, autopilot
         self._say, self._every_s = say, every_s
         self._asked: Literal["", "read", "upload", "enforce"] = ""

@@ -255,7 +255,7 @@ class MavlinkLink:
     def _unread(
         self, wanted: Mapping[str, Sequence[Parameter]]
     ) -> list[tuple[MavsdkAutopilot, str]]:
-        """Return the parameters that are not known yet, each with whom to ask."""
+        """Return the parameters that are unread, each with its autopilot."""
         return [
             (self._autopilots[name], parameter.name)
             for name, parameters in wanted.items()

@@ -145,7 +145,7 @@ KEEPALIVE_S = 5
 FIRST_RETRY_S, LAST_RETRY_S = 0.1, 1.0
 CONNECT_S = 5.0
 MOST_QUEUED = 2_000
-"""The longest queue between the socket and `heard`, which empties it at once."""
+"""The longest queue of received messages; `heard` empties it at once."""
 
 QUIET = logging.getLogger("pa_console.bus")
 QUIET.addHandler(logging.NullHandler())

@@ -343,7 +343,7 @@ class _Turn:
         return self._whole(_sentence([*orders, *self._returns(replaced)]), corrects=True)
 
     def _meant_instead(self) -> list[str]:
-        """Return who is meant by a number or a kind: *make that four*, *I meant the robot*."""
+        """Return the assets meant by a number or a kind: *make that four*, *I meant the robot*."""
         if self._asked or self._wanted or not self._corrects or not self._short:
             return []
         names, kinds = self._scene.names, list[frozenset[str]]()

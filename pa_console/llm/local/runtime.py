@@ -57,7 +57,7 @@ CHUNK, SHARED_CHUNK = 64, 16
 """Tokens of a prompt, or of several continuations of one, that are evaluated at once."""
 
 GROUP = 16
-"""The cache is used again in whole groups of so many tokens, of which a chunk has several.
+"""The cache is reused in whole groups of this many tokens; a chunk has several groups.
 
 llama.cpp computes a token alone in another order than several, and may take up to 16 together and
 those left over in another order, too. As every batch begins at a whole group, and none has a single
@@ -162,7 +162,7 @@ class _LlamaContext:
         return np.ctypeslib.as_array(row, shape=(self._n_vocabulary,))
 
     def state(self) -> State:
-        """Return what was evaluated in its first sequence."""
+        """Return the evaluated state of its first sequence."""
         size = _api.llama_state_seq_get_size(self.handle, 0)
         buffer = (ctypes.c_uint8 * size)()
         _api.llama_state_seq_get_data(self.handle, buffer, size, 0)

@@ -316,7 +316,7 @@ class LocalModel:
     prompts: PromptFormatName = "examples"
     n_ctx: int = N_CTX
     second_reader: "LocalModel | None" = None
-    """The second reader for orders of which this model is unsure."""
+    """The second reader for orders that this model is unsure about."""
 
     @property
     def fingerprint(self) -> str:

@@ -48,7 +48,7 @@ class Preparation:
 
     quantisation: Quantisation | None = None
     vocabulary: int | None = None
-    """The number of first pieces of which those in ASCII are kept; None keeps all."""
+    """Keeps the ASCII pieces among this many first ones; None keeps all pieces."""
 
     def __str__(self) -> str:
         parts = [f"{self.vocabulary} pieces"] if self.vocabulary else []

@@ -119,8 +119,8 @@ def way_to_safety(plan: Plan, world: World, picture: Picture) -> tuple[Action, .
 def ways_to_safety(plan: Plan, world: World, before: Sequence[Picture]) -> tuple[Action, ...]:
     """Return the way to safety of each action of a plan in steps, in the order of its actions.
 
-    `before` are the pictures in which its steps begin, as far as they are known; agents of later
-    steps hold.
+    `before` has the picture at the start of each step that was rehearsed; agents of later steps
+    hold.
     """
     found = [Action(agent=action.agent, command="hold") for action in plan.actions]
     for numbers, picture in zip(plan.steps, before, strict=False):

@@ -1,9 +1,9 @@
 """Step 1: the words of a mission before any model reads them.
 
-Misspelt words are put right. A word is misspelt when no dictionary, no operator, no rule and no
-name of the world knows it; it is read as the likeliest word that few slips of the hand make of it
-(a noisy channel). Words that are known stay as they are, so a rule's words never vanish, and what
-was typed is kept beside.
+Misspelt words are corrected. A word is misspelt when it is in no dictionary, list of operators'
+words, rule or name of the world; it is replaced by the likeliest word within a few typing slips (a
+noisy channel). Known words stay as they are, so a rule's words never vanish, and the typed text is
+kept as well.
 
 A model finds an order in everything. So what is not English, has no words, is program text, or
 speaks of nothing that the site has is asked back about, and no plan is made for it. Words alone
@@ -80,7 +80,7 @@ class English:
             self._by_length[len(word)].append(word)
 
     def __contains__(self, word: str) -> bool:
-        """Return whether `word`, in lower case, is known in American or in British spelling."""
+        """Return whether `word`, in lower case, is known in American or British spelling."""
         return word in self._likely or any(form in self._likely for form in _american(word))
 
     def is_common(self, word: str) -> bool:
@@ -188,9 +188,9 @@ _CALL_SIGN = re.compile(r"\w*[\d_]\w*")
 """Names of assets and frames, call signs and numbers: of no language."""
 _ALPHABET = frozenset("abcdefghijklmnopqrstuvwxyz")
 _MOST_STRANGE = 0.3
-"""The share of strange words from which a text is not English."""
+"""The share of strange words at which a text counts as not English."""
 _RUN, _HIDDEN = 6, 0.5
-"""A text is not read through where so many words in a row are strange to this share."""
+"""Words in a row, and the share of strange ones among them at which a text is not English."""
 _SLIP_WEIGHT = 0.35
 """The weight, as a strange word, of a word that is nearly a word of orders."""
 _OTHER_LANGUAGES = frozenset(
@@ -243,7 +243,7 @@ class _UnknownWords(NamedTuple):
 
     @property
     def strangest_run(self) -> "_UnknownWords":
-        """The `_RUN` words in a row of which most are strange; all where there are fewer."""
+        """The `_RUN` words in a row with the most strange ones; all words if there are fewer."""
         starts = range(max(len(self.words) - _RUN, 0) + 1)
         runs = [_UnknownWords(self.words[at : at + _RUN]) for at in starts]
         return max(runs, key=lambda run: run.share)

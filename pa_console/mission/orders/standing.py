@@ -384,7 +384,7 @@ class StandingOrders:
 
 
 def start_for(order: StandingOrder, subject: str, picture: Picture) -> StandingStart | None:
-    """Return what `order` starts for `subject`; None where it names a gate that is not known."""
+    """Return what `order` starts for `subject`; None if its gate is unknown."""
     place = _gate(order, subject, picture)
     if PLACE in order.order and not place:
         return None

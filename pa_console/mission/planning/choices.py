@@ -37,7 +37,7 @@ class CommandUnit(NamedTuple):
 
     slots: tuple[CommandSlot, ...]
     ahead: bool = False
-    """The looks at places without a known contact: given up before any other part."""
+    """A look at a place without a known contact: given up before any other part."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class StandingAssets(PlanMoves):
     named: frozenset[str] = frozenset()
 
     def free(self, kind: AssetKind | None = None) -> list[str]:
-        """Return who could be sent somewhere, of one kind if that is given, but for those named."""
+        """Return the assets that could be sent, of `kind` if given, without the named ones."""
         return [name for name in super().free(kind) if name not in self.named]
 
     def near(self, place: str, kind: AssetKind) -> tuple[str, ...]:
@@ -101,7 +101,7 @@ def backfill_commands(
 def _came(
     stands: StandingAssets, goals: Moves, needs: Sequence[str], *, late: bool
 ) -> Iterator[Commands]:
-    """Yield who comes to the places in `needs`, one for each."""
+    """Yield the commands that bring one asset to each place in `needs`."""
     if not needs:
         if not [*_bare(stands, goals, late=late), *_unseen(stands, goals)]:
             yield ()
@@ -159,7 +159,7 @@ def bare_s(stands: StandingAssets, goals: Moves) -> float:
 
 
 def but_guards(stands: StandingAssets, names: Sequence[str], place: str) -> Iterator[str]:
-    """Yield `names` without the last guard of each gate but `place`, who stays (WF-03)."""
+    """Yield `names` without the last guard of each gate except `place`; it stays (WF-03)."""
     left = {gate: [*stands.guards(gate)] for gate in stands.world.gates if gate != place}
     for name in names:
         gate = stands.post(name)
@@ -325,7 +325,7 @@ def _taken_over(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
 
 
 def _guards(stands: StandingAssets, ask: Ask, place: str) -> list[str]:
-    """Return who could come to guard a place: of the kind that is asked for first, then others."""
+    """Return the assets that could guard a place, those of the requested kind first."""
     kind, assets = ask.who.kind, stands.before.assets
     free = [n for n in stands.free() if is_of(stands, n, ask) and stands.post(n) != place]
     if not any(kind in (None, stands.kind(name)) for name in free):
@@ -348,7 +348,7 @@ def _swapped(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
 
 
 def _stood_down(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
-    """Yield that all but one of those at a place go home: who is low rather than who is not."""
+    """Send all but one asset at a place home, those with a low battery first."""
     assets = stands.before.assets
     there = [n for n, a in assets.items() if a.available and a.post == ask.place]
     stays = sorted(there, key=lambda n: assets[n].low_battery)[:1]

@@ -41,7 +41,7 @@ def of_everyone(ask: Ask) -> bool:
 
 
 def _there(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Yield who of those asked for is not sent; as many as are to be had must be."""
+    """Yield in words where the assets that are sent differ from those that were requested."""
     place, team = case.moves.world.base if ask.task == "home" else ask.place, ask.who
     yield from _absent(case, ask, place)
     there = [n for n, goal in case.moves.goals.items() if goal == place == case.moves.post(n)]
@@ -75,7 +75,7 @@ def _may_be_looking(case: PlanForOrder, ask: Ask) -> bool:
 
 
 def _needless(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Yield who leaves a gate for `ask`, so that another one has to come, though one is free."""
+    """Yield in words each last guard that leaves its gate for `ask` though an asset is free."""
     if ask.who.names or ask.task not in ("go", "look", "cover", "relieve"):
         return
     moves, place = case.moves, post_of(case.moves, ask)
@@ -102,7 +102,7 @@ def _is_left(moves: PlanMoves, name: str) -> bool:
 
 
 def _absent(case: PlanForOrder, ask: Ask, place: str) -> Iterator[str]:
-    """Yield who was named and is not sent, unless a gate needs him."""
+    """Yield in words each named asset that is not sent, unless a gate needs it."""
     relief = case.spare(ask) and not case.others_stay
     for name in _fit(case, ask):
         if case.moves.ends(name) != place and (relief or name not in case.moves.alone):
@@ -224,7 +224,7 @@ def _held(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _nothing(_case: PlanForOrder, _ask: Ask) -> Iterator[str]:
-    """Yield nothing: what is due is known by the track's own workflow, or not readable."""
+    """Yield nothing: the track's own workflow decides what is due, or the ask is unreadable."""
     yield from ()
 
 

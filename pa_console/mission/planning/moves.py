@@ -53,7 +53,7 @@ class PlanMoves:
         return self.goals.get(name) or self.post(name)
 
     def free(self, kind: AssetKind | None = None) -> list[str]:
-        """Return who could be sent somewhere before the plan, of one kind if that is given."""
+        """Return the assets that could be sent before the plan, of `kind` if given."""
         return [
             name
             for name, asset in self.before.assets.items()
@@ -61,7 +61,7 @@ class PlanMoves:
         ]
 
     def there(self, place: str, kind: AssetKind) -> list[str]:
-        """Return who of a kind stands at a place before the plan and can be commanded."""
+        """Return the available assets of a kind that are at a place before the plan."""
         return [
             name
             for name, asset in self.before.assets.items()
@@ -74,11 +74,11 @@ class PlanMoves:
         return any(guard in self.moved for guard in guards if guard != name)
 
     def sent(self, place: str, kind: AssetKind | None = None) -> list[str]:
-        """Return who moves to a place, of one kind if that is given."""
+        """Return the assets that move to a place, of `kind` if given."""
         return [n for n in self.moved if self.ends(n) == place and kind in (None, self.kind(n))]
 
     def guards(self, place: str) -> tuple[str, ...]:
-        """Return who covers a gate before the plan."""
+        """Return the assets that cover a gate before the plan."""
         cover = self.before.gates.get(place)
         return cover.by if cover is not None else ()
 

@@ -245,7 +245,7 @@ def _is_there(moves: PlanMoves, name: str, ask: Ask) -> bool:
 
 
 def _left(moves: PlanMoves, ask: Ask) -> Iterator[str]:
-    """Yield who of all that were asked for is left where it is, with the reason."""
+    """Yield for each asset that an order for all does not move the reason why."""
     if ask.who.count != "all" or ask.task not in ("go", "mass", "home"):
         return
     place = moves.world.base if ask.task == "home" else ask.place

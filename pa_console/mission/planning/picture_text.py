@@ -18,9 +18,9 @@ from pa_console.schema.world import KINDS, World
 
 
 def silence(picture: Picture, asset: AssetTelemetry) -> str:
-    """Return in words why nothing certain is known of an asset, empty when something is.
+    """Return in words why the state of an asset is uncertain, '' if it is certain.
 
-    That an asset has failed is certain.
+    A failed asset is certain.
     """
     if asset.status == "failed":
         return ""
@@ -76,7 +76,7 @@ def digest_picture(picture: Picture, world: World, selection: Selection | None =
 
 
 def _unknown(picture: Picture, gates: tuple[str, ...], team: list[AssetTelemetry]) -> Iterator[str]:
-    """Yield the gates of whose cover nothing certain is known, then the other such assets."""
+    """Yield in words the gates with uncertain cover, then other assets in an uncertain state."""
     told: set[str] = set()
     for gate in gates:
         cover = picture.gates[gate]

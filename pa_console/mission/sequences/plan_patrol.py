@@ -33,7 +33,7 @@ RESERVE_PCT = 2.0
 
 @dataclass(frozen=True)
 class _Leg:
-    """One place of a patrol, and who goes there; a `relieves` is sent home once it is there."""
+    """One place of a patrol, and the asset for it; `relieves` goes home once that is there."""
 
     place: str
     agent: str

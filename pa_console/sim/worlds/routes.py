@@ -18,7 +18,7 @@ CLEARANCE_M = 0.8
 """Space kept between the hull of a vehicle and a wall or zone while it follows a route."""
 OUTSIDE_MARGIN_M = 60.0
 MOST_AREAS = 256
-"""So many pieces of free ground are kept of a world."""
+"""The number of pieces of free ground that are kept of a world."""
 _TOLERANCE_M = 0.01
 
 Route = tuple[Point, ...]

@@ -160,7 +160,7 @@ def _only_holds(plan: Plan) -> bool:
 
 
 def order_for(plan: Plan, base: str) -> str:
-    """Return in words an order for just what a plan does: who goes where, and who does what."""
+    """Return an order in words that asks for exactly the actions of a plan."""
     parts: list[str] = []
     for action in plan.actions:
         if action.verb == "move_to":

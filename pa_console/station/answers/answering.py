@@ -97,7 +97,7 @@ def gate_lines(state: SessionState, gate: str, dt_s: float) -> Iterator[AnswerLi
 
 
 def _belongs(picture: Picture, gate: str, guards: tuple[str, ...]) -> Iterator[AnswerLine]:
-    """Yield who has the post at the gate and does not cover it, with how that one is."""
+    """Yield the assets with a post at the gate that do not cover it, with their states."""
     for name, asset in picture.assets.items():
         if gate in (asset.post, asset.at) and name not in guards:
             yield AnswerLine(about=name, said=_how(asset, gate, picture.time_s))
@@ -120,7 +120,7 @@ def _how(asset: AssetTelemetry, gate: str, now_s: float) -> str:
 
 
 def _sent_away(state: SessionState, gate: str) -> Iterator[AnswerLine]:
-    """Yield the last mission that sent a guard of the gate elsewhere, with who approved it."""
+    """Yield the last mission that sent a guard of the gate elsewhere, and its approver."""
     for trace in reversed([*state.missions.values()]):
         lines = [*_left_for(trace, gate)]
         if lines:

@@ -141,7 +141,7 @@ def not_in_plan(attempt: Attempt, names: Sequence[str]) -> bool:
 
 
 def _reasons(trace: MissionTrace, attempt: Attempt, action: Action, world: World) -> Iterator[str]:
-    """Yield what bears on who has this action, the strongest first."""
+    """Yield the reasons for the choice of the action's asset, the strongest first."""
     name = action.agent
     if attempt.author != "planner":
         yield f"the {attempt.author} has put it into the plan"
@@ -237,7 +237,7 @@ def plan_lines(trace: MissionTrace, world: World) -> Iterator[AnswerLine]:
 
 
 def order_lines(trace: MissionTrace) -> Iterator[AnswerLine]:
-    """Yield the words of the mission, who gave it, and how they were put in full."""
+    """Yield the words of the mission, its origin, and its completed text."""
     mission = trace.mission
     origin = f"{mission.origin}: " if mission.origin else ""
     yield _line("order", f"{mission.id}, {origin}{mission.said}")
@@ -310,7 +310,7 @@ def checked_lines(attempt: Attempt) -> Iterator[AnswerLine]:
 
 
 def rehearsed_in_words(rehearsal: Rehearsal) -> str:
-    """Return what a rehearsal has shown: how long it takes, the guards of gates, who comes late."""
+    """Return a rehearsal in words: its duration, the guards of gates, late arrivals."""
     timeline = rehearsal.timeline
     told = [f"over after {timeline.duration_s:.0f} s"]
     gates = timeline.gates.items()
@@ -383,7 +383,7 @@ MOST_CHECKED = 4
 async def why_not_lines(
     basis: CheckBasis, trace: MissionTrace, attempt: Attempt, names: Sequence[str]
 ) -> AsyncGenerator[AnswerLine]:
-    """Yield for each of `names` what stands against it in place of who has its part."""
+    """Yield for each of `names` the objections to it in place of the planned asset."""
     world, actions = basis.fleet.world, actions_of(attempt)
     planned = {action.agent: action for action in actions}
     others = [name for name in names if name not in planned]

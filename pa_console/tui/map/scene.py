@@ -188,7 +188,7 @@ class Frames:
             self._place(frame, [name])
 
     def _loose_name(self, frame: Frame, start: Cell, line: list[Run]) -> "_LooseName":
-        """Return the name at the end of `line`, and what is beneath it; it is not written yet."""
+        """Return the name at the end of `line`, not yet drawn, and the cells beneath it."""
         name, before = line[-1][0], sum(len(text) for text, _ in line[:-1])
         cells = [(start[0] + before + n, start[1]) for n in range(len(name))]
         canvas = self._canvas

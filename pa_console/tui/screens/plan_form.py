@@ -72,7 +72,7 @@ class FormRow:
         return found | ({"stay_s": self.stay_s} if self.stay_s else {})
 
     def fault(self, world: World) -> str:
-        """Return what is wrong with the row by itself, '' for nothing."""
+        """Return the fault of the row by itself, '' if there is none."""
         if self.agent not in world.assets:
             return _unknown(self.agent, f"no asset “{self.agent}”", tuple(world.assets))
         spec = COMMANDS.get(cast(Verb, self.verb))
@@ -130,7 +130,7 @@ class PickField(LineField):
         self.cursor_position = len(self.value)
 
     def settle(self) -> None:
-        """Take the name that is most like what was typed."""
+        """Take the name that is most similar to the typed text."""
         if self.value and self.value not in self.options:
             self.value = nearest(self.value, self.options) or self.value
 
@@ -282,7 +282,7 @@ class PlanForm(ModalScreen["Plan | str | None"]):
             self.dismiss(plan)
 
     def action_leave(self) -> None:
-        """Leave, and keep what was written."""
+        """Leave, and keep the draft."""
         self._check()
         self.dismiss(None)
 

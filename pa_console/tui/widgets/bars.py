@@ -249,7 +249,7 @@ class StatusBar(Static):
         return [(words, f"bold {mark.style}")] if names else []
 
     def _mission(self, state: SessionState, mode: str) -> tuple[Content, str]:
-        """Return the mission that is worked on, and who is waited for."""
+        """Return the active mission, and whose action it waits for."""
         if state.ended:
             return Content.styled(f"session ended: {state.ended}", "$text-warning"), ""
         if state.stop is not None:

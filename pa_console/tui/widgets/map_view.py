@@ -356,7 +356,7 @@ class MapView(Widget):
 
 
 def legend(width: int, roles: set[str], columns_per_metre: float) -> list[Run]:
-    """Return the scale and the meaning of the signs of `roles`, as many as fit into `width`."""
+    """Return the scale and a legend of the signs of `roles` that fit into `width`."""
     bar = scale_bar(columns_per_metre)
     runs: list[Run] = [(f" {bar}", "legend")]
     used = 1 + len(bar)
