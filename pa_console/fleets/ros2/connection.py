@@ -42,6 +42,7 @@ class RobotEntry(StrictModel):
         default="tf", description="where its place is read; odom only if that is the map"
     )
     tf: str = Field(default="tf", pattern=_NAME, description="/tf for robots that share one")
+    odom: str = Field(default="odom", pattern=_NAME)
     map_frame: str = "map"
     base_frame: str = "base_link"
     battery: str | None = Field(
