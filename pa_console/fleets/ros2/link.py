@@ -15,6 +15,7 @@ from pa_console.fleets.ros2.connection import RobotSite, read_site
 from pa_console.fleets.ros2.navigator import HELD
 from pa_console.fleets.ros2.robot import Robot
 from pa_console.schema.command import DeviceCommand
+from pa_console.schema.document import DocumentError
 from pa_console.schema.world import World
 from pa_console.settings.schema import Settings
 
@@ -115,9 +116,10 @@ def open_link(address: str, world: World, settings: Settings) -> Ros2Link:  # no
     if none of the robots is there.
     """
     path = Path(address).expanduser()
-    site = read_site(path, world)
     try:
-        link = Ros2Link(path, site)
+        link = Ros2Link(path, read_site(path, world))
+    except DocumentError as error:
+        raise ValueError(str(error)) from error
     except ImportError as error:
         raise ValueError(
             f"--fleet ros2:{address}: ROS 2 cannot be loaded ({error}): run 'source "

@@ -7,6 +7,7 @@ import math
 import secrets
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from threading import Thread
 from time import monotonic
@@ -118,7 +119,8 @@ class RosNode:
                 step_s = now_s + STEP_S
                 self._guarded(self._expire)
                 self._guarded(step)
-            self._guarded(lambda: self._executor.spin_once(max(0.0, step_s - monotonic())))
+            left_s = max(0.0, step_s - monotonic())
+            self._guarded(partial(self._executor.spin_once, left_s))
 
     def _guarded(self, work: Callable[[], object]) -> None:
         """Do one thing; no message ends the session that it reaches."""

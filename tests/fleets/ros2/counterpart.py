@@ -4,8 +4,9 @@ import json
 import random
 import subprocess
 import sys
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
 from typing import Any, TypeVar
@@ -152,3 +153,46 @@ def linked(
         yield Listener(link)
     finally:
         link.close()
+
+
+@dataclass(frozen=True)
+class Press:
+    """What came of one STOP, seconds from its press; one figure a robot."""
+
+    wire_s: list[float]
+    """Until the request to cancel arrived."""
+    stood_s: list[float]
+    """Until the robot stood."""
+    done_s: list[float]
+    """Until that was confirmed."""
+    sent_after: int
+    """The goals that came after that."""
+
+
+def stop(robots: Robots, listener: Listener, names: Sequence[str], number: int) -> Press:
+    """Order robots about, and stop them in motion."""
+    gate = ("EastGate", "WestGate")[number % 2]
+    for name in names:
+        listener.send(f"go {number} {name}", name, "move_to", gate)
+    for name in names:
+        listener.until(lambda name=name: robots.change()[name]["speed"] > 0.0)
+    done, pressed_s = dict[str, float](), monotonic()
+    for name in names:
+        listener.send(f"stop {number} {name}", name, "hold")
+    while len(done) < len(names):
+        for name in names:
+            if "done" in listener.statuses(f"stop {number} {name}"):
+                done.setdefault(name, monotonic() - pressed_s)
+        assert monotonic() - pressed_s < LIMIT_S
+        listener.link.wait(0.02)
+        listener.news += listener.link.take()
+    state = robots.change()
+    for name in names:
+        state[name]["cancelled_s"] -= pressed_s
+        state[name]["stood_s"] -= pressed_s
+    return Press(
+        [state[name]["cancelled_s"] for name in names],
+        [state[name]["stood_s"] for name in names],
+        list(done.values()),
+        sum(at_s > pressed_s for name in names for at_s in state[name]["went_s"]),
+    )

@@ -178,8 +178,11 @@ def main() -> None:
     executor = import_module("rclpy.executors").SingleThreadedExecutor(context=context)
     robots = {name: Robot(context, executor, name, at) for name, at in given.robots.items()}
     print("ready", flush=True)
-    threading.Thread(target=executor.spin, daemon=True).start()
+    thread = threading.Thread(target=executor.spin)
+    thread.start()
     serve(robots)
+    executor.shutdown()
+    thread.join()
     context.try_shutdown()
 
 
