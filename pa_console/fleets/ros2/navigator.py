@@ -290,9 +290,11 @@ class Navigator:
 
     def _cancelled(self, hold: DeviceCommand, code: int | None) -> None:
         """Take in the answer to a request to cancel all goals."""
-        if code is None or hold is not self._hold:
+        if hold is not self._hold:
             return
-        if code != 0:
+        if code is None:
+            self.nav2.cancel(None, partial(self._cancelled, hold))
+        elif code != 0:
             self._say(hold, "refused", "it rejects the request to cancel its goals")
         elif self._cancelled_s == math.inf:
             self._cancelled_s = self.clock()

@@ -40,6 +40,9 @@ GRAPH_S = 0.5
 CALL_S = 3.0
 """A service that has not answered within this time does not answer, seconds."""
 
+CANCEL_S = 1.0
+"""A request to cancel all goals is repeated after this time, seconds."""
+
 RESULT_S = 10.0
 """A result is asked for again after this time, seconds: its robot may have started again."""
 
@@ -181,7 +184,7 @@ class Nav2Server:
         request = _CancelGoal.Request()
         request.goal_info.goal_id.uuid = list(goal_id or bytes(16))
         own, *others = self._cancels
-        self._node.call(own, request, CALL_S, lambda said: then(said and said.return_code))
+        self._node.call(own, request, CANCEL_S, lambda said: then(said and said.return_code))
         for other in others if goal_id is None else ():
             self._node.call(other, request, CALL_S, lambda _: None)
 

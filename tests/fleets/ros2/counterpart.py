@@ -17,7 +17,7 @@ from pa_console.schema.command import FINAL_REPLIES, DeviceCommand, Verb
 from pa_console.schema.world import World
 from pa_console.settings.schema import Settings
 
-LIMIT_S = 60.0
+LIMIT_S = 30.0
 FRAMES = "frames: {NorthGate: [0, 34], EastGate: [54, 0], Base: [40, -26]}\n"
 T = TypeVar("T")
 
@@ -95,7 +95,7 @@ class Listener:
             result = found()
             if result:
                 return result
-            assert monotonic() < until_s, (self.link.problem, self.news[-10:])
+            assert monotonic() < until_s, (self.link.problem, self.notices, self.answers[-10:])
             self.link.wait(0.1)
             self.news += self.link.take()
 
