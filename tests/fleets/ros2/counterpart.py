@@ -18,6 +18,7 @@ from pa_console.schema.world import World
 from pa_console.settings.schema import Settings
 
 LIMIT_S = 30.0
+REMEDY = "ROS 2 is not here: see tests/fleets/ros2/install_ros.sh"
 FRAMES = "frames: {NorthGate: [0, 34], EastGate: [54, 0], Base: [40, -26]}\n"
 T = TypeVar("T")
 

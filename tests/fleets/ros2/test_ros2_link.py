@@ -10,12 +10,11 @@ import pytest
 
 from pa_console.fleets.reports import AssetReport
 from pa_console.schema.world import World
-from tests.fleets.ros2.counterpart import Listener, Robots, linked, stop
-from tests.fleets.ros2.intruder import Intruder
+from tests.fleets.ros2.counterpart import REMEDY, Listener, Robots, linked, stop
 
-REMEDY = "ROS 2 is not here: see tests/fleets/ros2/install_ros.sh"
 pytest.importorskip("rclpy", reason=REMEDY)
 pytest.importorskip("nav2_msgs", reason=REMEDY)
+from tests.fleets.ros2.intruder import Intruder  # noqa: E402 - where ROS 2 is
 
 pytestmark = pytest.mark.long
 NAMES = ("Ugv_T01", "Ugv_T02", "Robot_T01")
