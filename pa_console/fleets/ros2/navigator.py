@@ -261,8 +261,9 @@ class Navigator:
                 goal.arrived_s = self.clock()
                 self._arrive(goal, 0.0)
             else:
-                gave_up = "cancelled by somebody else" if state == CANCELED else "it gave up"
-                self._answer(goal, "failed", goal.cause or error or gave_up)
+                why = error or "it gave up and gives no reason"
+                why = "cancelled by somebody else" if state == CANCELED else why
+                self._answer(goal, "failed", goal.cause or why)
 
     def _arrive(self, goal: _Goal, waited_s: float) -> None:
         """Answer that a robot has arrived, if its own place shows it."""

@@ -73,6 +73,8 @@ class Robot:
         """Do what is due, and tell of an action server that has come, gone, or is not alone."""
         before, self._servers = self._servers, self.server.servers
         action = self.server.action
+        if self._servers < before:  # the goals of a server that is gone are over
+            self.navigator.see_states({})
         if self._servers > max(before, 1):
             text = f"{self._servers} action servers are called {action}: nothing but a hold is sent"
             self._say("alarm", text)

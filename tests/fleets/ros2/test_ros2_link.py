@@ -14,7 +14,7 @@ from tests.fleets.ros2.counterpart import REMEDY, Listener, Robots, linked, stop
 
 pytest.importorskip("rclpy", reason=REMEDY)
 pytest.importorskip("nav2_msgs", reason=REMEDY)
-from tests.fleets.ros2.intruder import Intruder  # noqa: E402 - where ROS 2 is
+from tests.fleets.ros2.intruder import Intruder
 
 pytestmark = pytest.mark.long
 NAMES = ("Ugv_T01", "Ugv_T02", "Robot_T01")
