@@ -44,8 +44,9 @@ def transform(x: float = 1.0, z: float = 0.0, w: float = 1.0) -> Any:
 
 def test_transforms_are_read() -> None:
     half = math.sqrt(0.5)
-    read = messages.read_transforms(Fields(transforms=[transform(z=half, w=half)]))
-    assert read == [Stamped("map", "odom", Planar(1.0, 2.0, pytest.approx(math.pi / 2)), 12.5)]
+    (read,) = messages.read_transforms(Fields(transforms=[transform(z=half, w=half)]))
+    assert (read.parent, read.child, read.stamp) == ("map", "odom", 12.5)
+    assert read.pose == pytest.approx((1.0, 2.0, math.pi / 2))
 
 
 @pytest.mark.parametrize(
