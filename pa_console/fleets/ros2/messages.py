@@ -92,12 +92,12 @@ def read_pose(message: Any) -> Stamped:
 def read_speed(message: Any) -> float:
     """Return the speed in a `nav_msgs/Odometry`, metres a second."""
     linear = message.twist.twist.linear
-    return math.hypot(read_number(linear.x), read_number(linear.y))
+    return math.hypot(_number(linear.x), _number(linear.y))
 
 
 def read_battery(message: Any) -> float:
     """Return the charge of a `sensor_msgs/BatteryState`, percent."""
-    share = read_number(message.percentage)
+    share = _number(message.percentage)
     if not 0.0 <= share <= 1.0:
         raise UnreadableError(f"a charge of {share:g} is not from 0 to 1")
     return 100.0 * share
@@ -116,7 +116,7 @@ def read_result(message: Any) -> tuple[int, str]:
     return message.status, ": ".join(part for part in (named, text) if part)
 
 
-def read_number(value: float) -> float:
+def _number(value: float) -> float:
     """Return `value`, which must be finite."""
     if not math.isfinite(value):
         raise UnreadableError(f"a number in it is {value}")
@@ -130,10 +130,10 @@ def _few(items: Any) -> Any:
 
 
 def _planar(position: Any, turned: Any) -> Planar:
-    x, y = read_number(position.x), read_number(position.y)
+    x, y = _number(position.x), _number(position.y)
     if max(abs(x), abs(y)) > FARTHEST_M:
         raise UnreadableError(f"({x:g}, {y:g}) is no place on a map")
-    qx, qy, qz, qw = (read_number(value) for value in (turned.x, turned.y, turned.z, turned.w))
+    qx, qy, qz, qw = (_number(value) for value in (turned.x, turned.y, turned.z, turned.w))
     if not 0.5 < qx * qx + qy * qy + qz * qz + qw * qw < 2.0:
         raise UnreadableError("its direction is no rotation")
     yaw = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
