@@ -20,10 +20,9 @@ _SILENT_ARGUMENTS = frozenset(("id", "classes", "pattern", "discriminator", "def
 _SILENT_NAMES = frozenset(("DEFAULT_CSS", "CSS", "CORE", "_HEAD"))
 _SILENT_FILES = (
     "fleets/authorization/verifier.py",
-    "fleets/ros2/messages.py",
     "fleets/vda5050/site_files.py",
 )
-"""They write SQL, definitions of messages and the configuration of a broker."""
+"""They write SQL and the configuration of a broker."""
 _NO_WORDS = (
     re.compile(r"\{[^{}]*\}"),
     re.compile(r"`[^`]*`"),

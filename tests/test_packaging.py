@@ -147,7 +147,6 @@ def test_every_library_that_is_imported_is_asked_for() -> None:
         *extras["mavlink"],
         *extras["mcap"],
         *extras["mcp"],
-        *extras["ros2"],
         *extras["train"],
         *extras["fleet"],
         *extras["serve"],

@@ -72,7 +72,7 @@ class Link(Protocol):
 
     @property
     def name(self) -> str:
-        """The name on the screen, such as `ros2:tcp/10.0.0.4:7447`."""
+        """The name on the screen, such as `ros2:robots.yaml`."""
         ...
 
     @property
@@ -144,7 +144,7 @@ OWN = (
     EntryPoint("ros2", "pa_console.fleets.ros2.link:open_link", GROUP),
     EntryPoint("mavlink", "pa_console.fleets.mavlink.link:open_link", GROUP),
 )
-"""The console's own links; each needs the extra of its name."""
+"""The console's own links; MAVLink needs the extra of its name, ROS 2 an installation of it."""
 
 BUS = ("mqtt", "mqtts")
 """The schemes of robots on a message bus (VDA 5050), which have a fleet of their own."""

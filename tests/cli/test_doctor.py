@@ -102,15 +102,15 @@ def test_kinds_of_links_are_listed_and_a_broken_one_is_named(
         for name, value in (
             ("own", f"{__name__}:open_scripted"),
             ("broken", f"{__name__}:no_such_function"),
-            ("ros2", "no_such_library:open_link"),
+            ("mavlink", "no_such_library:open_link"),
         )
     }
     monkeypatch.setattr(doctor_checks, "link_schemes", lambda: points)
-    monkeypatch.setattr(doctor_checks, "OWN", (points["ros2"],))
+    monkeypatch.setattr(doctor_checks, "OWN", (points["mavlink"],))
     checks = {check.name: check for check in check_schemes()}
     assert [check.state for check in checks.values()] == ["ok", "ok", "warning", "ok"]
     assert "no_such_function" in checks["link broken"].found
-    assert "[ros2]'" in checks["link ros2"].found
+    assert "[mavlink]'" in checks["link mavlink"].found
 
 
 @pytest.mark.parametrize(("state", "code"), [("ok", 0), ("warning", 0), ("missing", 1)])

@@ -38,11 +38,11 @@ def test_an_unknown_scheme_names_what_there_is(world: World) -> None:
 def test_a_missing_library_is_named_with_the_extra_that_brings_it(
     monkeypatch: pytest.MonkeyPatch, world: World
 ) -> None:
-    own = EntryPoint("ros2", "no_such_library.link:open_link", GROUP)
+    own = EntryPoint("mavlink", "no_such_library.link:open_link", GROUP)
     monkeypatch.setattr(links, "OWN", (own,))
     with_scheme(monkeypatch, own)
-    with pytest.raises(ValueError, match=r"no_such_library.*pip install .*\[ros2\]'"):
-        open_link("ros2:tcp/10.0.0.4:7447", world, Settings())
+    with pytest.raises(ValueError, match=r"no_such_library.*pip install .*\[mavlink\]'"):
+        open_link("mavlink:drones.yaml", world, Settings())
 
 
 def test_a_broken_package_of_somebody_else_is_named(

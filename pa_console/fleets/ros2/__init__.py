@@ -1,1 +1,1 @@
-"""Robots that speak ROS 2, over Zenoh; needs `pip install 'pa-console[ros2]'`."""
+"""Robots that speak ROS 2, by rclpy, the client library of an installed ROS 2."""

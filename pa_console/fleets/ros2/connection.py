@@ -1,22 +1,10 @@
-"""The connection file of a link's robots, and the Zenoh keys of their topics and services.
-
-The YAML file in the address, `ros2:tcp/HOST:PORT#FILE`, has the robots, their abilities, and the
-position of their map. Behind zenoh-bridge-ros2dds a key is the ROS name with the bridge's namespace
-in front. On rmw_zenoh it is `DOMAIN/NAME/TYPE/HASH`; types and hashes of services depend on the
-release, so they are read from the liveliness tokens `@ros2_lv/...` that every ROS node declares. A
-service of rmw_zenoh takes no request without an attachment: sequence number, time, and the id of
-the client.
-"""
+"""The connection file of robots with ROS 2, and where their map lies in the world."""
 
 import cmath
 import math
-import re
-import struct
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
-from typing import Literal, NamedTuple, Protocol, Self
+from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -26,22 +14,17 @@ from pa_console.schema.command import COMMANDS, Verb
 from pa_console.schema.document import Document
 from pa_console.schema.world import World
 
-Layout = Literal["bridge", "rmw"]
-"""The keys of robots behind zenoh-bridge-ros2dds, and of robots on rmw_zenoh."""
-
 _MOVES: tuple[Verb, ...] = ("move_to", "observe", "block", "return_to_base")
 """The commands of a robot that only navigates: going to a place, and staying there."""
 
-_LOCATOR = re.compile(r"(tcp|tls|quic|udp|ws|unixsock-stream|serial|vsock)/\S+")
-_TOPIC = r"^[A-Za-z0-9_~]+(/[A-Za-z0-9_~]+)*$"
-_OWN_MACHINE = re.compile(r"(127\.|localhost\b|\[::1\])")
+_NAME = r"^/?[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*$"
 
 
 class RobotEntry(StrictModel):
-    """One robot; every name is as ROS 2 has it, without the namespace in front."""
+    """One robot; a name that begins with `/` is used as it is, others are in its namespace."""
 
     namespace: str | None = Field(
-        default=None, pattern=_TOPIC, description="in front of its names; its asset by default"
+        default=None, pattern=rf"^/?$|{_NAME}", description="its asset's name by default"
     )
     can: tuple[Verb, ...] | None = Field(
         default=None,
@@ -50,7 +33,7 @@ class RobotEntry(StrictModel):
     trees: dict[Verb, str] = Field(
         default={}, description="behaviour trees, files on the robot, for what is not only driving"
     )
-    action: str = Field(default="navigate_to_pose", pattern=_TOPIC)
+    action: str = Field(default="navigate_to_pose", pattern=_NAME)
     stops: tuple[str, ...] = Field(
         default=("navigate_through_poses", "follow_waypoints"),
         description="further actions whose goals a hold cancels",
@@ -58,15 +41,15 @@ class RobotEntry(StrictModel):
     pose: Literal["tf", "odom", "amcl_pose"] = Field(
         default="tf", description="where its place is read; odom only if that is the map"
     )
+    tf: str = Field(default="tf", pattern=_NAME, description="/tf for robots that share one")
+    odom: str = Field(default="odom", pattern=_NAME)
     map_frame: str = "map"
     base_frame: str = "base_link"
     battery: str | None = Field(
-        default="battery_state", pattern=_TOPIC, description="null for a robot without a gauge"
+        default="battery_state", pattern=_NAME, description="null for a robot without a gauge"
     )
     manual: str | None = Field(
-        default=None,
-        pattern=_TOPIC,
-        description="a std_msgs/Bool that is true while a person steers",
+        default=None, pattern=_NAME, description="a std_msgs/Bool, true while a person steers"
     )
     clock: Literal["robot", "arrival"] = Field(
         default="robot",
@@ -78,12 +61,18 @@ class RobotEntry(StrictModel):
         """Its abilities, besides hold and report."""
         return self.can if self.can is not None else _MOVES
 
+    def named(self, asset: str, name: str) -> str:
+        """Return the full ROS name of a topic or an action of the robot that is `asset`."""
+        space = (self.namespace if self.namespace is not None else asset).strip("/")
+        return name if name.startswith("/") else f"/{space}/{name}" if space else f"/{name}"
+
 
 class Connection(StrictModel):
     """The content of a connection file."""
 
-    layout: Layout | None = Field(default=None, description="looked for at the start if left out")
-    domain: int = Field(default=0, ge=0, le=232, description="ROS_DOMAIN_ID, for the rmw layout")
+    domain: int | None = Field(
+        default=None, ge=0, le=232, description="ROS_DOMAIN_ID; that of the environment by default"
+    )
     frames: dict[Name, Point] = Field(
         min_length=2, description="where the robots' map has frames of the world, metres"
     )
@@ -91,51 +80,19 @@ class Connection(StrictModel):
         default=1.0, description="the map may put a frame this far from where the world has it"
     )
     robots: dict[Name, RobotEntry] = Field(min_length=1, description="the robots, by asset")
-    zenoh: str | None = Field(
-        default=None, description="a Zenoh configuration (JSON5), for certificates and access"
-    )
 
     @model_validator(mode="after")
-    def _namespaces_differ(self) -> Self:
+    def _actions_differ(self) -> Self:
         seen: dict[str, str] = {}
         for name, robot in self.robots.items():
-            space = robot.namespace or name
-            if space in seen:
+            action = robot.named(name, robot.action)
+            if action in seen:
                 raise ValueError(
-                    f"robots.{name}.namespace: {seen[space]} has the namespace {space!r} as well"
+                    f"robots.{name}: {seen[action]} has the action {action} as well; give each "
+                    "robot a namespace of its own"
                 )
-            seen[space] = name
+            seen[action] = name
         return self
-
-
-@dataclass(frozen=True)
-class Ros2Address:
-    """An address: the locator of a Zenoh router or bridge, and the connection file."""
-
-    locator: str
-    robots: Path
-
-    @classmethod
-    def parse(cls, address: str) -> Self:
-        """Return the parts of `tcp/HOST:PORT#FILE`; raises ValueError with the remedy."""
-        locator, _, name = address.rpartition("#")
-        if not locator or not name:
-            raise ValueError(
-                f"ros2:{address}: name the connection file after the locator: "
-                f"ros2:{locator or name or 'tcp/HOST:PORT'}#FILE (see 'pa-console manual ros2')"
-            )
-        if _LOCATOR.fullmatch(locator) is None:
-            raise ValueError(
-                f"ros2:{address}: {locator!r} is no Zenoh locator; write tcp/HOST:PORT or "
-                "tls/HOST:PORT, such as ros2:tcp/127.0.0.1:7447#robots.yaml"
-            )
-        return cls(locator, Path(name))
-
-    @property
-    def exposed(self) -> bool:
-        """True if commands leave this machine without encryption."""
-        kind, _, host = self.locator.partition("/")
-        return kind in ("tcp", "udp", "ws") and _OWN_MACHINE.match(host) is None
 
 
 @dataclass(frozen=True)
@@ -223,117 +180,3 @@ class MapFit:
         x, y = pose.x - self.shift[0], pose.y - self.shift[1]
         back = Planar(0.0, 0.0, -self.turn)
         return back.then(Planar(x, y, math.remainder(pose.yaw, math.tau)))
-
-
-SERVICES = ("send_goal", "cancel_goal", "get_result")
-"""The services of an action."""
-
-_TYPES: Mapping[str, str] = MappingProxyType(
-    {
-        "tf": "tf2_msgs::msg::dds_::TFMessage_",
-        "tf_static": "tf2_msgs::msg::dds_::TFMessage_",
-        "odom": "nav_msgs::msg::dds_::Odometry_",
-        "amcl_pose": "geometry_msgs::msg::dds_::PoseWithCovarianceStamped_",
-        "battery": "sensor_msgs::msg::dds_::BatteryState_",
-        "health": "diagnostic_msgs::msg::dds_::DiagnosticStatus_",
-        "manual": "std_msgs::msg::dds_::Bool_",
-        "status": "action_msgs::msg::dds_::GoalStatusArray_",
-        "feedback": "nav2_msgs::action::dds_::NavigateToPose_FeedbackMessage_",
-    }
-)
-"""The types of subscriptions, as rmw_zenoh writes them."""
-
-
-class Service(NamedTuple):
-    """A service of an action of a robot: `name` is one of SERVICES."""
-
-    namespace: str
-    action: str
-    name: str
-
-
-class Keys(Protocol):
-    """One layout of keys."""
-
-    layout: Layout
-    tokens: str
-    """The key expression of the liveliness tokens of action servers."""
-
-    def topic(self, namespace: str, name: str, kind: str) -> str:
-        """Return the key expression of a topic; `kind` is its type."""
-        ...
-
-    def service(self, service: Service) -> str | None:
-        """Return the key of a service, None while it is not known to be there."""
-        ...
-
-    def saw(self, token: str, *, there: bool) -> str | None:
-        """Take in a token that has come or gone; return the action that takes goals by it."""
-        ...
-
-    def attachment(self, number: int, time_ns: int) -> bytes | None:
-        """Return what goes with the request `number` at a time (UTC), None for nothing."""
-        ...
-
-
-class BridgeKeys:
-    """Robots behind zenoh-bridge-ros2dds, each with its namespace in its own bridge."""
-
-    layout: Layout = "bridge"
-
-    tokens = "@/*/@ros2_lv/AS/*/*"
-
-    def topic(self, namespace: str, name: str, kind: str) -> str:  # noqa: ARG002
-        """Return the key of a topic."""
-        return f"{namespace}/{name}"
-
-    def service(self, service: Service) -> str | None:
-        """Return the key of a service; without a robot behind it, there is no answer."""
-        return f"{service.namespace}/{service.action}/_action/{service.name}"
-
-    def saw(self, token: str, *, there: bool) -> str | None:  # noqa: ARG002
-        """Return the action whose server has come or gone."""
-        return token.split("/")[4].replace("§", "/")
-
-    def attachment(self, number: int, time_ns: int) -> bytes | None:  # noqa: ARG002
-        """Return None: the bridge numbers requests itself."""
-        return None
-
-
-class RmwKeys:
-    """Robots whose ROS 2 runs on rmw_zenoh."""
-
-    layout: Layout = "rmw"
-
-    def __init__(self, domain: int, client: bytes) -> None:
-        """`client` is the id of this client, 16 bytes."""
-        self._domain, self._client = domain, client
-        self.tokens = f"@ros2_lv/{domain}/*/*/*/SS/*/*/*/$*%_action%$*/*/*/**"
-        self._there: dict[str, dict[str, str]] = {}
-        """Name of a service -> its keys, by token: while a robot starts again it may have two."""
-
-    def topic(self, namespace: str, name: str, kind: str) -> str:
-        """Return the key expression of a topic, whatever release its type is of."""
-        return f"{self._domain}/{namespace}/{name}/{_TYPES[kind]}/*"
-
-    def service(self, service: Service) -> str | None:
-        """Return the key of a service, None until its token has come."""
-        name = f"{service.namespace}/{service.action}/_action/{service.name}"
-        return next(reversed(self._there.get(name, {}).values()), None)
-
-    def saw(self, token: str, *, there: bool) -> str | None:
-        """Take in the token of a service; return the action of one that takes goals."""
-        parts = token.split("/")
-        name, type_name, type_hash = (part.replace("%", "/") for part in parts[9:12])
-        name = name.strip("/")
-        keys = self._there.setdefault(name, {})
-        if there:
-            keys[token] = f"{self._domain}/{name}/{type_name}/{type_hash}"
-        else:
-            keys.pop(token, None)
-        end = "/_action/send_goal"
-        return name.removesuffix(end) if name.endswith(end) else None
-
-    def attachment(self, number: int, time_ns: int) -> bytes | None:
-        """Return two numbers of 8 bytes, and the length and bytes of the client's id."""
-        return struct.pack("<qqB", number, time_ns, len(self._client)) + self._client

@@ -1,7 +1,5 @@
 """The place and the speed of a robot, from the transforms and the odometry that it publishes."""
 
-import math
-from collections import deque
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -9,15 +7,6 @@ from pa_console.fleets.ros2.messages import Planar, Stamped
 
 MOST_FRAMES = 256
 """Frames of one robot that are kept; a robot with arms has about fifty."""
-
-NEAR_S = 0.5
-"""A measured speed holds this long before and after its time, seconds."""
-
-MOST_SPEEDS = 256
-"""Measured speeds that are kept: those of as many messages as are read at once."""
-
-APART_S = 0.4
-"""The least time between two poses from which a speed is estimated, seconds."""
 
 
 class Place(NamedTuple):
@@ -33,31 +22,11 @@ class Place(NamedTuple):
 class Localization:
     """Keeps the newest transform of each frame; `place` follows them from the robot to its map."""
 
-    def __init__(self, map_frame: str, base_frame: str, source: str) -> None:
-        """`source` is the topic that the place is read from: `tf`, `odom` or `amcl_pose`."""
-        self._map, self._base, self._source = map_frame, base_frame, source
+    def __init__(self, map_frame: str, base_frame: str) -> None:
+        self._map, self._base = map_frame, base_frame
         self._parents: dict[str, Stamped] = {}
-        self._place: Place | None = None
-        self._before: Place | None = None
-        self._speeds: deque[tuple[float, float]] = deque(maxlen=MOST_SPEEDS)
-        """Times on the robot's clock, and the speeds by odometry."""
-        self._speed_mps = 0.0
-
-    @property
-    def place(self) -> Place | None:
+        self.place: Place | None = None
         """The place of the robot, None while it is not known."""
-        return self._place
-
-    def speed(self, stamp: float) -> float:
-        """Return the speed at a time, metres a second: as measured then, else from two places.
-
-        A robot that has stopped since was no slower before: a place in motion with the speed of
-        now would look like one that creeps while it stands.
-        """
-        off_s, speed = min(
-            ((abs(at - stamp), speed) for at, speed in self._speeds), default=(math.inf, 0.0)
-        )
-        return speed if off_s <= NEAR_S else self._speed_mps
 
     def see_transforms(
         self, transforms: Iterable[Stamped], now_s: float, *, fixed: bool = False
@@ -74,22 +43,16 @@ class Localization:
                 continue
             if known is None or each.stamp >= known.stamp:
                 self._parents[each.child] = each
-        if self._source == "tf" and (found := self._chain()) is not None:
-            self._move(found.pose, found.stamp, now_s)
+        if (found := self._chain()) is not None:
+            self.move(*found, now_s)
 
-    def see_odometry(self, pose: Stamped, speed_mps: float, now_s: float) -> None:
-        """Take in odometry: its speed, and its place where that is the source."""
-        self._speeds.append((pose.stamp, speed_mps))
-        if self._source == "odom":
-            self._move(pose.pose, pose.stamp, now_s)
+    def move(self, pose: Planar, stamp: float, now_s: float) -> None:
+        """Take in a place; one that is older than what is known changes nothing."""
+        if self.place is None or stamp > self.place.stamp:
+            self.place = Place(pose, stamp, now_s)
 
-    def see_localization(self, pose: Stamped, now_s: float) -> None:
-        """Take in the pose that localization publishes."""
-        if self._source == "amcl_pose":
-            self._move(pose.pose, pose.stamp, now_s)
-
-    def _chain(self) -> Stamped | None:
-        """Return the robot's pose on the map, None while a transform is missing.
+    def _chain(self) -> tuple[Planar, float] | None:
+        """Return the robot's pose on the map, and when that was; None while a transform is missing.
 
         It is as old as the transform nearest to the robot that moves: localization stamps the
         map's own transform with a time ahead of now.
@@ -102,17 +65,5 @@ class Localization:
             pose, frame = step.pose.then(pose), step.parent
             stamp = stamp or step.stamp
             if frame == self._map:
-                return Stamped(self._map, self._base, pose, stamp)
+                return pose, stamp
         return None
-
-    def _move(self, pose: Planar, stamp: float, now_s: float) -> None:
-        if self._place is not None and stamp < self._place.stamp:
-            return
-        if self._place is None or stamp > self._place.stamp:
-            self._place = Place(pose, stamp, now_s)
-        if self._before is None:
-            self._before = self._place
-        elif stamp - self._before.stamp >= APART_S:
-            apart_m = math.dist(pose[:2], self._before.pose[:2])
-            self._speed_mps = apart_m / (stamp - self._before.stamp)
-            self._before = self._place

@@ -1,1 +1,1 @@
-"""Robots that speak ROS 2 over Zenoh, and the link that commands them."""
+"""Robots that speak ROS 2 as rclpy nodes, and the link that commands them."""

@@ -1,13 +1,12 @@
-"""Robots in another process, a cable to them that can be cut, and the link that commands them."""
+"""Robots in another process, and the link that commands them."""
 
 import json
-import selectors
-import socket
+import random
 import subprocess
 import sys
-import threading
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
 from typing import Any, TypeVar
@@ -18,26 +17,26 @@ from pa_console.schema.command import FINAL_REPLIES, DeviceCommand, Verb
 from pa_console.schema.world import World
 from pa_console.settings.schema import Settings
 
-LIMIT_S = 60.0
+LIMIT_S = 30.0
+REMEDY = "ROS 2 is not here: see tests/fleets/ros2/install_ros.sh"
 FRAMES = "frames: {NorthGate: [0, 34], EastGate: [54, 0], Base: [40, -26]}\n"
 T = TypeVar("T")
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+def free_domain() -> int:
+    """Return a ROS domain that other tests of this machine hardly use at the same time."""
+    return random.SystemRandom().randint(1, 100)
 
 
 class Robots:
-    """Counterparts by name and place, on a router at `port`."""
+    """Robots by namespace and place, in a process of their own."""
 
-    def __init__(self, robots: dict[str, tuple[float, float]], *options: str) -> None:
-        self.port = free_port()
-        self._process = subprocess.Popen(
+    def __init__(self, robots: dict[str, tuple[float, float]], domain: int | None = None) -> None:
+        self.domain = domain if domain is not None else free_domain()
+        self.process = subprocess.Popen(
             [
                 *(sys.executable, "-m", "tests.fleets.ros2.nav2_robot"),
-                *("--port", str(self.port), *options, json.dumps(robots)),
+                *("--domain", str(self.domain), json.dumps(robots)),
             ],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -46,82 +45,26 @@ class Robots:
         assert self._line() == "ready\n"
 
     def _line(self) -> str:
-        assert self._process.stdout is not None
-        return self._process.stdout.readline()
+        assert self.process.stdout is not None
+        return self.process.stdout.readline()
 
     def change(self, **changes: dict[str, Any]) -> dict[str, Any]:
         """Set attributes of robots; return the state of all of them."""
-        assert self._process.stdin is not None
-        self._process.stdin.write(json.dumps(changes) + "\n")
-        self._process.stdin.flush()
+        assert self.process.stdin is not None
+        self.process.stdin.write(json.dumps(changes) + "\n")
+        self.process.stdin.flush()
         return json.loads(self._line())
+
+    def kill(self) -> None:
+        """End the process as a crash does: nothing is said to anybody."""
+        self.process.kill()
+        self.process.wait(LIMIT_S)
 
     def close(self) -> None:
         """End the process."""
-        assert self._process.stdin is not None
-        self._process.stdin.close()
-        self._process.wait(LIMIT_S)
-
-
-class Cable:
-    """Carries TCP between a client and `port`, until it is cut."""
-
-    def __init__(self, port: int) -> None:
-        self._to = port
-        self._server = socket.create_server(("127.0.0.1", 0))
-        self.port = int(self._server.getsockname()[1])
-        self._pairs: list[tuple[socket.socket, socket.socket]] = []
-        self._whole, self._ended = True, False
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self._thread.start()
-
-    def cut(self) -> None:
-        """End every connection, and let no new one come about."""
-        self._whole = False
-        pairs, self._pairs = self._pairs, []
-        for pair in pairs:
-            for end in pair:
-                end.close()
-
-    def mend(self) -> None:
-        """Let connections come about again."""
-        self._whole = True
-
-    def close(self) -> None:
-        """Cut the cable for good."""
-        self._ended = True
-        self.cut()
-        self._server.close()
-
-    def _run(self) -> None:
-        while not self._ended:
-            try:
-                near, _ = self._server.accept()
-            except OSError:
-                return
-            if not self._whole:
-                near.close()
-                continue
-            far = socket.create_connection(("127.0.0.1", self._to))
-            self._pairs.append((near, far))
-            threading.Thread(target=self._carry, args=(near, far), daemon=True).start()
-
-    def _carry(self, near: socket.socket, far: socket.socket) -> None:
-        with selectors.DefaultSelector() as ready:
-            try:
-                ready.register(near, selectors.EVENT_READ, far)
-                ready.register(far, selectors.EVENT_READ, near)
-                while True:
-                    for key, _ in ready.select(1.0):
-                        data = key.fileobj.recv(65536)  # pyright: ignore[reportUnknownMemberType, reportAttributeAccessIssue, reportUnknownVariableType]
-                        if not data:
-                            raise OSError
-                        key.data.sendall(data)
-                    if near.fileno() < 0:
-                        return
-            except (OSError, ValueError):
-                near.close()
-                far.close()
+        assert self.process.stdin is not None
+        self.process.stdin.close()
+        self.process.wait(LIMIT_S)
 
 
 class Listener:
@@ -153,7 +96,7 @@ class Listener:
             result = found()
             if result:
                 return result
-            assert monotonic() < until_s, (self.link.problem, self.news[-10:])
+            assert monotonic() < until_s, (self.link.problem, self.notices, self.answers[-10:])
             self.link.wait(0.1)
             self.news += self.link.take()
 
@@ -175,8 +118,24 @@ class Listener:
         )
 
     def heard(self, *agents: str) -> None:
-        """Wait for a report of each of `agents`."""
-        self.until(lambda: all(self.report(agent) for agent in agents))
+        """Wait for a report of each of `agents`, with its charge, and for its action server."""
+        self.until(
+            lambda: all(
+                (report := self.report(agent)) is not None
+                and report.battery_pct is not None
+                and any(n.startswith(f"{agent} its action server") for n in self.notices)
+                for agent in agents
+            )
+        )
+
+    def moving(self, agent: str) -> None:
+        """Wait until `agent` reports that it moves."""
+        self.until(lambda: (r := self.report(agent)) is not None and r.speed_mps > 0.0)
+
+    def rest(self, count: int = 6) -> None:
+        """Wait for so many more reports, in which nothing may happen."""
+        before = len(self.news)
+        self.until(lambda: len(self.news) > before + count)
 
     def send(self, command_id: str, agent: str, verb: Verb, target: str | None = None) -> None:
         """Send a command."""
@@ -185,13 +144,56 @@ class Listener:
 
 @contextmanager
 def linked(
-    port: int, world: World, folder: Path, text: str, frames: str = FRAMES
+    domain: int, world: World, folder: Path, text: str, frames: str = FRAMES
 ) -> Generator[Listener]:
-    """Yield the link to robots of a connection file, at a router on this machine."""
+    """Yield the link to the robots of a connection file in a ROS domain."""
     path = folder / "robots.yaml"
-    path.write_text(frames + text)
-    link = open_link(f"tcp/127.0.0.1:{port}#{path}", world, Settings())
+    path.write_text(f"domain: {domain}\n{frames}{text}")
+    link = open_link(str(path), world, Settings())
     try:
         yield Listener(link)
     finally:
         link.close()
+
+
+@dataclass(frozen=True)
+class Press:
+    """What came of one STOP, seconds from its press; one figure a robot."""
+
+    wire_s: list[float]
+    """Until the request to cancel arrived."""
+    stood_s: list[float]
+    """Until the robot stood."""
+    done_s: list[float]
+    """Until that was confirmed."""
+    sent_after: int
+    """The goals that came after that."""
+
+
+def stop(robots: Robots, listener: Listener, names: Sequence[str], number: int) -> Press:
+    """Order robots about, and stop them in motion."""
+    gate = ("EastGate", "WestGate")[number % 2]
+    for name in names:
+        listener.send(f"go {number} {name}", name, "move_to", gate)
+    for name in names:
+        listener.until(lambda name=name: robots.change()[name]["speed"] > 0.0)
+    done, pressed_s = dict[str, float](), monotonic()
+    for name in names:
+        listener.send(f"stop {number} {name}", name, "hold")
+    while len(done) < len(names):
+        for name in names:
+            if "done" in listener.statuses(f"stop {number} {name}"):
+                done.setdefault(name, monotonic() - pressed_s)
+        assert monotonic() - pressed_s < LIMIT_S
+        listener.link.wait(0.02)
+        listener.news += listener.link.take()
+    state = robots.change()
+    for name in names:
+        state[name]["cancelled_s"] -= pressed_s
+        state[name]["stood_s"] -= pressed_s
+    return Press(
+        [state[name]["cancelled_s"] for name in names],
+        [state[name]["stood_s"] for name in names],
+        list(done.values()),
+        sum(at_s > pressed_s for name in names for at_s in state[name]["went_s"]),
+    )

@@ -1,19 +1,19 @@
 """The connection file names what is wrong in it, and fits a map to the world."""
 
 import math
+import sys
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.fleets.ros2.connection import MapFit, Ros2Address, read_site
+from pa_console.fleets.ros2.connection import MapFit, RobotEntry, read_site
 from pa_console.fleets.ros2.link import open_link
 from pa_console.fleets.ros2.messages import Planar
 from pa_console.schema.document import DocumentError
 from pa_console.schema.world import World
 from pa_console.settings.schema import Settings
-from tests.fleets.ros2.counterpart import free_port
 
 GOOD = "frames: {NorthGate: [0, 34], EastGate: [54, 0]}\nrobots: {Ugv_T01: {}}\n"
 
@@ -30,12 +30,12 @@ GOOD = "frames: {NorthGate: [0, 34], EastGate: [54, 0]}\nrobots: {Ugv_T01: {}}\n
         ),
         (GOOD.replace("{}", "{can: [observe]}"), "can.0: a ugv cannot observe"),
         (GOOD.replace("{}", "{trees: {identify: a.xml}}"), "add identify to 'can'"),
-        (GOOD.replace("{}", "{namespace: /x}"), "robots.Ugv_T01.namespace"),
+        (GOOD.replace("{}", "{namespace: a b}"), "robots.Ugv_T01.namespace"),
         (
             GOOD.replace("{Ugv_T01: {}}", "{Ugv_T01: {namespace: a}, Ugv_T02: {namespace: a}}"),
-            "Ugv_T01 has the namespace 'a' as well",
+            "Ugv_T01 has the action /a/navigate_to_pose as well",
         ),
-        (GOOD + "layout: dds\n", "layout: Input should be 'bridge' or 'rmw'"),
+        (GOOD + "domain: 500\n", "domain: Input should be less than or equal to 232"),
     ],
 )
 def test_an_error_names_file_line_and_field(
@@ -49,42 +49,35 @@ def test_an_error_names_file_line_and_field(
     assert said in str(raised.value)
 
 
-@pytest.mark.parametrize(
-    ("address", "said"),
-    [
-        ("", "ros2:tcp/HOST:PORT#FILE"),
-        ("10.0.0.4:7447#a.yaml", "'10.0.0.4:7447' is no Zenoh locator"),
-        ("tcp/10.0.0.4:7447", "ros2:tcp/10.0.0.4:7447#FILE"),
-        ("tcp/10.0.0.4:7447#", "ros2:tcp/10.0.0.4:7447#FILE"),
-        ("tcp/10.0.0.4:7447#/none/there.yaml", "/none/there.yaml: No such file"),
-    ],
-)
-def test_an_address_that_cannot_be_used_names_the_remedy(
-    address: str, said: str, world: World
-) -> None:
-    with pytest.raises(ValueError) as raised:  # noqa: PT011 - its text is compared
-        open_link(address, world, Settings())
-    assert said in str(raised.value)
+def test_a_file_that_is_not_there_is_named(world: World) -> None:
+    with pytest.raises(ValueError, match=r"/none/there.yaml: No such file"):
+        open_link("/none/there.yaml", world, Settings())
 
 
-def test_a_router_that_is_not_there_is_named(
+def test_without_ros_2_the_remedy_is_named(
     world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pa_console.fleets.ros2.link.OPEN_S", 0.2)
+    for name in ("rclpy", "pa_console.fleets.ros2.node"):
+        monkeypatch.setitem(sys.modules, name, None)
     path = tmp_path / "robots.yaml"
     path.write_text(GOOD)
-    with pytest.raises(ValueError, match="Is a Zenoh router or zenoh-bridge-ros2dds running"):
-        open_link(f"tcp/127.0.0.1:{free_port()}#{path}", world, Settings())
+    with pytest.raises(ValueError, match=r"setup.bash.*--system-site-packages"):
+        open_link(str(path), world, Settings())
 
 
-def test_only_what_stays_on_this_machine_may_be_unencrypted() -> None:
-    def exposed(locator: str) -> bool:
-        return Ros2Address.parse(f"{locator}#a").exposed
-
-    assert exposed("tcp/10.0.0.4:7447")
-    assert exposed("tcp/127x.example.org:7447")
-    assert not exposed("tcp/127.0.0.1:7447")
-    assert not exposed("tls/10.0.0.4:7447")
+@pytest.mark.parametrize(
+    ("entry", "name", "full"),
+    [
+        ({}, "odom", "/Ugv_T01/odom"),
+        ({"namespace": "/fleet/ugv1"}, "odom", "/fleet/ugv1/odom"),
+        ({"namespace": ""}, "navigate_to_pose", "/navigate_to_pose"),
+        ({"namespace": "ugv1"}, "/tf", "/tf"),
+    ],
+)
+def test_names_are_in_the_namespace_of_the_robot(
+    entry: dict[str, str], name: str, full: str
+) -> None:
+    assert RobotEntry.model_validate(entry).named("Ugv_T01", name) == full
 
 
 COORDINATE = st.floats(-200.0, 200.0)

@@ -1,0 +1,197 @@
+"""The console's ROS 2 node, on a thread of its own, and the action servers that it commands.
+
+Only this module needs ROS 2: importing it raises ImportError where there is none.
+"""
+
+import math
+import secrets
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+from importlib import import_module
+from threading import Thread
+from time import monotonic
+from typing import Any
+
+from pa_console.fleets.ros2.connection import RobotEntry
+from pa_console.fleets.ros2.messages import Planar, read_result
+
+
+def _interface(name: str) -> Any:
+    """Return the class of an interface such as `std_msgs/msg/Bool`."""
+    module, _, kind = name.replace("/", ".").rpartition(".")
+    return getattr(import_module(module), kind)
+
+
+# Typed as Any: a type checker finds ROS 2 only where it is installed.
+_rclpy: Any = import_module("rclpy")
+_actions: Any = import_module("rclpy.action")
+_executors: Any = import_module("rclpy.executors")
+_qos: Any = import_module("rclpy.qos")
+_GOTO = "nav2_msgs/action/NavigateToPose"
+_Impl, _CancelGoal = _interface(_GOTO).Impl, _interface("action_msgs/srv/CancelGoal")
+
+STEP_S = 0.05
+"""The interval of `step`, seconds."""
+
+GRAPH_S = 0.5
+"""The interval at which action servers are counted, seconds."""
+
+CALL_S = 3.0
+"""A service that has not answered within this time does not answer, seconds."""
+
+CANCEL_S = 1.0
+"""A request to cancel all goals is repeated after this time, seconds."""
+
+RESULT_S = 10.0
+"""A result is asked for again after this time, seconds: its robot may have started again."""
+
+Then = Callable[[Any], object]
+
+
+class RosNode:
+    """A node; after `start`, its own thread alone uses it, and `post` gives that work."""
+
+    def __init__(self, domain: int | None, fault: Callable[[Exception], object]) -> None:
+        """`fault` gets what a message or work raised."""
+        self._fault, self._closed = fault, False
+        self._work: deque[Callable[[], object]] = deque()
+        self._calls: dict[Any, tuple[float, Any, Then]] = {}
+        """The futures of services that have not answered: time limit, client, and what follows."""
+        self._context = _rclpy.Context()
+        # Nothing is logged to the terminal, which is the console's screen.
+        arguments = ["--ros-args", "--disable-stdout-logs", "--disable-rosout-logs"]
+        signals = _rclpy.SignalHandlerOptions.NO
+        _rclpy.init(
+            args=arguments, context=self._context, domain_id=domain, signal_handler_options=signals
+        )
+        self.domain: int = self._context.get_domain_id()
+        self.node = _rclpy.create_node(
+            f"pa_console_{secrets.token_hex(4)}",
+            context=self._context,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        self._executor = _executors.SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self._wake = self.node.create_guard_condition(lambda: None)
+        self.servers: dict[str, int] = {}
+        """The number of servers of each action `NavigateToPose` in the domain."""
+
+    def start(self, step: Callable[[], object]) -> None:
+        """Start the thread, which calls `step` every STEP_S."""
+        self._thread = Thread(target=self._run, args=(step,), name="ros2", daemon=True)
+        self._thread.start()
+
+    def post(self, work: Callable[[], object]) -> None:
+        """Let the thread do `work` before anything else; returns at once."""
+        self._work.append(work)
+        self._wake.trigger()
+
+    def listen(self, topic: str, kind: str, take: Then, *, kept: bool = False) -> None:
+        """Subscribe to a topic; of one that is `kept`, the last message comes at once."""
+        reliable = _qos.ReliabilityPolicy.RELIABLE if kept else _qos.ReliabilityPolicy.BEST_EFFORT
+        durable = _qos.DurabilityPolicy.TRANSIENT_LOCAL if kept else _qos.DurabilityPolicy.VOLATILE
+        profile = _qos.QoSProfile(depth=50, reliability=reliable, durability=durable)
+        self.node.create_subscription(_interface(kind), topic, take, profile)
+
+    def call(self, client: Any, request: Any, limit_s: float, then: Then) -> None:
+        """Call a service; `then` gets the first answer, or None if there is none in time."""
+        future = client.call_async(request)
+        self._calls[future] = (monotonic() + limit_s, client, then)
+        future.add_done_callback(self._answered)
+
+    def close(self) -> None:
+        """End the thread and the node."""
+        self._closed = True
+        self._wake.trigger()
+        self._thread.join()
+        self._executor.shutdown()
+        self.node.destroy_node()
+        self._context.try_shutdown()
+
+    def _run(self, step: Callable[[], object]) -> None:
+        step_s = graph_s = monotonic()
+        while not self._closed:
+            while self._work:
+                self._guarded(self._work.popleft())
+            if (now_s := monotonic()) >= graph_s:
+                graph_s = now_s + GRAPH_S
+                self._guarded(self._count)
+            if now_s >= step_s:
+                step_s = now_s + STEP_S
+                self._guarded(self._expire)
+                self._guarded(step)
+            left_s = max(0.0, step_s - monotonic())
+            self._guarded(partial(self._executor.spin_once, left_s))
+
+    def _guarded(self, work: Callable[[], object]) -> None:
+        """Do one thing; no message ends the session that it reaches."""
+        try:
+            work()
+        except Exception as error:
+            self._fault(error)
+
+    def _count(self) -> None:
+        found = _actions.get_action_names_and_types(self.node)
+        names = [name for name, types in found if _GOTO in types]
+        self.servers = {n: self.node.count_publishers(f"{n}/_action/status") for n in names}
+
+    def _answered(self, future: Any) -> None:
+        if (call := self._calls.pop(future, None)) is not None:
+            call[2](future.result())
+
+    def _expire(self) -> None:
+        now_s = monotonic()
+        for future, (until_s, client, then) in list(self._calls.items()):
+            if until_s <= now_s:
+                del self._calls[future]
+                client.remove_pending_request(future)
+                then(None)
+
+
+class Nav2Server:
+    """The action server of a robot; `then` gets its answer later, None if it gives none in time."""
+
+    def __init__(self, node: RosNode, asset: str, entry: RobotEntry) -> None:
+        self._node, self._frame = node, entry.map_frame
+        self.action, create = entry.named(asset, entry.action), node.node.create_client
+        self._goals = create(_Impl.SendGoalService, f"{self.action}/_action/send_goal")
+        self._results = create(_Impl.GetResultService, f"{self.action}/_action/get_result")
+        actions = (self.action, *(entry.named(asset, each) for each in entry.stops))
+        self._cancels = [create(_CancelGoal, f"{each}/_action/cancel_goal") for each in actions]
+
+    @property
+    def servers(self) -> int:
+        """The number of action servers that have the name; more than one is a mistake."""
+        return self._node.servers.get(self.action, 0) if self._goals.service_is_ready() else 0
+
+    def go(
+        self, goal_id: bytes, at: Planar, tree: str, then: Callable[[bool | None], None]
+    ) -> None:
+        """Send a goal, a place on the robot's map; `then` learns whether it is accepted."""
+        request = _Impl.SendGoalService.Request()
+        request.goal_id.uuid = list(goal_id)
+        request.goal.behavior_tree, stamped = tree, request.goal.pose
+        stamped.header.frame_id = self._frame
+        stamped.pose.position.x, stamped.pose.position.y = at.x, at.y
+        turned = stamped.pose.orientation
+        turned.z, turned.w = math.sin(at.yaw / 2), math.cos(at.yaw / 2)
+        self._node.call(self._goals, request, CALL_S, lambda said: then(said and said.accepted))
+
+    def cancel(self, goal_id: bytes | None, then: Callable[[int | None], None]) -> None:
+        """Cancel a goal, or all goals of all clients; `then` gets a `CancelGoal` return code."""
+        request = _CancelGoal.Request()
+        request.goal_info.goal_id.uuid = list(goal_id or bytes(16))
+        own, *others = self._cancels
+        self._node.call(own, request, CANCEL_S, lambda said: then(said and said.return_code))
+        for other in others if goal_id is None else ():
+            self._node.call(other, request, CALL_S, lambda _: None)
+
+    def ask(self, goal_id: bytes, then: Callable[[tuple[int, str] | None], None]) -> None:
+        """Ask for the state and the error of a goal, which come at its end or if it is unknown."""
+        request = _Impl.GetResultService.Request()
+        request.goal_id.uuid = list(goal_id)
+        self._node.call(
+            self._results, request, RESULT_S, lambda said: then(said and read_result(said))
+        )
