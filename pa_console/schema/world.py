@@ -1,6 +1,6 @@
 """The checkpoint as data: frames, walls, lanes, zones, platforms and assets, all in metres."""
 
-from math import floor
+from math import atan2, degrees, floor, hypot
 from typing import Annotated, Literal, Self, get_args
 
 from pydantic import Field, StringConstraints, model_validator
@@ -69,6 +69,20 @@ class Camera(Sensing):
     gate: Name
     at: Point
     heading_deg: float = Field(description="middle of its field of view; 0 east, 90 north")
+    snapshot: str | None = Field(
+        default=None,
+        pattern=r"^https?://[^\s/?#]\S*$",
+        max_length=500,
+        exclude_if=lambda url: url is None,
+        description="where it gives a picture as JPEG or PNG: http://10.0.0.7/snapshot.jpg",
+    )
+
+    def covers(self, point: Point) -> bool:
+        """Return whether a point is within range and field of view, walls aside."""
+        dx, dy = point[0] - self.at[0], point[1] - self.at[1]
+        off = (degrees(atan2(dy, dx)) - self.heading_deg + 180.0) % 360.0 - 180.0
+        near = hypot(dx, dy) <= self.sensor_range_m
+        return near and abs(off) <= self.field_of_view_deg / 2.0
 
 
 class Radio(StrictModel):
