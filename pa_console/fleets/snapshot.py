@@ -31,12 +31,9 @@ async def fetch_snapshot(url: str, limit_s: float = MOST_S) -> bytes:
 
 
 def _load(url: str) -> ssl.SSLContext | bool:
-    """Load the libraries, which takes a moment; return what certificates are checked with."""
+    """Load the library, which takes a moment; return what certificates are checked with."""
     import httpx2  # noqa: F401, PLC0415 - only where a camera has an address
-    from PIL import Image  # noqa: PLC0415
 
-    # A large picture is refused by its own limit.
-    warnings.simplefilter("ignore", Image.DecompressionBombWarning)
     return url.startswith("https:") and ssl.create_default_context()
 
 
@@ -71,6 +68,8 @@ def safe_image(content: bytes) -> bytes:
     """
     from PIL import Image  # noqa: PLC0415 - only where a picture is taken
 
+    # A large picture is refused below; nothing is to be written on the screen before.
+    warnings.simplefilter("ignore", Image.DecompressionBombWarning)
     try:
         with Image.open(BytesIO(content), formats=("JPEG", "PNG")) as image:
             if image.width * image.height > MOST_PIXELS:

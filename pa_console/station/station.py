@@ -187,8 +187,8 @@ class ControlStation:
         self._journal.open(log, self._emit)
 
     def take_stills(self, log: Path) -> None:
-        """Take the pictures that an operator is shown, and keep them beside `log`; before `run`."""
-        self._stills = CameraStills(self._fleet, log, self._emit)
+        """Take the pictures that an operator is shown from now on, and keep them beside `log`."""
+        self._stills = self._stills or CameraStills(self._fleet, log, self._emit)
 
     async def still_of(self, track: str) -> ev.CameraStill | None:
         """Take a picture of a track; None if no camera has it in sight, or none are taken here."""

@@ -99,19 +99,19 @@ class StillView(Widget):
     def render(self) -> Content:
         """Return the picture and its caption, beside it where there is room."""
         still, (width, height) = self._still, self.content_size
-        if still is None or width < 1 or height < 2:
+        if still is None or width < 1 or height < 3:
             return Content()
         beside = width >= BESIDE
-        room = (width - _CAPTION, height) if beside else (width, height - 1)
+        room = (width - _CAPTION, height) if beside else (width, height - 2)
         if self._drawn is None or self._drawn[0] != room:
             self._drawn = room, half_blocks(self._content, *room)
         lines = self._drawn[1]
         if not beside:
-            told = f"{still.camera}, {self._age}" if self._age else still.camera
-            return Content("\n").join([*lines, _quiet(told, width)])
-        told = [_quiet(text, _CAPTION - 1) for text in (still.track, still.camera, self._age)]
-        told += [Content()] * (len(lines) - len(told))
-        rows = zip(lines, told, strict=False)
+            told = f"{still.track}, {self._age}".removesuffix(", ")
+            return Content("\n").join([*lines, _quiet(told, width), _quiet(still.camera, width)])
+        said = [_quiet(text, _CAPTION - 1) for text in (still.track, still.camera, self._age)]
+        said += [Content()] * (len(lines) - len(said))
+        rows = zip(lines, said, strict=False)
         return Content("\n").join(Content.assemble(line, " ", text) for line, text in rows)
 
 
