@@ -11,6 +11,7 @@ import random
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from io import BytesIO
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 from pa_console.schema.base import Point
@@ -145,7 +146,7 @@ class _Eye:
 
 
 class _Box(NamedTuple):
-    """A box, `base` metres up and turned to `heading`; a plate is on its ends, others stand on it."""
+    """A box, `base` metres up and turned to `heading`, with a plate on its ends, others on it."""
 
     at: Point
     heading: float
@@ -249,7 +250,7 @@ def _vehicle(contact: ContactState, look: Look) -> _Box:
 
 def _road(points: Sequence[Point], half_m: float = 3.5) -> Iterator[list[Place]]:
     """Yield a lane in short strips, so that one that begins behind the camera is seen ahead."""
-    for (x1, y1), (x2, y2) in zip(points, points[1:], strict=False):
+    for (x1, y1), (x2, y2) in pairwise(points):
         length = math.dist((x1, y1), (x2, y2)) or 1.0
         aside = -(y2 - y1) / length * half_m, (x2 - x1) / length * half_m
         steps = max(int(length / 2.0), 1)

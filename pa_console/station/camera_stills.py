@@ -25,8 +25,12 @@ RETAKE_S, MOST_TAKEN = 10.0, 12
 FRESH_S = 3.0
 """The age up to which a picture is shown again where another one is asked for."""
 
-_ENDS = (ev.DecisionMade, ev.PlanVoided, ev.MissionPreempted, ev.MissionFinished)
-"""What ends the waiting of a plan; a decision that was not accepted does not."""
+
+def _ends(payload: ev.EventPayload) -> bool:
+    """Return whether a plan waits no longer after an event of its mission."""
+    if isinstance(payload, ev.DecisionMade):
+        return payload.accepted
+    return isinstance(payload, ev.PlanVoided | ev.MissionPreempted | ev.MissionFinished)
 
 
 def tracks_of(request: ev.ApprovalRequested, mission: Mission, picture: Picture) -> list[Track]:
@@ -84,9 +88,8 @@ class CameraStills:
         elif isinstance(payload, ev.SessionEnded):
             self._over = True
             self._stop()
-        elif isinstance(payload, _ENDS) and mission is not None and mission.id == self._watched:
-            if not isinstance(payload, ev.DecisionMade) or payload.accepted:
-                self._stop()
+        elif mission is not None and mission.id == self._watched and _ends(payload):
+            self._stop()
 
     def _stop(self) -> None:
         if self._watching is not None:

@@ -98,7 +98,7 @@ async def test_what_is_no_picture_is_refused_in_words(serve: Serve, why: str) ->
 
 async def test_an_answer_that_does_not_end_is_given_up() -> None:
     async with camera(hangs) as url:
-        with pytest.raises(SnapshotError, match="no answer within 0.2 s"):
+        with pytest.raises(SnapshotError, match=r"no answer within 0\.2 s"):
             await fetch_snapshot(url, 0.2)
 
 
@@ -107,7 +107,9 @@ async def test_an_address_at_which_nobody_is() -> None:
         await fetch_snapshot("http://127.0.0.1:1/x.jpg")
 
 
-@pytest.mark.parametrize("url", ["rtsp://10.0.0.7/live", "file:///etc/passwd", "http://", "http://["])
+@pytest.mark.parametrize(
+    "url", ["rtsp://10.0.0.7/live", "file:///etc/passwd", "http://", "http://["]
+)
 def test_a_world_file_takes_web_addresses_alone(url: str) -> None:
     site = open_world("checkpoint")[0].model_dump()
     site["cameras"][CAMERA]["snapshot"] = "http://10.0.0.7:8080/snapshot.jpg"
@@ -121,7 +123,9 @@ def bomb(side: int) -> bytes:
     """Return a PNG that claims `side` pixels each way and has next to no data."""
 
     def chunk(kind: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        return (
+            struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        )
 
     head = struct.pack(">IIBBBBB", side, side, 8, 2, 0, 0, 0)
     body = zlib.compress(bytes(1_000_000))
@@ -134,7 +138,7 @@ def test_a_picture_that_would_fill_the_memory_is_not_unpacked(
 ) -> None:
     loaded: list[object] = []
     monkeypatch.setattr(Image.Image, "thumbnail", lambda *given: loaded.append(given))
-    with pytest.raises(SnapshotError, match="sends (too large a|no) picture"):
+    with pytest.raises(SnapshotError, match=r"sends (too large a|no) picture"):
         safe_image(bomb(side))
     assert not loaded
 
@@ -142,4 +146,4 @@ def test_a_picture_that_would_fill_the_memory_is_not_unpacked(
 def test_every_kind_of_pixel_becomes_a_picture() -> None:
     for mode in ("L", "P", "RGBA", "1", "I;16"):
         assert safe_image(encoded("PNG", mode=mode)).startswith(b"\xff\xd8")
-    assert snapshot.MOST_PIXELS < (Image.MAX_IMAGE_PIXELS or 0)
+    assert (Image.MAX_IMAGE_PIXELS or 0) > snapshot.MOST_PIXELS

@@ -4,7 +4,7 @@ from io import BytesIO
 
 from PIL import Image
 
-from pa_console.schema.incident import Incident, SensorFault, SpawnTrack, SetWeather
+from pa_console.schema.incident import Incident, SensorFault, SetWeather, SpawnTrack
 from pa_console.sim.camera_view import SIZE, look_of
 from tests.stills import CAMERA, VEHICLE, drawn, fleet_with
 

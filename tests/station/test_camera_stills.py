@@ -105,7 +105,10 @@ async def test_no_plan_is_another_one_for_it(site: Site, log: Path) -> None:
     await without.run([VEHICLE], taken=False)
     await with_one.run([VEHICLE])
     assert with_one.stills
-    asked = [[(each.system, each.user) for each in watched.engine.requests] for watched in (without, with_one)]
+    asked = [
+        [(each.system, each.user) for each in watched.engine.requests]
+        for watched in (without, with_one)
+    ]
     assert asked[0] == asked[1]
     assert without.plans == with_one.plans != []
 

@@ -48,7 +48,9 @@ def half_blocks(content: bytes, columns: int, rows: int) -> list[Content]:
 
 def _cells(upper: bytes, lower: bytes) -> Iterator[tuple[str, str]]:
     """Yield the cells of two rows of pixels, equal ones together."""
-    pairs = (f"#{upper[i : i + 3].hex()} on #{lower[i : i + 3].hex()}" for i in range(0, len(upper), 3))
+    pairs = (
+        f"#{upper[i : i + 3].hex()} on #{lower[i : i + 3].hex()}" for i in range(0, len(upper), 3)
+    )
     for style, cells in groupby(pairs):
         yield "▀" * sum(1 for _ in cells), style
 
