@@ -8,6 +8,7 @@ browser or the log's folder.
 import asyncio
 import ssl
 import warnings
+from importlib import import_module
 from io import BytesIO
 
 MOST_S, MOST_BYTES, MOST_PIXELS = 5.0, 4_000_000, 24_000_000
@@ -32,8 +33,7 @@ async def fetch_snapshot(url: str, limit_s: float = MOST_S) -> bytes:
 
 def _load(url: str) -> ssl.SSLContext | bool:
     """Load the library, which takes a moment; return what certificates are checked with."""
-    import httpx2  # noqa: F401, PLC0415 - only where a camera has an address
-
+    import_module("httpx2")
     return url.startswith("https:") and ssl.create_default_context()
 
 

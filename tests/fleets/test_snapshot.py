@@ -137,7 +137,7 @@ def test_a_picture_that_would_fill_the_memory_is_not_unpacked(
     side: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     loaded: list[object] = []
-    monkeypatch.setattr(Image.Image, "thumbnail", lambda *given: loaded.append(given))
+    monkeypatch.setattr(Image.Image, "load", loaded.append)
     with pytest.raises(SnapshotError, match=r"sends (too large a|no) picture"):
         safe_image(bomb(side))
     assert not loaded

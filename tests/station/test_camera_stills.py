@@ -168,7 +168,10 @@ async def test_a_defect_of_the_drawing_does_not_end_the_session(
     def broken(*_: object) -> bytes:
         raise ZeroDivisionError
 
-    monkeypatch.setattr(SimulatedFleet, "still", lambda *_: broken)
+    def still(*_: object) -> object:
+        return broken
+
+    monkeypatch.setattr(SimulatedFleet, "still", still)
     watched = Watched(site, log)
     state = await watched.run([VEHICLE])
     assert watched.stills[0].problem == "its picture cannot be made: ZeroDivisionError"
