@@ -249,6 +249,8 @@ class Station:
 
         client = ServedSession(self._station, self.state, lambda: self.log, told=self._told)
         tokens = TokenBook(key_path().with_name(TOKENS_FILE))
+        if self.log is not None:
+            self._station.take_stills(self.log)
         with listen(port) as listening:
             self._clients.append(client)
             try:

@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 from itertools import groupby
+from urllib.parse import quote
 
 from pa_console.schema.events.event import SessionStarted
 from pa_console.schema.rule import Rule
@@ -73,8 +74,12 @@ def mission_document(
     started: SessionStarted,
     rules: Mapping[str, Rule],
     notes: tuple[str, ...] = (),
+    stills: str = "",
 ) -> str:
-    """Return the document; `notes` are remarks on the log or the rules for its reader."""
+    """Return the document; `notes` are remarks on the log or the rules for its reader.
+
+    `stills` is the way from the document to the folder with the pictures of cameras; '' shows none.
+    """
     parts = [
         f"# Mission {inline(trace.mission.id)}",
         f"> {inline(trace.mission.said)}",
@@ -85,7 +90,22 @@ def mission_document(
     ]
     for section in lay_out(trace, rules, _OPTIONS):
         parts += section_parts(section)
+    parts += _stills(trace, stills)
     return "\n\n".join(parts) + "\n"
+
+
+def _stills(trace: MissionTrace, folder: str) -> Iterator[str]:
+    """Yield the cameras' pictures that were last shown with each plan."""
+    if trace.stills:
+        yield "## Pictures of cameras"
+    for number, still in trace.stills.items():
+        told = f"{still.track} by {still.camera}, at {still.taken_s:.1f} s, with plan {number}"
+        if still.sha256 is None:
+            yield f"{inline(told)}: {inline(still.problem)}"
+            continue
+        if folder:
+            yield f"![{inline(told)}](<{quote(folder)}/{still.file_name}>)"
+        yield f"{inline(told)}, SHA-256 {still.sha256}"
 
 
 def _standing(trace: MissionTrace) -> str:

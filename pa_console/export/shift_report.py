@@ -79,9 +79,15 @@ class _Shift:
 
 
 def session_document(
-    session: OpenedSession, rules: Mapping[str, Rule], notes: tuple[str, ...] = ()
+    session: OpenedSession,
+    rules: Mapping[str, Rule],
+    notes: tuple[str, ...] = (),
+    stills: str = "",
 ) -> str:
-    """Return the document of a session; `notes` are remarks on the log or the rules."""
+    """Return the document of a session; `notes` are remarks on the log or the rules.
+
+    `stills` is the way from the document to the folder with the pictures of cameras; '' shows none.
+    """
     recording, state = session.recording, session.final_state()
     shift = _Shift()
     for index in recording.timeline.without_telemetry(0, len(recording)):
@@ -98,7 +104,10 @@ def session_document(
         *_part("Standing orders", "order|text|approved by|missions|ended", _standing(state)),
         *_part("Stops and manual control", "at|what|by", shift.interventions),
     ]
-    traces = (mission_document(trace, session.started, rules) for trace in state.missions.values())
+    traces = (
+        mission_document(trace, session.started, rules, stills=stills)
+        for trace in state.missions.values()
+    )
     return "\n\n".join([*parts, *traces]).rstrip("\n") + "\n"
 
 

@@ -3,7 +3,7 @@
 A fleet of your own implements `Fleet`; nothing above this package depends on an implementation.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -113,6 +113,18 @@ class Fleet(Outlook, Protocol):
 
     def close(self) -> None:
         """Let go of the devices: the session is over."""
+        ...
+
+
+@runtime_checkable
+class Filmed(Protocol):
+    """A fleet whose cameras give pictures; they are for people alone."""
+
+    def still(self, camera: str, track: str) -> Callable[[], bytes] | None:
+        """Return what makes a PNG, in any thread, of what `camera` sees of `track` at this moment.
+
+        None stands for no picture.
+        """
         ...
 
 

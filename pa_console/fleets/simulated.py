@@ -95,6 +95,10 @@ class SimulatedFleet:
         """Show `assets`, and no others, as taken under manual control at this station; at once."""
         self.checkpoint.mark_manual(assets)
 
+    def still(self, camera: str, track: str) -> Callable[[], bytes] | None:
+        """Return what draws the present picture of `track` by `camera`, None for none."""
+        return self.checkpoint.still(camera, track)
+
     def forecast(self) -> Forecast:
         """Return a simulation of what the picture shows, built from it and the world alone."""
         return self.checkpoint.forecast()

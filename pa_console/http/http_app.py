@@ -8,7 +8,7 @@ from typing import Annotated, Any, cast
 
 from fastapi import Depends, FastAPI, Header, Path, Query, Request
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import JSONResponse, StreamingResponse
+from fastapi.responses import JSONResponse, Response, StreamingResponse
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from fastapi_offline import FastAPIOffline
 from starlette.exceptions import HTTPException
@@ -154,6 +154,7 @@ def make_app(
     )
     app.state.doors = _Doors(tokens)
     _add_reads(app, session)
+    _add_stills(app, session)
     _add_events(app, session)
     _add_commands(app, session)
     _add_problems(app, failed)
@@ -219,6 +220,34 @@ def _add_reads(app: FastAPI, session: ServedSession) -> None:
         no mission is made of it. The answer is logged.
         """
         return await session.answer(body.text)
+
+
+def _add_stills(app: FastAPI, session: ServedSession) -> None:
+    """Add the pictures of cameras."""
+    missing: dict[int | str, dict[str, Any]] = {
+        404: {"model": ProblemDetails},
+        200: {"content": {"image/png": {}, "image/jpeg": {}}},
+    }
+
+    @app.get("/v1/tracks/{id}/still", tags=["session"], response_class=Response, responses=missing)
+    async def still(_: Asking, name: Annotated[str, Path(alias="id")]) -> Response:
+        """Return what a camera sees of a track now: PNG or JPEG.
+
+        It is logged and kept, as one is that the operator is shown. It is 409 where no camera has
+        the track in sight, or where the camera gives no picture.
+        """
+        return _file(session, await session.still_of(name))
+
+    @app.get("/v1/stills/{sha256}", tags=["session"], response_class=Response, responses=missing)
+    async def kept(_: Watching, sha256: Annotated[str, Path()]) -> Response:
+        """Return a picture of a camera that was shown in this session, by its SHA-256."""
+        return _file(session, session.still(sha256))
+
+
+def _file(session: ServedSession, still: ev.CameraStill) -> Response:
+    headers = {"ETag": f'"{still.sha256}"', "X-Content-Type-Options": "nosniff"}
+    kind = "image/png" if still.format == "png" else "image/jpeg"
+    return Response(session.file_of(still), media_type=kind, headers=headers)
 
 
 def _add_events(app: FastAPI, session: ServedSession) -> None:

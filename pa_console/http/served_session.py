@@ -9,7 +9,7 @@ import asyncio
 from collections import deque
 from collections.abc import AsyncGenerator, Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import NamedTuple
 
@@ -37,6 +37,7 @@ from pa_console.schema.plan import Plan
 from pa_console.session.log.chain import read_log
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.session.state import SessionState
+from pa_console.session.stills import read_still
 from pa_console.station.answers.answering import IS_QUESTION, NO_QUESTION
 from pa_console.station.station import ControlStation
 from pa_console.views.session_views import shown_sha256
@@ -158,7 +159,7 @@ class ServedSession:
         """
         self.station, self._authority = station, authority
         self.state = state
-        self.feed = EventFeed(log, told)
+        self.feed, self._log = EventFeed(log, told), log
         self._asked: dict[tuple[str, str], asyncio.Future[ev.DecisionMade]] = {}
         """The clients waiting for a decision, by its request and person."""
         self._answering = asyncio.Lock()
@@ -205,6 +206,35 @@ class ServedSession:
             )  # fmt: skip
         async with self._answering:
             return await self.station.answer(question)
+
+    async def still_of(self, track: str) -> ev.CameraStill:
+        """Take the picture of a track; raises ProblemError where there is none."""
+        picture = self.state.picture
+        if picture is None or track not in picture.tracks:
+            raise ProblemError(404, "no-such-track", f"there is no track {track!r}", field="id",
+                               remedy="GET /v1/state lists them")  # fmt: skip
+        still = await self.station.still_of(track)
+        if still is None or still.problem:
+            why = "no camera has it in sight" if still is None else still.problem
+            raise ProblemError(409, "no-picture", why, field="id")
+        return still
+
+    def file_of(self, still: ev.CameraStill) -> bytes:
+        """Return the file of a picture that was shown; raises ProblemError where it is none."""
+        content = read_still(self._log(), still)
+        if content is None:
+            raise ProblemError(404, "no-such-picture", "no such picture is kept beside the log",
+                               remedy="GET /v1/tracks/ID/still takes one")  # fmt: skip
+        return content
+
+    def still(self, sha256: str) -> ev.CameraStill:
+        """Return the picture with this SHA-256 that was shown lately, or with a plan."""
+        shown = (still for trace in self.state.missions.values() for still in trace.stills.values())
+        for still in chain(self.state.stills.values(), shown):
+            if still.sha256 == sha256:
+                return still
+        raise ProblemError(404, "no-such-picture", "no such picture was shown in this session",
+                           field="sha256", remedy="GET /v1/tracks/ID/still takes one")  # fmt: skip
 
     def submit(self, text: str) -> MissionTrace:
         """Queue a mission and return it as it stands then; a question is none."""

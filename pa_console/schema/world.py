@@ -1,10 +1,11 @@
 """The checkpoint as data: frames, walls, lanes, zones, platforms and assets, all in metres."""
 
-from math import floor
+from math import atan2, degrees, floor, hypot
 from typing import Annotated, Literal, Self, get_args
 
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import Field, StringConstraints, field_validator, model_validator
 
+from pa_console.network_address import server_address
 from pa_console.schema.base import Name, NonNegative, Percent, Point, Positive, StrictModel
 
 AssetKind = Literal["uav", "ugv", "robot"]
@@ -69,6 +70,27 @@ class Camera(Sensing):
     gate: Name
     at: Point
     heading_deg: float = Field(description="middle of its field of view; 0 east, 90 north")
+    snapshot: str | None = Field(
+        default=None,
+        max_length=500,
+        exclude_if=lambda url: url is None,
+        description="where it gives a picture as JPEG or PNG: http://10.0.0.7/snapshot.jpg",
+    )
+
+    @field_validator("snapshot")
+    @classmethod
+    def _is_address(cls, url: str | None) -> str | None:
+        if url is not None:
+            form = "http://HOST[:PORT]/PATH, or https://"
+            server_address(url, {"http": 80, "https": 443}, "a camera", form)
+        return url
+
+    def covers(self, point: Point) -> bool:
+        """Return whether a point is within range and field of view, walls aside."""
+        dx, dy = point[0] - self.at[0], point[1] - self.at[1]
+        off = (degrees(atan2(dy, dx)) - self.heading_deg + 180.0) % 360.0 - 180.0
+        near = hypot(dx, dy) <= self.sensor_range_m
+        return near and abs(off) <= self.field_of_view_deg / 2.0
 
 
 class Radio(StrictModel):

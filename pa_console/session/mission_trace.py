@@ -163,6 +163,8 @@ class MissionTrace:
     """The other readings that were offered with the last plan."""
     approval_state: ApprovalState | None = None
     """The state in which the last plan was shown for approval."""
+    stills: dict[int, ev.CameraStill] = field(default_factory=dict[int, ev.CameraStill])
+    """The last picture that was shown with each plan, by the number of its attempt."""
     decisions: list[ev.DecisionMade] = field(default_factory=list[ev.DecisionMade])
     questions: list[ev.QuestionAsked] = field(default_factory=list[ev.QuestionAsked])
     """Questions to the operator before planning."""
@@ -232,6 +234,11 @@ class MissionTrace:
         """The choices of the question that the mission ended with, empty without one."""
         asked = self.approval_state == "not_understood" and self.questions
         return self.questions[-1].choices if asked else ()
+
+    @property
+    def still(self) -> ev.CameraStill | None:
+        """The picture that is shown with the plan that waits, None without one."""
+        return self.stills.get(self.approval.attempt) if self.approval is not None else None
 
     @property
     def standings(self) -> dict[str, ev.WorkflowMoved]:
@@ -384,6 +391,8 @@ def _apply_decision(trace: MissionTrace, data: ev.EventPayload) -> None:
                 trace.approval = None
                 if decision.kind == "approve":
                     trace.executing = number
+        case ev.CameraStill() if trace.approval is not None:
+            trace.stills[trace.approval.attempt] = data
         case ev.PlanVoided(attempt=number, reason=reason):
             trace.voided, trace.voided_attempt, trace.approval = reason, number, None
         case ev.MissionPreempted(by=by, reason=reason):

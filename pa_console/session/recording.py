@@ -91,6 +91,11 @@ class Recording:
         return recording
 
     @property
+    def path(self) -> Path | None:
+        """The file of the log, None for events that are in memory."""
+        return self._path if self._file is not None else None
+
+    @property
     def timeline(self) -> RecordingTimeline:
         """The time, kind and mark of every event."""
         return self.index.timeline

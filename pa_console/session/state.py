@@ -27,6 +27,7 @@ from pa_console.session.wording import (
 )
 
 NOTICES_KEPT = 500
+STILLS_KEPT = 50
 _LEVELS: dict[str, ev.Level] = {"emergency": "alarm", "high": "alarm", "medium": "warning"}
 
 
@@ -238,6 +239,8 @@ class SessionState:
     awaiting: dict[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
     """The missions that await assets under manual control, with those."""
     tak: TakTrace = field(default_factory=TakTrace)
+    stills: dict[str, ev.CameraStill] = field(default_factory=dict[str, ev.CameraStill])
+    """The last picture of each track of which one was shown lately."""
 
     @property
     def time_s(self) -> float:
@@ -333,6 +336,13 @@ class SessionState:
                 asked = f"asked “{question}”; its trace has the answer"
                 text = asked if event.mission else answer_in_words(event.data)
                 self._notice(event, "info", event.mission or "question", text)
+            case ev.CameraStill(track=track, camera=camera, problem=problem):
+                before = self.stills.pop(track, None)
+                self.stills[track] = event.data
+                for name in list(self.stills)[:-STILLS_KEPT]:
+                    del self.stills[name]
+                if problem and (before is None or before.problem != problem):
+                    self._notice(event, "warning", camera, f"no picture of {track}: {problem}")
             case ev.SessionEnded(reason=reason):
                 self.ended = reason
             case ev.SessionResumed():

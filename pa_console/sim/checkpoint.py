@@ -2,7 +2,7 @@
 
 import copy
 import random
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from pa_console.schema.command import CommandReply, DeviceCommand
@@ -22,6 +22,7 @@ from pa_console.sim import (
     truth,
 )
 from pa_console.sim import picture as station_side
+from pa_console.sim.camera_view import still_of
 from pa_console.sim.physics import Traffic
 from pa_console.sim.scene import AssetState, RadioState, Report, Scene, settle_battery
 from pa_console.sim.sensing_state import Detection
@@ -185,6 +186,10 @@ class Checkpoint:
     def true_contacts(self) -> tuple[TrueContact, ...]:
         """Return every vehicle and person exactly, under an id that never changes, for scorers."""
         return truth.true_contacts(self._terrain, self._scene)
+
+    def still(self, camera: str, track: str) -> Callable[[], bytes] | None:
+        """Return what draws the present picture of `track` by `camera`, None for none."""
+        return still_of(self._terrain, self._scene, self.seed, camera, track)
 
     def forecast(self) -> "Checkpoint":
         """Return a simulation of what the picture shows, built from it and the world alone."""

@@ -301,6 +301,10 @@ class JoinedStation:
         self._answered.append(ev.Event(t=now, tick=tick, mission=mission or None, data=told))
         return told
 
+    async def still_of(self, _track: str) -> ev.CameraStill | None:
+        """Return None: pictures are taken and kept at the station whose session it is."""
+        return None
+
     def read_live(self, show: Callable[[str, str], None] | None) -> None:
         """Read nothing: orders are given at the station itself."""
 

@@ -5,6 +5,7 @@ from collections.abc import AsyncGenerator, Callable
 from copy import deepcopy
 from datetime import UTC, datetime
 from functools import partial
+from pathlib import Path
 
 from pa_console import __version__
 from pa_console.fleets.fleet import PlanCountersignature, Simulated
@@ -35,6 +36,7 @@ from pa_console.station.answers.alternatives import (
     rehearse_reading,
 )
 from pa_console.station.answers.answering import IS_QUESTION, RecentRecord, answer
+from pa_console.station.camera_stills import CameraStills
 from pa_console.station.clock import Clock, Ticking
 from pa_console.station.control import ManualAssets, StandingControl
 from pa_console.station.earlier_session import LeftMissions, ResumedSession, UnclosedSession
@@ -110,6 +112,7 @@ class ControlStation:
         self._ticking = Ticking(parts, clock, self._worker, self._stop_for, self.manual)
         self._closed, self._resumed = False, resumed
         self._policy = ""
+        self._stills: CameraStills | None = None
         self._record = RecentRecord(deepcopy(resumed.before.state) if resumed else SessionState())
         self._again: list[tuple[ev.EventPayload, str]] = []
         """The missions that open alarms become once more."""
@@ -182,6 +185,16 @@ class ControlStation:
         While that is not possible, nothing is dispatched but stops and ways to safety.
         """
         self._journal.open(log, self._emit)
+
+    def take_stills(self, log: Path) -> None:
+        """Take the pictures that an operator is shown from now on, and keep them beside `log`."""
+        self._stills = self._stills or CameraStills(self._fleet, log, self._emit)
+
+    async def still_of(self, track: str) -> ev.CameraStill | None:
+        """Take a picture of a track; None if no camera has it in sight, or none are taken here."""
+        if self._stills is None or self._closed:
+            return None
+        return await self._stills.take(track)
 
     def listen_to(self, outside: Outside | None) -> None:
         """Emit the reports of `outside`, too, in the session, None for none; before `run`."""
@@ -608,6 +621,9 @@ class ControlStation:
         event = ev.Event(t=datetime.now(UTC), tick=self._fleet.tick, mission=mission, data=payload)
         self._journal.append(event)
         self._record.take(event)
+        if self._stills is not None:
+            trace = self._record.state.missions.get(mission or "")
+            self._stills.see(payload, trace.mission if trace is not None else None)
         self._live.see(payload)
         self._ahead.see(payload)
         self._events.put_nowait(event)

@@ -279,6 +279,7 @@ class SessionLines(ABC):
     def take(self, event: ev.Event) -> None:
         """Take in an event, and show it; a waiting plan is for `show`."""
         self._last_notice = self._newest_notice()
+        pictured = frozenset(self.state.stills)
         self.state.apply(event)
         if line := step_line(event):
             self._say(line)
@@ -291,6 +292,9 @@ class SessionLines(ABC):
                 self._say(f"not taken: {detail}")
             case ev.MissionReported(text=text):
                 self._say(text.strip())
+            case ev.CameraStill(track=track, camera=camera, sha256=str(sha256)):
+                if track not in pictured:
+                    self._say(f"{camera} sees {track}: {sha256[:12]}… beside the session's log")
             case ev.SessionEnded(reason=reason):
                 self._say(f"the session has ended: {reason}")
             case _:

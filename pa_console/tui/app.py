@@ -110,6 +110,7 @@ class ConsoleApp(App[None]):
         usual: Mapping[str, float] | None = None,
         to_terminal: Callable[[str], object] | None = None,
         last: LastSession | None = None,
+        log: Path | None = None,
     ) -> None:
         """A live console needs `station`, a replay `player`; tests replace `clock` and `key_time`.
 
@@ -118,14 +119,14 @@ class ConsoleApp(App[None]):
         edited in the `rules_file` that they are from. `opening` shows other screens than the
         session. `usual` are the seconds that each step of a mission usually takes; codes that call
         the operator go `to_terminal`, by default to the one that the console runs on. Orders of the
-        `last` session can be taken up again.
+        `last` session can be taken up again. Beside the `log` are the cameras' pictures.
         Raises DocumentError for settings of the user's that are wrong.
         """
         self._readable: dict[str, dict[str, str]] = {}
         super().__init__()
         self.error_console = PlainConsole(stderr=True)
         self._visible_lines = VisibleLines()
-        self._history, self._opening = history, opening
+        self._history, self._opening, self._log_file = history, opening, log
         self.first_painted: Callable[[], object] = lambda: None
         """Is called once, between the first paint and the first event."""
         self.session = session = ConsoleSession(
@@ -255,6 +256,7 @@ class ConsoleApp(App[None]):
                 clock=session.clock,
                 joined=session.joined,
             )
+            main.log_file = self._log_file
         session.main = main
         self.push_screen(main)
 

@@ -31,6 +31,7 @@ _BY_KIND = {
     "alarm_cleared": _ALARMS,
     "queue_changed": _ALARMS,
     "text_streamed": _TRACE,
+    "camera_still": frozenset(("trace", "events")),
     "command_sent": _COMMAND,
     "command_resent": _COMMAND,
     "command_replied": frozenset(("status", "trace", "events")),

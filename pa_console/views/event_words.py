@@ -136,6 +136,7 @@ _EVENT_TEMPLATES: dict[str, str] = {
     "mission_finished": "{status}: {reason}",
     "all_stopped": "by {by}",
     "stop_released": "by {by}",
+    "camera_still": "{track} by {camera} {problem}",
     "manual_control_taken": "{asset} by {by}",
     "manual_control_ended": "{asset} given back by {by}",
     "session_ended": "{reason}",

@@ -117,6 +117,8 @@ class MissionDetail(MissionView):
     choices: tuple[str, ...]
     attempts: tuple[AttemptView, ...]
     decisions: tuple[ev.DecisionMade, ...]
+    stills: dict[int, ev.CameraStill]
+    """The camera's picture that was last shown with each plan, by its number."""
     verification: Verification | None
     report: str
     metrics: Metrics | None
@@ -129,6 +131,8 @@ class PlanView(BaseModel):
     request: ev.ApprovalRequested
     shown_sha256: Sha256
     attempt: AttemptView | None
+    still: ev.CameraStill | None
+    """The camera's picture that is shown with it; GET /v1/stills/SHA256 has its file."""
     steps: tuple[str, ...]
     """The lines of a plan in steps, each with its condition; none for other plans."""
     question: str
@@ -208,6 +212,7 @@ def mission_detail(trace: MissionTrace) -> MissionDetail:
         choices=trace.choices,
         attempts=tuple(AttemptView.model_validate(attempt) for attempt in trace.attempts),
         decisions=tuple(trace.decisions),
+        stills=dict(trace.stills),
         verification=trace.verification,
         report=trace.report,
         metrics=trace.metrics,
@@ -224,6 +229,7 @@ def plan_view(trace: MissionTrace, request: ev.ApprovalRequested) -> PlanView:
         request=request,
         shown_sha256=shown_sha256(request),
         attempt=AttemptView.model_validate(attempt) if attempt is not None else None,
+        still=trace.still,
         question=_question(trace),
         choices=trace.choices,
     )

@@ -19,6 +19,7 @@ from pa_console.schema.events.event import (
     AlarmAcknowledged,
     AllStopped,
     AnswerLine,
+    CameraStill,
     DecisionMade,
     Event,
     EventPayload,
@@ -92,6 +93,7 @@ class ScriptedStation:
         self.ways: list[RehearsedReading] = []
         self.questions: dict[str, Question] = {}
         self.answers: dict[str, tuple[AnswerLine, ...]] = {}
+        self.stills: dict[str, CameraStill] = {}
         self.alternatives: list[Alternative] = []
         self.told: list[QuestionAnswered] = []
         self.slow = asyncio.Event()
@@ -127,6 +129,10 @@ class ScriptedStation:
     def end(self) -> None:
         """End the stream."""
         self._queue.put_nowait(None)
+
+    async def still_of(self, track: str) -> CameraStill | None:
+        """Return the picture of a track, as the test has it."""
+        return self.stills.get(track)
 
     @property
     def drained(self) -> bool:

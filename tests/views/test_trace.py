@@ -52,6 +52,15 @@ def as_document(trace: MissionTrace) -> str:
     return mission_document(trace, story.STARTED, RULES_BY_ID)
 
 
+def test_a_document_shows_the_picture_that_was_shown_with_the_plan() -> None:
+    still = ev.CameraStill(track="Vehicle_01", camera="NorthCamera", taken_s=3.0, sha256="a" * 64)
+    trace = traced([*story.told("approval"), still])
+    document = mission_document(trace, story.STARTED, RULES_BY_ID, stills="../S 1.jsonl.stills")
+    assert f"](<../S%201.jsonl.stills/{'a' * 64}.png>)" in document
+    assert f"SHA-256 {'a' * 64}" in as_document(trace)
+    assert "](<" not in as_document(trace)
+
+
 FRONT_ENDS = (on_screen, on_terminal, as_document)
 
 

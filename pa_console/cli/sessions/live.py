@@ -91,6 +91,8 @@ class LiveSession:
         """Log the session in the block to `writer`; `end` is given a signal that ends it."""
         with end_signals(end), writer:
             self.station.write_to(writer)
+            if not self.options.stepped:
+                self.station.take_stills(writer.path)
             yield
 
 

@@ -49,6 +49,7 @@ def run_screen(
         rules_file=site.rules_path,
         usual=load_usual(usual_file(), model),
         last=last,
+        log=writer.path,
     )
     app.feed.observer = observer
     app.first_painted = lambda: keep_first(app, frame)

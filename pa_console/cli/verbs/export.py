@@ -1,6 +1,7 @@
 """`pa-console export`: a recorded session in another tool's format."""
 
 import asyncio
+import os
 import re
 from dataclasses import dataclass
 from datetime import timedelta
@@ -28,6 +29,7 @@ from pa_console.export.source_log import (
 )
 from pa_console.schema.events.event import MissionReceived
 from pa_console.schema.text import count, visible
+from pa_console.session.stills import stills_folder
 from pa_console.terminal.output import errors, out, print_document
 
 app = typer.Typer(
@@ -251,14 +253,16 @@ def markdown(
     """
     session = opened(context, log)
     known, note = rules_of(session.started, rules)
+    beside = target.parent if target is not None else Path()
+    stills = Path(os.path.relpath(stills_folder(session.recording.path or log), beside)).as_posix()
     problem = session.recording.problem
     notes = tuple(text for text in (note, str(problem) if problem else "") if text)
     if mission is None:
-        what, document = "shift report", session_document(session, known, notes)
+        what, document = "shift report", session_document(session, known, notes, stills)
     else:
         trace = choose_mission(session.final_state().missions, mission)
         what = f"mission {trace.mission.id}"
-        document = mission_document(trace, session.started, known, notes)
+        document = mission_document(trace, session.started, known, notes, stills)
     if target is None:
         print_document(document)
         return

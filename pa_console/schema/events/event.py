@@ -69,6 +69,7 @@ from pa_console.schema.events.session import (
     MOST_CONTACTS,
     UNVERIFIED,
     AuthorityChanged,
+    CameraStill,
     CommandTaken,
     ContactLost,
     ContactReported,
@@ -117,7 +118,8 @@ EventPayload = Annotated[
     | StandingOrderScheduled | QuestionAnswered | OrderStepRead | StepsHeld
     | StepsPaused
     | TakChanged | ContactReported | ContactLost | ContactsLeftOut | AgentMuted
-    | ManualControlTaken | ManualControlEnded | MissionAwaitsAssets,
+    | ManualControlTaken | ManualControlEnded | MissionAwaitsAssets
+    | CameraStill,
     Field(discriminator="kind"),
 ]  # fmt: skip
 

@@ -5,7 +5,16 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from pa_console.schema.base import Hex32, Hex64, NonNegative, Payload, Point, ServerUse, StrictModel
+from pa_console.schema.base import (
+    Hex32,
+    Hex64,
+    Name,
+    NonNegative,
+    Payload,
+    Point,
+    ServerUse,
+    StrictModel,
+)
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.incident import Incident
 from pa_console.schema.rule import RuleSet, RulesSeal
@@ -187,6 +196,29 @@ class LogSigned(Payload):
     closing: bool = False
     found: Annotated[int, Field(ge=0)] = 0
     signature: Hex64 = "0" * 128
+
+
+StillFormat = Literal["png", "jpg"]
+
+
+class CameraStill(Payload):
+    """The picture of a track that an operator is shown, or the `problem` why there is none.
+
+    No part that plans, checks or judges reads it. The file is kept beside the log.
+    """
+
+    kind: Literal["camera_still"] = "camera_still"
+    track: Name
+    camera: Name
+    taken_s: NonNegative = Field(description="the fleet's clock")
+    sha256: Hex32 | None = Field(default=None, description="of the file that is kept")
+    format: StillFormat = "png"
+    problem: str = ""
+
+    @property
+    def file_name(self) -> str:
+        """The name of the file, '' without a picture."""
+        return f"{self.sha256}.{self.format}" if self.sha256 is not None else ""
 
 
 MOST_CONTACTS = 64

@@ -35,6 +35,7 @@ from pa_console.tui.plan_preview import PlanPreview
 from pa_console.tui.status_words import term
 from pa_console.tui.surroundings import JoinedTo, SecondsClock
 from pa_console.tui.widgets.fields import CheckBox
+from pa_console.tui.widgets.still import ReadStill, StillView
 
 ARM_DELAY_S = 0.6
 """Quiet seconds before the panel takes keys; every key before that is dropped and counts anew.
@@ -96,13 +97,18 @@ class ApprovalPanel(Vertical, can_focus=True):
         *,
         decides: bool = True,
         joined: JoinedTo | None = None,
+        read_still: ReadStill = lambda _: None,
     ) -> None:
-        """Countersign plans if another station's session was `joined`; decide otherwise."""
+        """Countersign plans if another station's session was `joined`; decide otherwise.
+
+        `read_still` returns the file of a camera's picture.
+        """
         shown = "-joined" if joined is not None else ""
         super().__init__(id="approval", classes=shown if decides else "-closed")
         self._decides, self._joined = decides, joined
         self.can_focus = decides
         self._body, self._given_fields = PlanText(), GivenFields()
+        self._still = StillView(read_still)
         self._reason, self._buttons = ReasonField(), DecisionButtons(joined=joined is not None)
         self.arm_delay_s = ARM_DELAY_S
         """Quiet seconds before the panel takes keys."""
@@ -119,8 +125,8 @@ class ApprovalPanel(Vertical, can_focus=True):
         self._playing = False
 
     def compose(self) -> ComposeResult:
-        """Yield the consequences, what must be given, and the buttons."""
-        yield from (self._body, self._given_fields, self._reason, self._buttons)
+        """Yield a camera's picture, the consequences, what must be given, and the buttons."""
+        yield from (self._still, self._body, self._given_fields, self._reason, self._buttons)
 
     def on_mount(self) -> None:
         """Hide until a plan waits."""
@@ -172,6 +178,11 @@ class ApprovalPanel(Vertical, can_focus=True):
         self._body.tell(
             tuple(approval_rows(trace, preview, foreseen if asked == request_id else ""))
         )
+        if self._still.show(trace.still):  # what a key would do has moved
+            self.set_class(self._still.has_room, "-pictured")
+            self._body.begin_anew()
+            self._disarm()
+            self.call_after_refresh(self.fit)
 
     def tell_foreseen(self, request_id: str, foreseen: str) -> None:
         """Show how the timed order of a request would be planned now."""
@@ -181,6 +192,7 @@ class ApprovalPanel(Vertical, can_focus=True):
 
     def tell_age(self, now_s: float) -> None:
         """Show in the title how old the plan is at a moment of the session's clock."""
+        self._still.tell_age(now_s)
         age = age_words(self._trace, now_s) if self._trace is not None else ("", "")
         if age != self._age:
             self._age = age
@@ -226,7 +238,11 @@ class ApprovalPanel(Vertical, can_focus=True):
 
     def fit(self) -> None:
         """Give the plan the rows that the buttons and inputs leave it."""
-        others = [child for child in self.children if child is not self._body and child.display]
+        others = [
+            child
+            for child in self.children
+            if child is not self._body and child.display and child.styles.dock == "none"
+        ]
         taken = sum(child.outer_size.height + child.styles.margin.height for child in others)
         taken += self.gutter.height
         compact = self.screen.has_class("-compact")

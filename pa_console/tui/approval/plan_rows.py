@@ -198,6 +198,9 @@ def approval_rows(
     if refused is not None and not refused.decision.signatures:
         yield row("✘ ", (f"not accepted: {refused.detail}", BAD))
     yield from _order(trace, request)
+    if trace.still is not None and trace.still.problem:
+        told = f"{trace.still.camera}, {trace.still.track}: {trace.still.problem}"
+        yield row(("△ ", WARN), ("No picture  ", f"bold {WARN}"), told)
     if request.state == "not_understood":
         told = "; ".join(request.blocked_by).removeprefix("not understood: ")
         yield row(("? ", WARN), (told, WARN))

@@ -370,7 +370,23 @@ class ComposingController:
             elif choice is not None:
                 self._type(choice.order)
 
-        self._app.push_screen(Card(name, lines, choices, at), chosen)
+        shown = self._session.shown
+        card = Card(name, lines, choices, at, shown.read_still) if shown else Card(name, (), ())
+        self._app.push_screen(card, chosen)
+        if picture is not None and name in picture.tracks:
+            self._app.run_worker(
+                self._show_still(card, name), group="still", exclusive=True, exit_on_error=False
+            )
+
+    async def _show_still(self, card: Card, track: str) -> None:
+        """Show on a track's card what a camera sees of it, in a recording what was shown last."""
+        session = self._session
+        if session.station is None or session.recording is not None:
+            still = session.shown_state.stills.get(track)
+        else:
+            still = await session.station.still_of(track)
+        if still is not None and self._app.screen is card:
+            card.show_still(still, session.shown_state.time_s)
 
     def _map_choice(self, choice: CardChoice | None) -> None:
         if choice is not None and choice.does == "sensors":

@@ -13,6 +13,7 @@ from textual.screen import ModalScreen
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
+from pa_console.schema.events.event import CameraStill
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
 from pa_console.schema.text import visible_line
 from pa_console.schema.world import PLAIN_KINDS, World
@@ -21,6 +22,7 @@ from pa_console.tui.order_templates import forms_for
 from pa_console.tui.status_words import KIND_WORDS, NOTE, QUIET
 from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.row_views import VirtualRows
+from pa_console.tui.widgets.still import STILL_ROWS, ReadStill, StillView
 
 PLAIN_HINT = "↑ ↓ point · Enter chooses · Esc goes back"
 
@@ -293,9 +295,14 @@ class Card(ModalScreen[CardChoice | None]):
         lines: Sequence[str],
         choices: Sequence[CardChoice],
         at: Offset | None = None,
+        read_still: ReadStill = lambda _: None,
     ) -> None:
-        """`at` is the cell of the screen beside which it opens, None for the middle."""
+        """`at` is the cell of the screen beside which it opens, None for the middle.
+
+        `read_still` returns the file of a camera's picture.
+        """
         super().__init__()
+        self._still = StillView(read_still)
         self._title, self._lines, self._choices, self._at = title, lines, choices, at
 
     def compose(self) -> ComposeResult:
@@ -310,6 +317,7 @@ class Card(ModalScreen[CardChoice | None]):
                 id="card-choices",
                 compact=True,
             )
+            yield self._still
 
     def on_mount(self) -> None:
         """Set the card's title and the effect of choosing."""
@@ -325,8 +333,19 @@ class Card(ModalScreen[CardChoice | None]):
         """Stay on the screen."""
         self._place()
 
+    def show_still(self, still: CameraStill, now_s: float) -> None:
+        """Show a camera's picture below the choices, or why there is none above them."""
+        if still.problem:
+            self._lines = [*self._lines, f"{still.camera}, no picture: {still.problem}"]
+            self.query_one("#card-lines", Static).update("\n".join(self._lines))
+        self._still.tell_age(now_s)
+        self._still.show(still)
+        self._place()
+
     def _place(self) -> None:
         height = len(self._lines) + len(self._choices) + 2
+        if self._still.has_room:
+            height += STILL_ROWS
         width, rows = self.app.size
         if self._at is None:
             x, y = (width - WIDTH) // 2, (rows - height) // 2

@@ -1,6 +1,7 @@
 """The one main screen, live and in a replay: map, assets, events, trace, approval, prompt."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import cast
 
 from textual import events
@@ -11,9 +12,11 @@ from textual.screen import Screen
 from textual.timer import Timer
 from textual.widgets import Button, Input, Static
 
+from pa_console.schema.events.event import CameraStill
 from pa_console.schema.rule import Rule
 from pa_console.schema.world import World
 from pa_console.session.state import MissionTrace, SessionState
+from pa_console.session.stills import read_still
 from pa_console.tui.actions import READING_KEYS, ActionHost, first_own_key
 from pa_console.tui.approval.inputs import DECISION_KEYS
 from pa_console.tui.approval.panel import ApprovalPanel
@@ -94,6 +97,8 @@ class MainScreen(Screen[None]):
         self._plan: PlanPreview | None = None
         self._playback: Playback | None = None
         self._play_timer: Timer | None = None
+        self.log_file: Path | None = None
+        """The log of the session that is shown, None where it is not at hand."""
 
     def compose(self) -> ComposeResult:
         """Yield all panes; the style sheet decides which are seen."""
@@ -114,7 +119,12 @@ class MainScreen(Screen[None]):
                 )
                 if not self._closed_why:
                     yield ExampleOrders(example_orders(self._world), id="examples")
-                yield ApprovalPanel(self._clock, decides=self._decides, joined=self._joined)
+                yield ApprovalPanel(
+                    self._clock,
+                    decides=self._decides,
+                    joined=self._joined,
+                    read_still=self.read_still,
+                )
         yield from self.replay_line()
         yield MissionPrompt(
             self._history, self._names, self._clock, self._closed_why, asks=self._joined is not None
@@ -126,6 +136,10 @@ class MainScreen(Screen[None]):
     def replay_line(self) -> ComposeResult:
         """Yield the line with the position of a recording; a live session has none."""
         yield from ()
+
+    def read_still(self, still: CameraStill) -> bytes | None:
+        """Return the file of a camera's picture, None if it is not there as it was shown."""
+        return read_still(self.log_file, still)
 
     def on_mount(self) -> None:
         """Start where missions are typed."""

@@ -58,6 +58,7 @@ class RecordingScreen(MainScreen):
         """`over` another screen one can go back; `view` is the pane that is shown at first."""
         super().__init__(world, rules, History(None), closed=CLOSED, mode="REPLAY", clock=clock)
         self.world, self.player = world, player
+        self.log_file = player.recording.path
         self._seen_at = clock()
         self._over, self._view = over, view
         self._dirty: frozenset[str] = ALL_VIEWS

@@ -1,0 +1,164 @@
+"""Takes the pictures that an operator is shown of a track, and emits that it has.
+
+While a plan waits that concerns a track in a camera's sight, its picture is taken, and again every
+RETAKE_S. It is for the operator's eyes alone: nothing here is read by the planner, a rule, a
+rehearsal or the judge, and no plan waits for it.
+"""
+
+import asyncio
+import hashlib
+import math
+import re
+from collections.abc import Callable
+from pathlib import Path
+from time import monotonic
+
+from pa_console.fleets.fleet import Filmed, Fleet
+from pa_console.fleets.snapshot import SnapshotError, fetch_snapshot
+from pa_console.schema.events import event as ev
+from pa_console.schema.mission import Mission
+from pa_console.schema.telemetry import Picture, Track
+from pa_console.session.stills import keep_still
+
+RETAKE_S, MOST_TAKEN = 10.0, 12
+"""Seconds between two pictures for one plan, and the most that are taken for it."""
+FRESH_S = 3.0
+"""The age up to which a picture is shown again where another one is asked for."""
+
+
+def _ends(payload: ev.EventPayload) -> bool:
+    """Return whether a plan waits no longer after an event of its mission."""
+    if isinstance(payload, ev.DecisionMade):
+        return payload.accepted
+    return isinstance(payload, ev.PlanVoided | ev.MissionPreempted | ev.MissionFinished)
+
+
+def tracks_of(request: ev.ApprovalRequested, mission: Mission, picture: Picture) -> list[Track]:
+    """Return the tracks that a plan concerns: the mission's, those it names, or at its gates.
+
+    The nearest to its gate comes first.
+    """
+    if mission.subject in picture.tracks:
+        return [picture.tracks[mission.subject]]
+    told = f"{mission.text} {request.asked} {request.plan.reason}"
+    words = set(re.findall(r"\w+", told))
+    named = [track for name, track in picture.tracks.items() if name in words]
+    places = {action.target for action in request.plan.actions} | {mission.gate}
+    there = named or [track for track in picture.tracks.values() if track.gate in places]
+    return sorted(there, key=lambda track: track.distance_m)
+
+
+def camera_of(fleet: Fleet, picture: Picture, track: Track) -> str | None:
+    """Return the nearest camera that has `track` in sight, None for none.
+
+    It is one that has an address and looks there. Where the fleet makes pictures, others count too,
+    as long as they work and detect the track now.
+    """
+    cameras, drawn = fleet.world.cameras, isinstance(fleet, Filmed)
+
+    def sees(name: str) -> bool:
+        report, camera = picture.cameras.get(name), cameras[name]
+        if camera.snapshot is not None:
+            return name in track.seen_by or camera.covers(track.position)
+        return drawn and name in track.seen_by and report is not None and report.works
+
+    def away(name: str) -> float:
+        return math.dist(cameras[name].at, track.position)
+
+    return min(filter(sees, cameras), key=away, default=None)
+
+
+class CameraStills:
+    """Takes stills of one session and keeps them beside its log."""
+
+    def __init__(self, fleet: Fleet, log: Path, emit: Callable[..., None]) -> None:
+        """`emit` takes a still, and the id of its mission if it is for one."""
+        self._fleet, self._log, self._emit = fleet, log, emit
+        self._watched = ""
+        self._watching: asyncio.Task[None] | None = None
+        self._last: dict[str, tuple[float, ev.CameraStill]] = {}
+        self._over = False
+
+    def see(self, payload: ev.EventPayload, mission: Mission | None) -> None:
+        """Begin to take pictures for a plan of `mission` that waits, or end it."""
+        if isinstance(payload, ev.ApprovalRequested) and mission is not None:
+            self._stop()
+            self._watched = mission.id
+            self._watching = asyncio.create_task(self._watch(payload, mission))
+        elif isinstance(payload, ev.SessionEnded):
+            self._over = True
+            self._stop()
+        elif mission is not None and mission.id == self._watched and _ends(payload):
+            self._stop()
+
+    def _stop(self) -> None:
+        if self._watching is not None:
+            self._watching.cancel()
+        self._watching, self._watched = None, ""
+
+    async def _watch(self, request: ev.ApprovalRequested, mission: Mission) -> None:
+        track = ""
+        for _ in range(MOST_TAKEN):
+            picture = self._fleet.picture()
+            if track not in picture.tracks:
+                concerned = tracks_of(request, mission, picture)
+                seen = (each.id for each in concerned if camera_of(self._fleet, picture, each))
+                track = next(seen, "")
+            if track:
+                await self._take(track, mission.id)
+            await asyncio.sleep(RETAKE_S)
+
+    async def take(self, track: str) -> ev.CameraStill | None:
+        """Return the picture of a track, one of lately or a new one; None if no camera sees it."""
+        taken_at, last = self._last.get(track, (0.0, None))
+        if last is not None and monotonic() - taken_at < FRESH_S:
+            return last
+        return await self._take(track, None)
+
+    async def _take(self, track: str, mission: str | None) -> ev.CameraStill | None:
+        """Take, keep and emit a picture; whatever goes wrong with it is told in its place."""
+        picture = self._fleet.picture()
+        known = picture.tracks.get(track)
+        camera = camera_of(self._fleet, picture, known) if known is not None else None
+        if camera is None:
+            return None
+        still = ev.CameraStill(track=track, camera=camera, taken_s=self._fleet.time_s)
+        try:
+            content = await self._picture(camera, track)
+            taken = {
+                "sha256": hashlib.sha256(content).hexdigest(),
+                "format": "png" if content.startswith(b"\x89PNG") else "jpg",
+            }
+            still = still.model_copy(update=taken)
+            await asyncio.to_thread(keep_still, self._log, content, still)
+        except Exception as error:  # a picture must not end the session
+            still = still.model_copy(update={"sha256": None, "problem": _problem(error)})
+        if not self._over:
+            known_still = self._last.items()
+            self._last = {name: last for name, last in known_still if name in picture.tracks}
+            self._last[track] = monotonic(), still
+            self._emit(still, mission)
+        return still
+
+    async def _picture(self, camera: str, track: str) -> bytes:
+        """Return a picture of the camera; nothing waits for it but this task."""
+        url = self._fleet.world.cameras[camera].snapshot
+        if url is not None:
+            return await fetch_snapshot(url)
+        make = self._fleet.still(camera, track) if isinstance(self._fleet, Filmed) else None
+        if make is None:
+            raise SnapshotError("gives no picture")
+        return await asyncio.to_thread(make)
+
+
+def _problem(error: Exception) -> str:
+    """Return in words why there is no picture."""
+    match error:
+        case SnapshotError():
+            return str(error)
+        case OSError():
+            return f"its picture cannot be kept: {error.strerror or type(error).__name__}"
+        case ImportError():
+            return "pictures need Pillow: pip install pillow"
+        case _:
+            return f"its picture cannot be made: {type(error).__name__}"

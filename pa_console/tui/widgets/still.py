@@ -1,0 +1,121 @@
+"""A camera's picture of a track in half blocks, two pixels a cell, with its caption.
+
+Half blocks are what every terminal shows, what a screen's copy can hold, and what scrolls with the
+rest. Pixels of Kitty or Sixel would need a question to the terminal before the console starts,
+whose answer is read from the operator's keys.
+"""
+
+from collections.abc import Callable, Iterator
+from io import BytesIO
+from itertools import groupby
+
+from textual.content import Content
+from textual.widget import Widget
+
+from pa_console.schema.events.event import CameraStill
+from pa_console.tui.status_words import QUIET
+
+ReadStill = Callable[[CameraStill], bytes | None]
+"""Returns the kept file of a still, None if it is not at hand as it was."""
+
+BESIDE = 40
+"""Cells from which on the caption stands beside the picture, not below it."""
+STILL_ROWS = 7
+"""Lines of a picture with its caption beside it."""
+_CAPTION, _MOST_PIXELS = 16, 4_000_000
+
+
+def half_blocks(content: bytes, columns: int, rows: int) -> list[Content]:
+    """Return a picture as lines that fit into `columns` and `rows`; none if it cannot be read."""
+    try:
+        from PIL import Image  # noqa: PLC0415 - only where a picture is shown
+
+        with Image.open(BytesIO(content), formats=("JPEG", "PNG")) as image:
+            if image.width * image.height > _MOST_PIXELS:
+                return []
+            scale = min(columns / image.width, 2 * rows / image.height)
+            width = max(round(image.width * scale), 1)
+            height = max(round(image.height * scale / 2), 1)
+            small = image.convert("RGB").resize((width, 2 * height), Image.Resampling.BOX)
+    except (ImportError, OSError, ValueError, SyntaxError):
+        return []
+    raw, across = small.tobytes(), 3 * width
+    return [
+        Content.assemble(*_cells(raw[y * across :][:across], raw[(y + 1) * across :][:across]))
+        for y in range(0, 2 * height, 2)
+    ]
+
+
+def _cells(upper: bytes, lower: bytes) -> Iterator[tuple[str, str]]:
+    """Yield the cells of two rows of pixels, equal ones together."""
+    pairs = (
+        f"#{upper[i : i + 3].hex()} on #{lower[i : i + 3].hex()}" for i in range(0, len(upper), 3)
+    )
+    for style, cells in groupby(pairs):
+        yield "▀" * sum(1 for _ in cells), style
+
+
+class StillView(Widget):
+    """Shows a picture, and how old it is; takes no room without one."""
+
+    DEFAULT_CSS = f"""
+    StillView {{ width: 100%; height: {STILL_ROWS}; }}
+    StillView.-empty {{ display: none; }}
+    """
+
+    def __init__(self, read: ReadStill) -> None:
+        super().__init__(classes="-empty")
+        self._read = read
+        self._still: CameraStill | None = None
+        self._content = b""
+        self._now_s: float | None = None
+        self._drawn: tuple[tuple[int, int], list[Content]] | None = None
+
+    @property
+    def has_room(self) -> bool:
+        """True if there is a picture, so that it takes room."""
+        return not self.has_class("-empty")
+
+    def show(self, still: CameraStill | None) -> bool:
+        """Show another picture, None for none; returns whether the room it takes has changed."""
+        if still != self._still:
+            self._still, self._drawn = still, None
+            self._content = (self._read(still) if still is not None else None) or b""
+            self.refresh()
+        before = self.has_room
+        self.set_class(not (self._content and half_blocks(self._content, 1, 1)), "-empty")
+        return self.has_room != before
+
+    def tell_age(self, now_s: float) -> None:
+        """Show how old the picture is at a moment of the session's clock."""
+        before, self._now_s = self._age, now_s
+        if self._age != before:
+            self.refresh()
+
+    @property
+    def _age(self) -> str:
+        if self._still is None or self._now_s is None:
+            return ""
+        return f"{max(self._now_s - self._still.taken_s, 0.0):.0f} s ago"
+
+    def render(self) -> Content:
+        """Return the picture and its caption, beside it where there is room."""
+        still, (width, height) = self._still, self.content_size
+        if still is None or width < 1 or height < 3:
+            return Content()
+        beside = width >= BESIDE
+        room = (width - _CAPTION, height) if beside else (width, height - 2)
+        if self._drawn is None or self._drawn[0] != room:
+            self._drawn = room, half_blocks(self._content, *room)
+        lines = self._drawn[1]
+        if not beside:
+            told = f"{still.track}, {self._age}".removesuffix(", ")
+            return Content("\n").join([*lines, _quiet(told, width), _quiet(still.camera, width)])
+        said = [_quiet(text, _CAPTION - 1) for text in (still.track, still.camera, self._age)]
+        said += [Content()] * (len(lines) - len(said))
+        rows = zip(lines, said, strict=False)
+        return Content("\n").join(Content.assemble(line, " ", text) for line, text in rows)
+
+
+def _quiet(text: str, width: int) -> Content:
+    return Content.styled(text, QUIET).truncate(width, ellipsis=True)
