@@ -27,6 +27,8 @@ from pa_console.signing import KEY_VARIABLE
 from tests.cli.inside import Call, caller
 from tests.scripted import ScriptedEngine, plan
 
+pytestmark = pytest.mark.invariant
+
 
 class Readers(ScriptedEngine):
     """A planner and a judge that read what they are told, each as sure as it is told."""
