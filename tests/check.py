@@ -14,6 +14,7 @@ import time
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
+from typing import cast
 
 import grimp
 import pytest
@@ -163,7 +164,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Begin with the invariants, and leave out what else their files hold."""
-    near = {ROOT / path for path in config.getoption("--nearest")}
+    near = {ROOT / path for path in cast(list[str], config.getoption("--nearest"))}
     wanted = [item for item in items if _is_invariant(item) or item.path in near]
     if dropped := [item for item in items if item not in wanted]:
         config.hook.pytest_deselected(items=dropped)
