@@ -391,6 +391,17 @@ class MissionQueue:
         self._before |= {(mission_id, other) for other in ids[new:]}
         entry.deferred, entry.moved = False, True
 
+    def let_first(self, other: str) -> QueueEntry:
+        """Let the next mission go before `other`, which is worked on and will wait again.
+
+        Raises ValueError when nothing waits.
+        """
+        entries = self.entries
+        if not entries:
+            raise ValueError("no mission waits")
+        self._before.add((entries[0].mission.id, other))
+        return entries[0]
+
     def refresh(self, alarms: Iterable[Alarm]) -> None:
         """Take priorities and distances from the alarms as they stand now."""
         known = {alarm.id: alarm for alarm in alarms}

@@ -195,10 +195,25 @@ class MissionWorker:
         moving = self._run.moving
         entry = None if self._gives_way else self._intake.emergency(mission, moving=moving)
         if entry is not None:
-            self._gives_way = True
-            payload = ev.MissionPreempted(by=entry.mission.id, reason=entry.reason)
-            self._emit(payload, mission.id)
-            self._work.cancel()
+            self._give_way(self._run, self._work, entry.mission.id, entry.reason)
+
+    def let_next_go_first(self) -> None:
+        """Let the next mission go before the active one, which waits again and is planned anew.
+
+        Raises ValueError when there is no such mission, or an asset is moving for the active one.
+        """
+        run, work = self._run, self._work
+        if run is None or work is None or work.done():
+            raise ValueError("no mission is active: the next one begins by itself")
+        if run.moving:
+            raise ValueError(f"{run.mission.id} is under way: cancel it, or wait for its end")
+        entry = self._intake.queue.let_first(run.mission.id)
+        self._give_way(run, work, entry.mission.id, "the operator's order")
+
+    def _give_way(self, run: MissionRun, work: asyncio.Task[object], by: str, reason: str) -> None:
+        self._gives_way = True
+        self._emit(ev.MissionPreempted(by=by, reason=reason), run.mission.id)
+        work.cancel()
 
     def drop(self, mission: Mission, reason: str) -> None:
         """End a mission that waits and will not get its turn."""
