@@ -3,7 +3,7 @@
 Run by `make check`. Changed is what differs from where the branch left the main one, committed or
 not. Types are checked in the changed modules and those that import them. The tests of a changed
 module are the files nearest to it in the import graph; of a file that no test imports, those of
-its package whose text names it. Invariants run first and always; a test that has not begun when
+its package whose text names it; of many, those of the most changed modules. Invariants run first and always; a test that has not begun when
 the time is up is skipped.
 """
 
@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 import tomllib
+from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 from typing import cast
@@ -23,6 +24,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = {"pa_console": Path(), "tests": Path(), "pa_training": Path("models/training")}
 """The packages whose imports are followed, and the folder that holds each."""
 MAIN = ("origin/main", "main")
+MOST_FILES = 24
+"""The most files of tests, those nearest to the most changed modules, besides the invariants."""
 TIME_S = 60.0
 """So long after the tests began, one that is no invariant does not begin any more."""
 
@@ -138,9 +141,13 @@ def main(arguments: list[str]) -> int:
     print(f"{len(changed)} files changed; types of {len(files)} modules", flush=True)
     if files and _run("pyright", "--pythonpath", sys.executable, *files):
         return 1
-    nearest = dict.fromkeys(test for path in changed for test in imports.nearest_tests(path))
-    invariants = invariant_tests()
+    found = Counter(test for path in changed for test in imports.nearest_tests(path))
+    found.update({path: len(changed) for path in changed if _is_test(path) and path in found})
+    nearest = [path for path, _ in found.most_common(MOST_FILES)]
+    invariants, left_out = invariant_tests(), len(found) - len(nearest)
     print(f"tests: {len(invariants)} files of invariants, {len(nearest)} nearest to the change")
+    if left_out:
+        print(f"{left_out} more files are as near to a changed module: `make test` runs them")
     sys.stdout.flush()
     wanted = map(str, dict.fromkeys([*invariants, *nearest]))
     near = [f"--nearest={path}" for path in nearest]
