@@ -3,8 +3,8 @@
 Run by `make check`. Changed is what differs from where the branch left the main one, committed or
 not. Types are checked in the changed modules and those that import them. The tests of a changed
 module are the files nearest to it in the import graph; of a file that no test imports, those of
-its package whose text names it; of many, those of the most changed modules. Invariants run first and always; a test that has not begun when
-the time is up is skipped.
+its package whose text names it; of many, those of the most changed modules. Invariants run first
+and always; a test that has not begun when the time is up is skipped.
 """
 
 import argparse
