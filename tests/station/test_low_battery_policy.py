@@ -4,9 +4,12 @@ import asyncio
 from collections.abc import Callable
 from contextlib import aclosing
 
+import pytest
+
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import SetBattery
 from pa_console.session.state import SessionState
+from pa_console.station import worker
 from pa_console.station.assembly import open_station
 from pa_console.station.clock import RealTimeClock
 from pa_console.station.station import ControlStation
@@ -83,3 +86,31 @@ async def test_approved_it_relieves_a_drone_while_nobody_answers(rig: Rig) -> No
     state = await shift(rig, act, relieves)
     started = state.missions[next(iter(state.standing.values())).starts[0].mission]
     assert "Drone_T02" in started.mission.text
+
+
+async def test_approved_it_does_not_wait_behind_a_plan_that_nobody_answers(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(worker, "UNANSWERED_S", 2.0)
+
+    def act(event: ev.Event, station: ControlStation) -> None:
+        match event.data:
+            case ev.ApprovalRequested() as asked if asked.standing is not None:
+                station.decide(asked.approved())
+            case ev.StandingOrderApproved():
+                station.submit(MISSION)
+            case ev.ApprovalRequested():
+                station.inject(SetBattery(asset="Drone_T02", percent=28.0))
+            case _:
+                pass
+
+    def both_asked(state: SessionState) -> bool:
+        relief, request = [one for one in state.missions.values() if one.mission.standing], None
+        if state.current is not None:
+            request = state.current.approval
+        return bool(relief) and request is not None and state.active == relief[0].mission.id
+
+    state = await shift(rig, act, both_asked)
+    _, given, relief = state.missions.values()
+    assert given.preempted == f"{relief.mission.id} goes first: {worker.NOBODY_ANSWERS}"
+    assert [entry.mission.id for entry in state.queue] == [given.mission.id]
