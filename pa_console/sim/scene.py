@@ -214,10 +214,10 @@ class AssetState:
     where the present leg began; `obstructions` are those that it has run into. `nearest_m` and
     `nearest_tick` are the least way left so far and when it was reached; `stalls` counts how often
     the leg got stuck. `heard_tick` is when the station last reached it; while it is `cut_off`, it
-    `owes` the replies about the end of its command. While it is `manual`, a person drives it; `plugged_in`, its battery stays full.
-    `place` is the frame it was at when it was at `placed_at`; its battery is as of `settled_tick`.
-    `said` is its last report, None once more than its battery may have changed since; it follows
-    from the rest, so the hash leaves it out.
+    `owes` the replies about the end of its command. While it is `manual`, a person drives it;
+    while it is `plugged_in`, its battery stays full. `place` is the frame it was at when it was at
+    `placed_at`; its battery is as of `settled_tick`. `said` is its last report, None once more than
+    its battery may have changed since; it follows from the rest, so the hash leaves it out.
     """
 
     id: str
@@ -342,6 +342,8 @@ class Scene:
         driven = sorted(name for name, asset in self.assets.items() if asset.manual)
         if driven or self.station.manual:
             parts = (*parts, driven, sorted(self.station.manual))
+        if plugged_in := sorted(name for name, each in self.assets.items() if each.plugged_in):
+            parts = (*parts, "plugged in", plugged_in)
         return hashlib.sha256(repr(parts).encode()).hexdigest()
 
 

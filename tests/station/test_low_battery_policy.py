@@ -16,6 +16,7 @@ from pa_console.station.station import ControlStation
 from tests.rig import MISSION, Rig
 from tests.scripted import ScriptedEngine, plan
 
+READ = "asked: relieve Drone_T02 at NorthGate"
 RELIEF = plan(("Drone_T04", "move_to NorthGate"), ("Drone_T02", "return_to_base"))
 
 
@@ -23,10 +24,11 @@ async def shift(
     rig: Rig,
     act: Callable[[ev.Event, ControlStation], object],
     until: Callable[[SessionState], object],
+    relief: str = RELIEF,
 ) -> SessionState:
     """Run a session in which the policy is offered, until something holds of its state."""
     station = open_station(
-        rig.site, ScriptedEngine([RELIEF] * 4).engine(), RealTimeClock(20.0), respond=True
+        rig.site, ScriptedEngine([relief] * 4).engine(), RealTimeClock(20.0), respond=True
     )
     station.offer_at_start(rig.site.world.low_battery_policy)
     state = SessionState()
@@ -114,3 +116,22 @@ async def test_approved_it_does_not_wait_behind_a_plan_that_nobody_answers(
     _, given, relief = state.missions.values()
     assert given.preempted == f"{relief.mission.id} goes first: {worker.NOBODY_ANSWERS}"
     assert [entry.mission.id for entry in state.queue] == [given.mission.id]
+
+
+async def test_approved_it_needs_no_confidence_of_a_model_in_its_own_words(rig: Rig) -> None:
+    decided: list[ev.DecisionMade] = []
+
+    def act(event: ev.Event, station: ControlStation) -> None:
+        match event.data:
+            case ev.ApprovalRequested() as asked if asked.standing is not None:
+                station.decide(asked.approved())
+            case ev.StandingOrderApproved():
+                station.inject(SetBattery(asset="Drone_T02", percent=28.0))
+            case ev.DecisionMade() as made:
+                decided.append(made)
+            case _:
+                pass
+
+    read = plan(("Drone_T04", "move_to NorthGate"), ("Drone_T02", "return_to_base"), reason=READ)
+    await shift(rig, act, lambda _: len(decided) == 2, read)
+    assert (decided[1].accepted, decided[1].decision.standing_order) == (True, "S1")
