@@ -217,7 +217,7 @@ class Watch:
 
     def take(self, event: ev.Event, state: SessionState, fleet: SimulatedFleet) -> None:
         """Take in an event that is in `state` already."""
-        now_s = fleet.time_s
+        now_s = event.tick * fleet.world.dt_s
         self.rules.take(event, now_s)
         if not isinstance(event.data, ev.TelemetryReceived):
             return
