@@ -41,11 +41,12 @@ endef
 sections = awk -v wanted=' $(1) ' '/^\# /{on = index(wanted, " " $$2 " ")} on' $(PINS)
 
 .DEFAULT_GOAL := help
-.PHONY: help console test bench train lint site audit clean
+.PHONY: help console test check bench train lint site audit clean
 
 help:
 	@echo "make console   open the console (the first time installs it and fetches the model)"
 	@echo "make test      run the tests            ARGS=... is passed on to pytest"
+	@echo "make check     check style, types and contracts, test what changed and the safety invariants (2 minutes)"
 	@echo "make bench     measure this machine     ARGS=... which benchmark, and its options (ARGS=--help)"
 	@echo "make train     make data, train adapters   ARGS=... which verb, and its options (ARGS=--help)"
 	@echo "make lint      check style, formatting, types and import contracts (of the trainer, where torch is)"
@@ -63,6 +64,12 @@ console: $(VENV)/.installed-base
 test: $(VENV)/.installed-test
 	@$(BIN)/pa-console models pull $(TEST_MODEL)
 	@$(BIN)/pytest --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder $(ARGS)
+
+check: $(VENV)/.installed-dev
+	@$(BIN)/ruff check --quiet .
+	@$(BIN)/ruff format --check --quiet .
+	@$(BIN)/lint-imports --no-logo | tail -n 1
+	@$(BIN)/python -m tests.check --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder $(ARGS)
 
 bench: $(VENV)/.installed-test
 	@$(BIN)/python -m tests.benchmarks $(ARGS)

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
 
+from pa_console.language.canonical.reading import says_plainly
 from pa_console.language.references.resolution import chosen, names_something
 from pa_console.language.references.scene import Move
 from pa_console.mission.context import Emit, MissionContext, MissionResult, Services, ordered_by
@@ -373,6 +374,8 @@ class MissionRun:
             verdict = planned.best.verdict
             judged = planned.steps or planned.by_grammar or verdict is not None
             planned = planned if judged else await judge(context, planned)
+            if self.mission.standing and says_plainly(retrieved.task.text, planned.best.asked):
+                planned = replace(planned, by_grammar=True)
             if self._questions < MOST_QUESTIONS:
                 unknown = unknown_place(planned, context.services.fleet.world)
                 question = self._understood.unsettled if self._understood is not None else None

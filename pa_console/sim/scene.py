@@ -214,10 +214,10 @@ class AssetState:
     where the present leg began; `obstructions` are those that it has run into. `nearest_m` and
     `nearest_tick` are the least way left so far and when it was reached; `stalls` counts how often
     the leg got stuck. `heard_tick` is when the station last reached it; while it is `cut_off`, it
-    `owes` the replies about the end of its command. While it is `manual`, a person drives it.
-    `place` is the frame it was at when it was at `placed_at`; its battery is as of `settled_tick`.
-    `said` is its last report, None once more than its battery may have changed since; it follows
-    from the rest, so the hash leaves it out.
+    `owes` the replies about the end of its command. While it is `manual`, a person drives it;
+    while it is `plugged_in`, its battery stays full. `place` is the frame it was at when it was at
+    `placed_at`; its battery is as of `settled_tick`. `said` is its last report, None once more than
+    its battery may have changed since; it follows from the rest, so the hash leaves it out.
     """
 
     id: str
@@ -240,6 +240,7 @@ class AssetState:
     drift: Drift | None = None
     spoofed: str | None = None
     manual: bool = field(default=False, repr=False)
+    plugged_in: bool = field(default=False, repr=False)
     settled_tick: int = 0
     place: str | None = None
     placed_at: Point | None = None
@@ -341,6 +342,8 @@ class Scene:
         driven = sorted(name for name, asset in self.assets.items() if asset.manual)
         if driven or self.station.manual:
             parts = (*parts, driven, sorted(self.station.manual))
+        if plugged_in := sorted(name for name, each in self.assets.items() if each.plugged_in):
+            parts = (*parts, "plugged in", plugged_in)
         return hashlib.sha256(repr(parts).encode()).hexdigest()
 
 
@@ -352,7 +355,10 @@ def rouse(world: World, scene: Scene, asset: AssetState) -> None:
 
 
 def settle_battery(world: World, scene: Scene, asset: AssetState) -> None:
-    """Bring the battery up to date; a charging asset gains until it is full and then is idle."""
+    """Bring the battery up to date.
+
+    A charging asset gains until it is full; then it is idle, and stays full until it moves.
+    """
     minutes = (scene.tick - asset.settled_tick) * world.dt_s / 60.0
     asset.settled_tick = scene.tick
     before = asset.battery
@@ -362,9 +368,12 @@ def settle_battery(world: World, scene: Scene, asset: AssetState) -> None:
     if asset.task == "charging":
         asset.battery = min(100.0, before + platform.charge_pct_per_min * minutes)
         if asset.battery >= 100.0:
-            asset.task, asset.said = "idle", None
+            asset.task, asset.said, asset.plugged_in = "idle", None, True
         return
     moving = asset.speed > 0.0
+    asset.plugged_in = asset.plugged_in and not moving
+    if asset.plugged_in:
+        return
     rate = platform.drain_moving_pct_per_min if moving else platform.drain_idle_pct_per_min
     after = before - rate * minutes
     if after > 0.0:

@@ -391,6 +391,16 @@ class MissionQueue:
         self._before |= {(mission_id, other) for other in ids[new:]}
         entry.deferred, entry.moved = False, True
 
+    def let_first(self, mission_id: str, active: str) -> None:
+        """Let a mission go before the others and before `active`, which will wait again.
+
+        Raises ValueError when it does not wait.
+        """
+        others = {entry.mission.id for entry in self._waiting.values()} | {active}
+        self._find(mission_id)
+        self._release(mission_id)
+        self._before |= {(mission_id, other) for other in others - {mission_id}}
+
     def refresh(self, alarms: Iterable[Alarm]) -> None:
         """Take priorities and distances from the alarms as they stand now."""
         known = {alarm.id: alarm for alarm in alarms}

@@ -350,7 +350,7 @@ class JoinedStation:
 
     # Only the station whose session it is can do these: each raises ValueError.
     submit = cancel = release = acknowledge = move = defer = withdraw = inject = _refuse
-    change_standing = mute_agent = _refuse
+    change_standing = mute_agent = let_next_go_first = _refuse
     reload_rules = accept_rules = _refuse_rules
     rules_offered = ""
 

@@ -496,6 +496,14 @@ class ControlStation:
         """Move a waiting mission by `by` places in the queue; ValueError when it does not wait."""
         self._reorder(lambda: self._intake.move(mission_id, by))
 
+    def let_next_go_first(self) -> None:
+        """Let the next mission go before the active one, of which the operator is asked something.
+
+        That one waits again. Raises ValueError when none waits, or an asset is moving already.
+        """
+        self._writable()
+        self._worker.let_next_go_first()
+
     def defer(self, mission_id: str) -> None:
         """Let everything else go before a waiting mission; ValueError when it does not wait."""
         self._reorder(lambda: self._intake.queue.defer(mission_id))

@@ -48,6 +48,9 @@ class Background:
 
 
 MOST_COUNTERSIGNED = 16
+UNANSWERED_S = 60.0
+"""A plan that waits so long for the operator gives way to a mission that need not ask anybody."""
+NOBODY_ANSWERS = "it need not ask anybody, and nobody has answered"
 EmitFor = Callable[[ev.EventPayload, str | None], None]
 """Takes an event, and the id of its mission."""
 
@@ -85,6 +88,12 @@ class MissionWorker:
         self._cancelled_for = "cancelled by the operator"
         self._answer: asyncio.Future[Decision] | None = None
         self._countersigned: deque[Decision] = deque(maxlen=MOST_COUNTERSIGNED)
+        self._asked_at_s = 0.0
+        """When the operator was asked last, on the fleet's clock."""
+        self._asked: set[str] = set()
+        """The open missions that the operator was asked about."""
+        self._first = ""
+        """The mission that was let first last."""
 
     @property
     def active(self) -> MissionRun | None:
@@ -187,22 +196,67 @@ class MissionWorker:
                 self._run.pause(paused=change == "pause", by=by)
 
     def see(self, picture: Picture) -> None:
-        """Let the active mission take in new telemetry, or give way to an emergency (WF-04)."""
+        """Let the active mission take in new telemetry, or give way.
+
+        It does to an emergency (WF-04), and unanswered to what a standing order may do unasked.
+        """
         if self._run is None or self._work is None or self._work.done():
             return
         mission = self._run.mission
         self._run.see(picture)
         moving = self._run.moving
         entry = None if self._gives_way else self._intake.emergency(mission, moving=moving)
-        if entry is not None:
-            self._gives_way = True
-            payload = ev.MissionPreempted(by=entry.mission.id, reason=entry.reason)
-            self._emit(payload, mission.id)
-            self._work.cancel()
+        # What was let first keeps its turn before what has waited for an answer in vain.
+        kept = mission.id == self._first and entry is not None and entry.mission.id in self._asked
+        if entry is not None and not kept:
+            self._give_way(self._run, self._work, entry.mission.id, entry.reason)
+        elif not self._gives_way and (unasked := self._unasked(picture.time_s)) is not None:
+            self._let_first(self._run, self._work, unasked, NOBODY_ANSWERS)
+
+    def let_next_go_first(self) -> None:
+        """Let the next mission go before the active one, which waits again and is planned anew.
+
+        Raises ValueError when there is no such mission, or an asset is moving for the active one.
+        """
+        run, work = self._run, self._work
+        if run is None or work is None or work.done():
+            raise ValueError("no mission is active: the next one begins by itself")
+        if run.moving:
+            raise ValueError(f"{run.mission.id} is under way: cancel it, or wait for its end")
+        waiting = self._intake.queue.entries
+        if not waiting:
+            raise ValueError("no mission waits")
+        self._let_first(run, work, waiting[0].mission, "the operator's order")
+
+    def _unasked(self, time_s: float) -> Mission | None:
+        """Return a waiting mission that nobody need be asked about, if nobody answers now.
+
+        One whose plan has already waited for an answer is none.
+        """
+        if not self.awaits_decision or time_s - self._asked_at_s < UNANSWERED_S:
+            return None
+        for entry in self._intake.queue.entries:
+            order = self._services.standing.find(entry.mission.standing)
+            if order is not None and order.unasked and entry.mission.id not in self._asked:
+                return entry.mission
+        return None
+
+    def _let_first(
+        self, run: MissionRun, work: asyncio.Task[object], mission: Mission, reason: str
+    ) -> None:
+        self._intake.queue.let_first(mission.id, run.mission.id)
+        self._first = mission.id
+        self._give_way(run, work, mission.id, reason)
+
+    def _give_way(self, run: MissionRun, work: asyncio.Task[object], by: str, reason: str) -> None:
+        self._gives_way = True
+        self._emit(ev.MissionPreempted(by=by, reason=reason), run.mission.id)
+        work.cancel()
 
     def drop(self, mission: Mission, reason: str) -> None:
         """End a mission that waits and will not get its turn."""
         run = self._runs.pop(mission.id, None) or self._new_run(mission)
+        self._asked.discard(mission.id)
         run.close(MissionResult("cancelled", reason))
 
     async def _work_on(self, run: MissionRun) -> None:
@@ -222,6 +276,7 @@ class MissionWorker:
         if interrupted and self._gives_way and self._intake.put_back(run.mission):
             return
         self._runs.pop(run.mission.id, None)
+        self._asked.discard(run.mission.id)
         if interrupted:
             why = "its cause is gone" if self._gives_way else self._cancelled_for
             run.close(MissionResult("cancelled", why))
@@ -240,6 +295,8 @@ class MissionWorker:
         """Return the future answer of `decide`; meanwhile, the model is idle."""
         self._verdicts.go_on()
         self._answer = answer = asyncio.get_running_loop().create_future()
+        self._asked_at_s = self._services.fleet.time_s
+        self._asked.add(self.worked_on)
         if self._countersigned:
             answer.set_result(self._countersigned.popleft())
         return answer

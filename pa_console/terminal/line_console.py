@@ -17,7 +17,7 @@ from pa_console.station.joined_station import JoinedStation
 from pa_console.station.station import ControlStation
 from pa_console.terminal.session_lines import LineOutput, SessionLines
 from pa_console.terminal.typed_lines import HOW, TypedAnswer, is_answer, read_answer, reason_of
-from pa_console.views.waiting import Waiting
+from pa_console.views.waiting import Waiting, behind_line
 
 HELP = """\
 Type a mission in plain words, and Enter. Everything else is one of these lines:
@@ -28,6 +28,7 @@ Type a mission in plain words, and Enter. Everything else is one of these lines:
   reading 1         the order was meant as this reading of those that are offered
   show              say the plan that waits once more
   mission TEXT      give TEXT as a mission while a plan waits
+  first             let the next mission go before the one that waits for your answer
   cancel            end the active mission, in any stage
   status            time, gates, stop, the active mission, what waits
   assets, alarms, queue, trace
@@ -80,8 +81,13 @@ class LineConsole(SessionLines):
     def _heed(self, event: ev.Event) -> None:
         self._observe(event)
         self.waiting.take(event, self.state, monotonic())
-        if isinstance(event.data, ev.ApprovalRequested):
-            self._ask(event.data)
+        match event.data:
+            case ev.ApprovalRequested():
+                self._ask(event.data)
+            case ev.QueueChanged() if line := behind_line(self.state, "first lets it go first"):
+                self._say(line)
+            case _:
+                pass
 
     def _ask(self, request: ev.ApprovalRequested) -> None:
         """Show the plan that waits, and ask."""
@@ -132,6 +138,8 @@ class LineConsole(SessionLines):
             self._say(HELP)
         elif word == "cancel":
             self._station.cancel()
+        elif word == "first":
+            self._station.let_next_go_first()
         elif word == "release":
             self._confirm("Release the stop: missions are taken again. Type yes", self._release)
         elif word == "seen":

@@ -29,6 +29,7 @@ Need = Literal[
     "alarm",
     "unseen",
     "queue",
+    "undecided",
     "stopped",
     "left",
 ]
@@ -147,6 +148,7 @@ def _refusal(need: Need, now: ActionContext) -> str:
         "alarm": (now.alarms > 0, "no alarm is open"),
         "unseen": (now.unseen > 0, "every alarm has been seen"),
         "queue": (now.queue > 0, "no mission waits"),
+        "undecided": (now.approval, "no mission waits for your answer"),
         "agents": (now.agents, "no agent has proposed anything"),
         "stopped": (now.stopped, "nothing is stopped"),
         "left": (now.left, "no standing order of the last session is left"),
@@ -221,6 +223,11 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("later_queued", "d", "Later", "Move the waiting mission at the pointer down",
                   "Queue", needs=(*_COMMAND, "queue"),
                   confirmed=True),
+    ConsoleAction("go_first", "alt+b,b", "Let first",
+                  "Let the next mission go before the one that waits for your answer; that one "
+                  "waits again and is planned anew", "Queue",
+                  needs=(*_COMMAND, "queue", "undecided"), confirmed=True,
+                  words="queue question stuck behind"),
     ConsoleAction("defer", "z", "Defer", "Let every other mission go before the one at the pointer",
                   "Queue", needs=(*_COMMAND, "queue"),
                   confirmed=True),

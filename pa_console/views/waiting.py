@@ -139,6 +139,21 @@ class Waiting:
         return f"{WORK[step]}: {elapsed:.0f} s{usually}{written}"
 
 
+def behind_line(state: SessionState, how: str) -> str:
+    """Return which mission waits behind the one that the operator is asked about; '' for none.
+
+    `how` is the way to let it go first.
+    """
+    current = state.current
+    if current is None or current.approval is None or not state.queue:
+        return ""
+    entry, *others = state.queue
+    more = f" and {count(len(others), 'other')}" if others else ""
+    asked = "answer to" if current.approval.state == "not_understood" else "decision on"
+    waits = "wait" if others else "waits"
+    return f"{entry.mission.id}{more} {waits} for your {asked} {current.mission.id}: {how}"
+
+
 def _rehearsed(state: SessionState, rate: float) -> str:
     trace = state.missions[state.active or ""]
     attempt = trace.find(trace.executing)

@@ -27,6 +27,8 @@ from pa_console.signing import KEY_VARIABLE
 from tests.cli.inside import Call, caller
 from tests.scripted import ScriptedEngine, plan
 
+pytestmark = pytest.mark.invariant
+
 
 class Readers(ScriptedEngine):
     """A planner and a judge that read what they are told, each as sure as it is told."""
@@ -212,7 +214,8 @@ def test_models_that_are_sure_settle_which_asset_is_described(auto: Auto, models
 
 
 @pytest.mark.parametrize(
-    ("asked", "sure"), [("swap Drone_T01 and Drone_T04", 0.6), ("swap Drone_T01 and Drone_T02", 0.99)]
+    ("asked", "sure"),
+    [("swap Drone_T01 and Drone_T04", 0.6), ("swap Drone_T01 and Drone_T02", 0.99)],
 )
 def test_it_is_asked_which_asset_is_described_where_they_are_not_or_name_another(
     auto: Auto, models: Readers, asked: str, sure: float

@@ -19,7 +19,7 @@ from pa_console.sim.worlds.world_file import load_world
 from tests.attacks.hostile_files import KINDS, bomb
 from tests.attacks.read_hostile import costs
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.invariant]
 
 WORKFLOW = """\
 name: own

@@ -16,6 +16,8 @@ from tests.rig import Rig, rig, site
 from tests.scripted import ScriptedEngine, plan
 from tests.session.tamper import KNOWN, MINE
 
+pytestmark = pytest.mark.invariant
+
 __all__ = ["rig", "site"]
 FILL = plan(("Drone_T04", "move_to EastGate"))
 

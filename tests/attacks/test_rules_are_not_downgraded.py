@@ -50,6 +50,8 @@ from tests.policy.book import RULES
 from tests.policy.test_large import MISSION
 from tests.scripted import ScriptedEngine, plan
 
+pytestmark = pytest.mark.invariant
+
 HOUSE = """\
 name: house
 version: "2"

@@ -28,6 +28,8 @@ from pa_console.station.headless import exit_code, run_missions
 from tests.attacks.stop_trial import RELIEF, LiveClock, Tapped, checkpoint, stops
 from tests.scripted import ScriptedEngine, plan
 
+pytestmark = pytest.mark.invariant
+
 STOPS = int(os.environ.get("PA_CONSOLE_STOPS", "300"))
 """So many random missions are stopped; `python -m tests.attacks.stop_campaign` takes more."""
 

@@ -3,7 +3,7 @@
 import typer
 
 from pa_console.cli.main import run
-from tests.benchmarks import live, load, scale, screen, twins
+from tests.benchmarks import live, load, scale, screen, shift, twins
 from tests.benchmarks.degradation import degradation
 from tests.benchmarks.judge import judge
 from tests.benchmarks.retrieval import retrieval
@@ -30,6 +30,7 @@ app.command("degradation")(degradation.degradation)
 app.command("judge")(judge.judge)
 app.command("start")(start.start)
 app.command("screen")(screen.screen)
+app.command("shift")(shift.shift)
 
 if __name__ == "__main__":
     run(app, NAME)

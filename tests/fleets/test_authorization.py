@@ -30,6 +30,8 @@ from tests.fleets.keyring import (
     token_of,
 )
 
+pytestmark = pytest.mark.invariant
+
 MOVE, BLOCK = order(), order("block")
 SAID = auth.words(MOVE)
 ALONE = """

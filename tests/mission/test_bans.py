@@ -21,6 +21,8 @@ from tests.mission.gate import send
 from tests.rig import Rig
 from tests.scripted import ScriptedEngine, plan
 
+pytestmark = pytest.mark.invariant
+
 WORLD = shipped_world()
 NOBODY_SOUTH = Ban(places=("SouthGate",))
 

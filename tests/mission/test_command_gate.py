@@ -19,6 +19,8 @@ from pa_console.session.log.writer import Journal
 from pa_console.sim.worlds.world_file import load_world
 from tests.mission.gate import send
 
+pytestmark = pytest.mark.invariant
+
 WORLD = load_world(data_folder() / "worlds" / "checkpoint" / "world.yaml")
 APPROVE = Decision(kind="approve")
 RULES = Rulebook("none", "", ())

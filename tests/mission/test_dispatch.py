@@ -3,11 +3,14 @@
 import random
 from itertools import pairwise
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from pa_console.mission.execution.dispatch import ACKNOWLEDGE_S, ASK_AGAIN_S, TIMED_OUT, Dispatch
 from pa_console.schema.command import CommandReply, DeviceCommand, ReplyStatus
+
+pytestmark = pytest.mark.invariant
 
 DT_S, LIMIT_S = 0.1, 20.0
 COMMANDS = tuple(

@@ -22,6 +22,8 @@ from pa_console.session.log.writer import Journal
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.station.assembly import Site
 
+pytestmark = pytest.mark.invariant
+
 
 def stops_of(sim: Checkpoint) -> EmergencyStop:
     fleet = SimulatedFleet(sim)

@@ -32,6 +32,8 @@ from tests.fleets.keyring import (
 from tests.mission.gate import send
 from tests.mission.test_command_gate import WORLD
 
+pytestmark = pytest.mark.invariant
+
 ASKED = {"block": 2, "override": 2, "acknowledge": 2}
 RULE = Rule(id="ROE-01", domain="ROE", priority="high", text="r")
 BOOK = Rulebook(

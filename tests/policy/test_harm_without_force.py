@@ -22,6 +22,8 @@ from pa_console.schema.rule import RuleExample
 from pa_console.schema.telemetry import Picture
 from tests.policy.book import checkpoint_rules
 
+pytestmark = pytest.mark.invariant
+
 BOOK = checkpoint_rules()
 RULES = {rule.id: rule for rule in BOOK.rules}
 OWN = ("ROE-13", "ROE-14", "ROE-15")

@@ -11,6 +11,8 @@ from pa_console.session.log.signed_head import head_path
 from pa_console.session.log.verification import DamageKind, verify
 from tests.session.tamper import KNOWN, TAMPERS, Tamper, damaged, write_signed
 
+pytestmark = pytest.mark.invariant
+
 
 @pytest.mark.parametrize("tamper", TAMPERS, ids=lambda tamper: tamper.name)
 def test_each_kind_of_damage_is_named_with_its_line(tamper: Tamper, tmp_path: Path) -> None:

@@ -17,6 +17,8 @@ from tests.schema.strategies import events
 from tests.session.logs import kept, write_log
 from tests.session.story import at, session_started, telemetry
 
+pytestmark = pytest.mark.invariant
+
 
 class Clock:
     """A clock that the test sets."""

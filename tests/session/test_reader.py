@@ -17,6 +17,8 @@ from tests.session.logs import write_log
 from tests.session.story import story
 from tests.session.tamper import rehashed
 
+pytestmark = pytest.mark.invariant
+
 Tamper = Callable[[bytes], VerifyResult]
 
 

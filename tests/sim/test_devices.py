@@ -206,3 +206,14 @@ def test_a_degraded_asset_goes_on_at_a_part_of_its_speed(sim: Checkpoint) -> Non
     sim.inject(RestoreAsset(asset="Ugv_T02"))
     run(sim, 1.0)
     assert sim.picture().assets["Ugv_T02"].status == "ok"
+
+
+def test_an_asset_that_is_full_stays_full_at_the_base_until_it_moves(sim: Checkpoint) -> None:
+    sim.inject(SetBattery(asset="Drone_T04", percent=95.0))
+    carry_out(sim, "Drone_T04", "return_to_base")
+    run(sim, 1200.0)
+    parked = sim.truth().assets["Drone_T04"]
+    assert (parked.task, parked.battery_pct) == ("idle", 100.0)
+    carry_out(sim, "Drone_T04", "move_to", "Checkpoint")
+    run(sim, 60.0)
+    assert sim.truth().assets["Drone_T04"].battery_pct < 98.0

@@ -4,15 +4,19 @@ import asyncio
 from collections.abc import Callable
 from contextlib import aclosing
 
+import pytest
+
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import SetBattery
 from pa_console.session.state import SessionState
+from pa_console.station import worker
 from pa_console.station.assembly import open_station
 from pa_console.station.clock import RealTimeClock
 from pa_console.station.station import ControlStation
 from tests.rig import MISSION, Rig
 from tests.scripted import ScriptedEngine, plan
 
+READ = "asked: relieve Drone_T02 at NorthGate"
 RELIEF = plan(("Drone_T04", "move_to NorthGate"), ("Drone_T02", "return_to_base"))
 
 
@@ -20,10 +24,11 @@ async def shift(
     rig: Rig,
     act: Callable[[ev.Event, ControlStation], object],
     until: Callable[[SessionState], object],
+    relief: str = RELIEF,
 ) -> SessionState:
     """Run a session in which the policy is offered, until something holds of its state."""
     station = open_station(
-        rig.site, ScriptedEngine([RELIEF] * 4).engine(), RealTimeClock(20.0), respond=True
+        rig.site, ScriptedEngine([relief] * 4).engine(), RealTimeClock(20.0), respond=True
     )
     station.offer_at_start(rig.site.world.low_battery_policy)
     state = SessionState()
@@ -83,3 +88,50 @@ async def test_approved_it_relieves_a_drone_while_nobody_answers(rig: Rig) -> No
     state = await shift(rig, act, relieves)
     started = state.missions[next(iter(state.standing.values())).starts[0].mission]
     assert "Drone_T02" in started.mission.text
+
+
+async def test_approved_it_does_not_wait_behind_a_plan_that_nobody_answers(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(worker, "UNANSWERED_S", 2.0)
+
+    def act(event: ev.Event, station: ControlStation) -> None:
+        match event.data:
+            case ev.ApprovalRequested() as asked if asked.standing is not None:
+                station.decide(asked.approved())
+            case ev.StandingOrderApproved():
+                station.submit(MISSION)
+            case ev.ApprovalRequested():
+                station.inject(SetBattery(asset="Drone_T02", percent=28.0))
+            case _:
+                pass
+
+    def both_asked(state: SessionState) -> bool:
+        relief, request = [one for one in state.missions.values() if one.mission.standing], None
+        if state.current is not None:
+            request = state.current.approval
+        return bool(relief) and request is not None and state.active == relief[0].mission.id
+
+    state = await shift(rig, act, both_asked)
+    _, given, relief = state.missions.values()
+    assert given.preempted == f"{relief.mission.id} goes first: {worker.NOBODY_ANSWERS}"
+    assert [entry.mission.id for entry in state.queue] == [given.mission.id]
+
+
+async def test_approved_it_needs_no_confidence_of_a_model_in_its_own_words(rig: Rig) -> None:
+    decided: list[ev.DecisionMade] = []
+
+    def act(event: ev.Event, station: ControlStation) -> None:
+        match event.data:
+            case ev.ApprovalRequested() as asked if asked.standing is not None:
+                station.decide(asked.approved())
+            case ev.StandingOrderApproved():
+                station.inject(SetBattery(asset="Drone_T02", percent=28.0))
+            case ev.DecisionMade() as made:
+                decided.append(made)
+            case _:
+                pass
+
+    read = plan(("Drone_T04", "move_to NorthGate"), ("Drone_T02", "return_to_base"), reason=READ)
+    await shift(rig, act, lambda _: len(decided) == 2, read)
+    assert (decided[1].accepted, decided[1].decision.standing_order) == (True, "S1")

@@ -1,5 +1,8 @@
 """One short question back where an answer settles it, and what becomes of the answer."""
 
+import asyncio
+from contextlib import aclosing
+
 import pytest
 
 from pa_console.mission.approval import Approver, inadmissible, standing_approver
@@ -9,6 +12,8 @@ from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan
 from pa_console.session.state import MissionTrace, SessionState
 from pa_console.station.headless import run_missions
+from pa_console.station.station import ControlStation
+from pa_console.views.waiting import behind_line
 from tests.rig import Rig
 from tests.scripted import ScriptedEngine, plan
 
@@ -119,3 +124,53 @@ async def test_small_talk_after_an_order_moves_nobody(rig: Rig) -> None:
     _, *others = await talk(rig, engine, *texts)
     assert {trace.status for trace in others} == {"held"}
     assert sent(rig) == ["Ugv_T02 EastGate"]
+
+
+async def test_a_mission_behind_a_question_can_go_first_and_the_question_is_asked_again(
+    rig: Rig,
+) -> None:
+    station = rig.station(ScriptedEngine([TO_EAST, TO_WEST]))
+    state, asked = SessionState(), list[str | None]()
+    approve = answering("WestGate")
+    async with asyncio.timeout(60), aclosing(station.run()) as events:
+        async for event in events:
+            state.apply(event)
+            rig.events.append(event)
+            match event.data:
+                case ev.SessionStarted():
+                    for incident in TWO_BARE:
+                        station.inject(incident)
+                    station.submit(ORDER)
+                case ev.ApprovalRequested(state="not_understood") if not asked:
+                    asked.append(event.mission)
+                    with pytest.raises(ValueError, match="no mission waits"):
+                        station.let_next_go_first()
+                    station.submit("Ugv_T02 to the east gate.")
+                case ev.QueueChanged(entries=(entry,)) if asked and station.awaits_decision:
+                    waits = f"{entry.mission.id} waits for your answer to {asked[0]}: b"
+                    assert behind_line(state, "b") == waits
+                    station.let_next_go_first()
+                case ev.ApprovalRequested() as request:
+                    asked.append(event.mission)
+                    station.decide(approve(request))
+                case ev.MissionFinished() if all(one.status for one in state.missions.values()):
+                    break
+                case _:
+                    pass
+    first, second = state.missions
+    assert asked == [first, second, first, first]
+    assert sent(rig) == ["Ugv_T02 EastGate", "Ugv_T02 WestGate"]
+
+
+async def test_nothing_goes_before_a_mission_that_moves_an_asset(rig: Rig) -> None:
+    refused: list[str] = []
+
+    def act(event: ev.Event, station: ControlStation) -> None:
+        if isinstance(event.data, ev.CommandSent) and not refused:
+            station.submit("Ugv_T01 to the west gate.")
+            with pytest.raises(ValueError, match="is under way"):
+                station.let_next_go_first()
+            refused.append("told")
+
+    await rig.run(ScriptedEngine([TO_EAST]), text="Ugv_T02 to the east gate.", on_event=act)
+    assert refused

@@ -83,6 +83,7 @@ class ScriptedStation:
         self.acknowledged: list[str] = []
         self.moved: list[tuple[str, int]] = []
         self.deferred: list[str] = []
+        self.let_first = 0
         self.withdrawn: list[str] = []
         self.changed: list[tuple[str, Change]] = []
         self.closed = False
@@ -251,6 +252,11 @@ class ScriptedStation:
         """Record a deferred mission."""
         self._refuse()
         self.deferred.append(mission_id)
+
+    def let_next_go_first(self) -> None:
+        """Count how often the next mission was to go first."""
+        self._refuse()
+        self.let_first += 1
 
     def withdraw(self, mission_id: str) -> None:
         """Record a withdrawn mission."""

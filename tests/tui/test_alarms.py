@@ -9,7 +9,7 @@ from pa_console.session.state import SessionState
 from pa_console.tui.actions import ACTIONS, ActionContext
 from pa_console.tui.widgets.alarms import AlarmBar, AlarmPane, summary
 from pa_console.tui.widgets.event_list import EventList
-from pa_console.tui.widgets.mission_prompt import MissionInput
+from pa_console.tui.widgets.mission_prompt import MissionInput, MissionPrompt
 from tests.tui import living, story
 from tests.tui.scripted import ScriptedStation, Show, console, settle
 from tests.tui.story import stamped
@@ -111,6 +111,21 @@ async def test_a_refusal_is_told(tmp_path: Path) -> None:
         await pilot.press("escape", "o", "z", "enter")
         await settle(pilot)
         assert told(app, "does not wait") == 1
+
+
+@pytest.mark.parametrize("where", [("escape",), ("escape", "slash")])
+async def test_what_waits_behind_a_plan_says_so_and_goes_first_by_one_key(
+    show: Show, where: tuple[str, ...]
+) -> None:
+    station = ScriptedStation(story.told("approval"))
+    station.emit(ev.QueueChanged(entries=living.QUEUE[1:]), mission=None)
+    async with show(station) as (app, pilot, station, _):
+        line = app.screen.query_one(MissionPrompt).border_title
+        waits = f"{living.QUEUE[1].mission.id} waits for your decision on {story.MISSION.id}"
+        assert f"{waits}: alt+b lets it go first" in str(line)
+        await pilot.press(*where, "alt+b")
+        await settle(pilot, station)
+        assert station.let_first == 1
 
 
 async def test_every_waiting_mission_has_place_priority_and_reason(show: Show) -> None:

@@ -179,6 +179,16 @@ def test_the_map_shows_which_gate_loses_cover() -> None:
     assert "1→0" in text
 
 
+@pytest.mark.parametrize("height", [11, 12])
+def test_a_low_map_such_as_a_replay_s_names_what_the_plan_does_not_concern(height: int) -> None:
+    scene, plan = MapScene(WORLD), preview()
+    canvas = scene.draw(plan.before, 70, height, plan=PlanLayer(plan, scene.short))
+    text = "\n".join(canvas.lines())
+    aside = [name for name in plan.before.assets if name not in plan.involved]
+    assert len(aside) > 4
+    assert [name for name in aside if scene.short[name] not in text] == []
+
+
 def test_what_is_in_trouble_is_never_dimmed() -> None:
     failed = living.seen_picture()
     told = story.rehearsal().model_copy(update={"before": failed})

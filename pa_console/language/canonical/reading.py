@@ -352,6 +352,30 @@ def plain_reading(asked: str) -> str:
     return f"{told}; all others stay" if others else told
 
 
+_OPEN = ("another asset", "another one", "somebody", "somebody else")
+"""The ways to leave open in plain words who does something."""
+
+
+def says_plainly(text: str, asked: str) -> bool:
+    """Return whether `text` is the one clause of the reading `asked` in plain words.
+
+    Such words need no reader: they have one meaning. The place may be left out where an asset is
+    named that is there.
+    """
+    found = clause_of(asked.removeprefix(ASKED).rstrip("; "))
+    if found is None:
+        return False
+    clause, said = found
+    ways = [said]
+    if "who" not in said:
+        ways += [{**said, "who": who} for who in _OPEN]
+    if "leaving" in said:
+        ways += [{slot: value for slot, value in way.items() if slot != "place"} for way in ways]
+    plain = " ".join(text.split()).rstrip(".").casefold()
+    fitting = (way for way in ways if clause.plain.fits(way))
+    return any(clause.plain.write(way).casefold() == plain for way in fitting)
+
+
 def _plain_clauses(words: str) -> str:
     return listed([_clause(clause) for clause in words.split("; ")])
 

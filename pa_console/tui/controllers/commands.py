@@ -197,6 +197,10 @@ class CommandController:
         """Move the waiting mission at the pointer by one place."""
         self._with_queued("Move", lambda station, name: station.move(name, by))
 
+    def let_next_go_first(self) -> None:
+        """Let the next mission go before the one that waits for the operator."""
+        self.attempt("Let first", lambda station: station.let_next_go_first())
+
     def defer_queued(self) -> None:
         """Let every other mission go before the one at the pointer."""
         self._with_queued("Defer", lambda station, name: station.defer(name))

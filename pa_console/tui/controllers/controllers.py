@@ -64,6 +64,7 @@ HANDLERS: Mapping[str, Callable[[Controllers], None]] = {
     ),
     "sooner": lambda to: to.commands.move_queued(-1),
     "later_queued": lambda to: to.commands.move_queued(1),
+    "go_first": lambda to: to.commands.let_next_go_first(),
     "defer": lambda to: to.commands.defer_queued(),
     "withdraw": lambda to: to.commands.withdraw_queued(),
     "mute_agent": lambda to: to.commands.mute_agent(),

@@ -3,17 +3,18 @@
 import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import cast
 
 from textual.message import Message
 
 from pa_console.observability import Observer, unobserved
 from pa_console.schema.events.event import Event
-from pa_console.tui.actions import ActionContext
+from pa_console.tui.actions import ActionContext, ActionHost, first_own_key
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.refresh import ALL_VIEWS, FRAME_S, is_open, views_of
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.surroundings import LiveStation
-from pa_console.views.waiting import Waiting
+from pa_console.views.waiting import Waiting, behind_line
 
 LOOK_S = 1.0
 """The interval between two looks at the age of the telemetry, wall seconds."""
@@ -140,7 +141,10 @@ class SessionFeed:
         main = self._main()
         if main is not None:
             session = self._session
-            main.show_waiting(self.waiting.line(session.clock(), session.folded, session.rate))
+            state = session.folded
+            key = first_own_key("go_first", cast(ActionHost, self._app).keys)
+            line = self.waiting.line(session.clock(), state, session.rate)
+            main.show_waiting(line or behind_line(state, f"{key} lets it go first"))
 
     def look(self) -> None:
         """Look how long the session has been silent, and how long a step takes."""

@@ -5,7 +5,7 @@ A cell with several shows their number; names make room, markers do not.
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from math import floor
+from math import floor, inf
 from typing import NamedTuple
 
 from pa_console.schema.telemetry import AssetTelemetry, CameraReport, Track
@@ -128,7 +128,10 @@ DETAIL_FROM_COLUMNS = 60
 """A narrower map has no room for batteries that are not low."""
 
 NAMES_FROM_ROWS = 12
-"""The height below which a map has no room for the names of dimmed things."""
+"""The height below which a map has no leaders for the names of dimmed things."""
+
+_WITHOUT_LEADER = 2.0
+"""The cost of the nearest place with a leader, if it hides nothing."""
 
 _BESIDE = 0.1
 """The cost of a place right of a marker that hides nothing."""
@@ -195,23 +198,24 @@ class Markers:
     def name(self, canvas: Canvas, labels: Labels, first: Sequence[Cell], *, crowded: bool) -> None:
         """Write the names of all, those in the cells `first` and the most urgent before others.
 
-        In a crowded view only what matters is written.
+        In a crowded view only what matters is written. On a low map dimmed things come last and
+        are named beside their markers only.
         """
         details: list[tuple[list[Cell], str]] = []
         low = canvas.height < NAMES_FROM_ROWS
-        for at in sorted(self._cells, key=lambda at: (at not in first, self._rank(at))):
+        last = {at for at in self._cells if low and self._dimmed(at)}
+        for at in sorted(self._cells, key=lambda at: (at in last, at not in first, self._rank(at))):
             here = self._cells[at]
-            pointed = any(marker.id == self._pointed_at for marker in here)
-            if low and not pointed and self._symbols[at].role == "dimmed":
-                continue
+            pointed = self._pointed(at)
+            most = _WITHOUT_LEADER if at in last else inf
             if len(here) == 1 and (pointed or not crowded or here[0].is_track):
-                names = self._name_one(labels, at, here[0])
+                names = self._name_one(labels, at, here[0], most)
                 if names and self._detailed and here[0].symbol.detail:
                     details.append((names[0], here[0].symbol.detail))
             elif (crowded and not pointed) or len(here) > MOST_NAMES:
                 names = self._name_crowd(labels, at, here, crowded=crowded)
             else:
-                names = self._name_several(labels, at, here)
+                names = self._name_several(labels, at, here, most)
             if names:
                 canvas.labels[at] = names
         for cells, detail in details:
@@ -221,15 +225,21 @@ class Markers:
         """Return the cells of markers beside which nothing is written."""
         return [at for at in self._cells if at not in canvas.labels]
 
+    def _dimmed(self, at: Cell) -> bool:
+        return self._symbols[at].role == "dimmed" and not self._pointed(at)
+
+    def _pointed(self, at: Cell) -> bool:
+        return any(marker.id == self._pointed_at for marker in self._cells[at])
+
     def _rank(self, at: Cell) -> int:
         here = self._cells[at]
-        if self._pointed_at and any(marker.id == self._pointed_at for marker in here):
+        if self._pointed_at and self._pointed(at):
             return 0
         if any(marker.is_track for marker in here):
             return 1
         return 2 if self._symbols[at].role in _PRESSING else 3
 
-    def _name_one(self, labels: Labels, at: Cell, marker: Marker) -> list[list[Cell]]:
+    def _name_one(self, labels: Labels, at: Cell, marker: Marker, most: float) -> list[list[Cell]]:
         symbol = marker.symbol
         text = f"{symbol.name} {symbol.note}" if symbol.note else symbol.name
         if self._beyond(at, [marker]):
@@ -237,20 +247,22 @@ class Markers:
         line = [(f"{self._pointer(marker)}{text}", symbol.role)]
         if symbol.warning:
             line.append((f" {symbol.warning}", "warning"))
-        cells = labels.place(at, [marker.spot], [line])
+        cells = labels.place(at, [marker.spot], [line], most=most)
         return [cells] if cells else []
 
-    def _name_several(self, labels: Labels, at: Cell, here: Sequence[Marker]) -> list[list[Cell]]:
+    def _name_several(
+        self, labels: Labels, at: Cell, here: Sequence[Marker], most: float
+    ) -> list[list[Cell]]:
         """Write all names in one block, or else each where there is room."""
         spots = [marker.spot for marker in here]
         for rows in range(1, min(len(here), 3) + 1):
             size = -(-len(here) // rows)
             parts = [here[first : first + size] for first in range(0, len(here), size)]
             block = [list(self._listed(part)) for part in parts]
-            if cells := labels.place(at, spots, block, gap=1):
+            if cells := labels.place(at, spots, block, gap=1, most=most):
                 return [cells]
         each = [
-            labels.place(at, [marker.spot], [list(self._listed([marker]))], gap=1)
+            labels.place(at, [marker.spot], [list(self._listed([marker]))], gap=1, most=most)
             for marker in here
         ]
         return [cells for cells in each if cells]
