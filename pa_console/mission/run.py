@@ -376,11 +376,8 @@ class MissionRun:
             planned = planned if judged else await judge(context, planned)
             if self.mission.standing and says_plainly(retrieved.task.text, planned.best.asked):
                 planned = replace(planned, by_grammar=True)
-            if self._questions < MOST_QUESTIONS:
-                unknown = unknown_place(planned, context.services.fleet.world)
-                question = self._understood.unsettled if self._understood is not None else None
-                if (asked := unknown or unsettled(planned, question)) is not None:
-                    return asked
+            if (asked := self._open_question(planned)) is not None:
+                return asked
             was_blocked = planned.best.examination.blocked
             self._waiting = waiting = WaitingPlan(context, retrieved.task, planned.best)
             decided = await waiting.decided(planned, self._readings, self._station.decide)
@@ -421,6 +418,14 @@ class MissionRun:
         if isinstance(planned, RefusedMission):
             return MissionResult("refused", planned.reason)
         return planned
+
+    def _open_question(self, planned: PlanForDecision) -> NotUnderstood | None:
+        """Return the question that the plan leaves open, None if none may be asked any more."""
+        if self._questions >= MOST_QUESTIONS:
+            return None
+        question = self._understood.unsettled if self._understood is not None else None
+        world = self._services.fleet.world
+        return unknown_place(planned, world) or unsettled(planned, question)
 
     async def _planned(
         self, retrieved: RetrievedRules, reasons: Sequence[str], previous: str = ""
