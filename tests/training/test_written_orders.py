@@ -104,3 +104,17 @@ def test_planner_and_judge_learn_the_same_reading() -> None:
 
 def _read(sample: Sample) -> str:
     return sample.answer.partition('": "')[2]
+
+
+def test_a_later_turn_is_read_after_the_commands_of_the_turn_before() -> None:
+    found = 0
+    for name, writer in list(WRITERS.items())[:6]:
+        for sample in written_samples(name, writer):
+            before, _, mission = sample.rest.rpartition("Mission: ")
+            assert mission
+            if before:
+                found += 1
+                assert re.fullmatch(
+                    r"Before: (?:\w+ [a-z_]+(?: \w+)?(?: from \w+)?;? ?)+\n", before
+                )
+    assert found
