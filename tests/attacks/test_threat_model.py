@@ -7,21 +7,16 @@ import pa_console
 from pa_console.manual_pages import load_manual
 
 ROOT = Path(pa_console.__file__).parents[1]
-UNGUARDED = "the operator's own account, the kernel"
-COLUMNS = 5
+UNGUARDED = "The operator's own account, the kernel"
+ENTRY = re.compile(r"^- \*\*(.+?)\*\*(.*?)(?=^- |\Z)", re.DOTALL | re.MULTILINE)
 TEST = re.compile(r"^(async )?def test_|^Test\w+ = ", re.MULTILINE)
 
 
 def attackers() -> dict[str, list[str]]:
     """Return the tests that the page names for each attacker."""
     page = load_manual().find("security").text
-    table = page.partition("\n## Attackers\n")[2].partition("\n## ")[0]
-    rows = [line.strip("|").split("|") for line in table.splitlines() if line.startswith("|")]
-    found: dict[str, list[str]] = {}
-    for cells in rows[2:]:
-        assert len(cells) == COLUMNS, cells[0]
-        found[cells[0].strip()] = re.findall(r"`([^`]+)`", cells[-1])
-    return found
+    section = page.partition("\n## Attackers\n")[2].partition("\n## ")[0]
+    return {name: re.findall(r"`([^`]+)`", text) for name, text in ENTRY.findall(section)}
 
 
 def test_each_attacker_has_a_test_that_exists() -> None:
