@@ -20,6 +20,9 @@ WORKER = (
 )
 """What runs in processes that hold a model; nothing else may import the model libraries."""
 
+APART = (*WORKER, "pa_console.fleets.ros2.node")
+"""What else needs libraries that the console does without: rclpy comes with ROS 2."""
+
 PROBE = """
 import importlib, json, sys
 for name in sys.argv[1:]:
@@ -51,7 +54,7 @@ def core_modules() -> list[str]:
     paths = sorted((ROOT / "pa_console").rglob("*.py"))
     names = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in paths]
     modules = [name.removesuffix(".__init__") for name in names]
-    return [name for name in modules if not name.startswith(FRONT) and name not in WORKER]
+    return [name for name in modules if not name.startswith(FRONT) and name not in APART]
 
 
 def imported_by(modules: list[str]) -> set[str]:

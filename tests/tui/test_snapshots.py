@@ -107,6 +107,7 @@ def before(
         for key in keys:
             await pilot.press(key)
             await pilot.pause()
+        await until(pilot, lambda: all(each.group != "check" for each in app.workers))
         await settle(pilot)
 
     return run

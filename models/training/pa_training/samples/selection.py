@@ -80,6 +80,6 @@ def _asked(sample: Sample) -> str:
 def _begun(sample: Sample, answer: str) -> Sample:
     """Return `sample` without its rules, with only the beginning of an answer."""
     held, said, mission = f"\n{sample.rest}".partition(_MISSION)
-    before = held.rpartition(_BEFORE)
-    words = "".join((*before[1:], said)).lstrip() + mission
+    _, before, commands = held.partition(_BEFORE)
+    words = "".join((before, commands, said)).lstrip() + mission
     return sample.model_copy(update={"rest": words, "answer": answer, "goes_on": True})
