@@ -381,6 +381,17 @@ def unread_times(world: World, text: str) -> tuple[str, ...]:
     )
 
 
+def names_time(text: str) -> bool:
+    """Return whether words of `text` mean a time of day or a duration."""
+    tokens = read_tokens(text)
+    for at in range(len(tokens)):
+        reader = Reader(tokens, at)
+        led = reader.word(-1) == "at"
+        if _names_time(reader) or _time_of_day(Reader(tokens, at), led=led) is not None:
+            return True
+    return False
+
+
 def _names_time(reader: Reader) -> bool:
     """Read *ten minutes*, *16:45*, *1645*, *midnight*: words that mean a time wherever they stand.
 

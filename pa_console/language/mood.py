@@ -14,6 +14,7 @@ from functools import cache
 from itertools import pairwise
 from typing import Literal, NamedTuple
 
+from pa_console.language.clock_words import names_time
 from pa_console.language.lexicon import word_lists
 from pa_console.language.mentions import KINDS, without_quotations
 from pa_console.language.name_linking import GATE, WORD, LinkedText, WorldNames
@@ -349,7 +350,7 @@ def _waits(words: str) -> Iterator[_Sign]:
             continue
         if _set("whether").intersection(before[-1:]) or _set("reason").intersection(before):
             continue
-        if _CLOCK.search(words[: found.start()]):  # it goes by the clock, and this says why
+        if names_time(words[: found.start()]):  # it goes by the clock, and this says why
             continue
         content = _STOP.split(words[found.end() :])[0].split()
         seen = found[0] == "after" or _set("observable").intersection(content)
@@ -357,15 +358,6 @@ def _waits(words: str) -> Iterator[_Sign]:
             yield _Sign("waiting", *found.span())
 
 
-_NUMBER = (
-    r"(?:\d+|a|an|one|two|three|four|five|six|seven|eight|nine|ten|eleven|twelve|fifteen|twenty|thirty"
-    r"|forty|sixty|half an|a quarter of an)"
-)
-_CLOCK = re.compile(
-    r"\b(?:o ?' ?clock|am|pm|noon|midnight|\d\d? : \d\d|\d{4} (?:hours|hrs)|on the dot|sharp"
-    r"|(?:quarter|half|ten|twenty|five) (?:to|past) \w+"
-    rf"|(?:in|after) {_NUMBER} (?:more )?(?:minutes?|mins?|hours?|seconds?|secs?))\b"
-)
 _STOP = re.compile(r" [,.:;!?–—]")
 
 
