@@ -6,11 +6,11 @@ picture after the same missions always become the same.
 
 A report of a state, *Drone_T03 is running on fumes*, becomes an order for what is due, in the words
 of the station's own alarms: a guard that is lost or has not much left is replaced, any other asset
-with a low battery comes home. What telemetry does not bear out is asked back about.
+with a low battery comes home. A report that telemetry does not bear out is read as it stands.
 """
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -93,51 +93,33 @@ def reported_state(text: str) -> State | None:
 
 
 def in_state(scene: ReferenceScene, name: str, state: State) -> bool:
-    """Return whether telemetry shows an asset in `state`."""
+    """Return whether telemetry shows an asset in `state`; a failed asset is in every state."""
     asset = scene.asset(name)
-    failed = asset.status == "failed"
-    if state == "low":
-        return asset.low_battery and not failed
-    if state == "failed":
-        return failed or not asset.available
-    return not failed and (asset.comms == "lost" or asset.stale or asset.integrity == "suspect")
-
-
-def what_is_due(scene: ReferenceScene, names: Iterable[str], state: State) -> str | Unclear:
-    """Return the order due for an asset that is reported in `state`.
-
-    `names` are the assets that the words may mean; those that telemetry shows in that state are
-    chosen.
-    """
-    meant = list(names)
-    so = [name for name in meant if in_state(scene, name, state)]
-    if len(so) > 1 or (not so and len(meant) > 1):
-        return Unclear("", "Which one is meant?", tuple(so or meant))
-    name = (so or meant)[0]
-    asset, gate = scene.asset(name), scene.guarded_by(name)
     if asset.status == "failed":
-        state = "failed"
-        so = [name]
-    others = [guard for guard in scene.guards(gate) if guard != name] if gate else []
-    if not so and state != "silent":
-        told = f"{name} reports {asset.battery_pct:.0f} % battery and status {asset.status}"
-        return Unclear("", f"{told}. What is to be done?", _remedies(name, gate, others))
+        return True
     if state == "low":
-        if gate and not others:
+        return asset.low_battery
+    if state == "failed":
+        return not asset.available
+    return asset.comms == "lost" or asset.stale or asset.integrity == "suspect"
+
+
+def what_is_due(scene: ReferenceScene, name: str, state: State) -> str:
+    """Return the order due for the asset `name`, which is reported and known to be in `state`.
+
+    '' if nothing is due that the words do not ask for themselves.
+    """
+    gate = scene.guarded_by(name)
+    alone = bool(gate) and all(guard == name for guard in scene.guards(gate))
+    if scene.asset(name).status == "failed":
+        return f"{name} has failed: fill the gap at {gate}." if alone else ""
+    if state == "low":
+        if alone:
             return f"Relieve {name} at {gate}."
         return f"{name} has a low battery and must return to base."
-    if gate and not others:
-        if state == "failed":
-            return f"{name} has failed: fill the gap at {gate}."
+    if alone and state == "silent":
         return f"{name} is silent, so {gate} needs a second guard: send one asset to {gate}."
-    why = "has failed" if state == "failed" else "is not heard"
-    return Unclear("", f"{name} {why}, and no gate is left without guard. What is to be done?")
-
-
-def _remedies(name: str, gate: str, others: Iterable[str]) -> tuple[str, ...]:
-    if gate and not tuple(others):
-        return (f"Relieve {name} at {gate}.", "Nothing, everybody stays.")
-    return (f"{name} home.", "Nothing, everybody stays.")
+    return ""
 
 
 MOST_CHOICES = 6
@@ -167,12 +149,8 @@ def resolve(
     now, meant = described
     state = reported_state(now)
     meant = [*answered.items(), *meant]
-    if state is not None:
-        due = _reported(scene, now, state)
-        if isinstance(due, Unclear):
-            return due
-        if due:
-            return ResolvedOrder(due, (*meant, (text, due)))
+    if state is not None and (due := _reported(scene, now, state)):
+        return ResolvedOrder(due, (*meant, (text, due)))
     if order := conditional_order(scene, now):
         return ResolvedOrder(order, (*meant, (text, order)))
     retold = retell(scene, now)
@@ -415,18 +393,20 @@ def _there_named(
 # ------------------------------------------------------------------- states and answers
 
 
-def _reported(scene: ReferenceScene, text: str, state: State) -> str | Unclear:
-    """Return the order due for the asset in a reported state; '' if none is named.
+def _reported(scene: ReferenceScene, text: str, state: State) -> str:
+    """Return the order due for the asset that is reported in a state and is in it by telemetry.
 
-    *One of the drones* is the one that telemetry shows in that state.
+    '' if none is named, or several are, or telemetry does not bear the report out: the words are
+    then read as they stand. *One of the drones* is the one that telemetry shows in that state.
     """
     tokens = read_tokens(text)
-    named = [t.said for t in tokens if t.said in scene.world.assets]
-    if named:
-        return what_is_due(scene, dict.fromkeys(named), state) if len({*named}) == 1 else ""
-    team = next(filter(None, (scene.members(token.word) for token in tokens)), frozenset[str]())
-    so = [name for name in scene.in_order(team) if in_state(scene, name, state)]
-    return what_is_due(scene, so, state) if so else ""
+    names = {token.said for token in tokens if token.said in scene.world.assets}
+    if not names:
+        names = next(filter(None, (scene.members(token.word) for token in tokens)), frozenset())
+    elif len(names) > 1:
+        return ""
+    so = [name for name in names if in_state(scene, name, state)]
+    return what_is_due(scene, so[0], state) if len(so) == 1 else ""
 
 
 def chosen(scene: ReferenceScene, answer: str, choices: Sequence[str]) -> str:

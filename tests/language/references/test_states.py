@@ -3,7 +3,7 @@
 import pytest
 
 from pa_console.schema.incident import FailAsset, Incident, PlaceAsset, SetBattery, SetComms
-from tests.language.references.scenes import asked, read, scene
+from tests.language.references.scenes import read, scene
 
 
 @pytest.mark.parametrize(
@@ -32,10 +32,8 @@ def test_what_is_due_is_written_as_an_order(text: str, setup: list[Incident], sa
     assert read(text, scene(*setup)) == says
 
 
-def test_what_telemetry_denies_is_asked_back_about() -> None:
-    question = asked("Drone_T02 is nearly flat.", scene())
-    assert "100 % battery" in question.question
-    assert question.choices[0] == "Relieve Drone_T02 at NorthGate."
+def test_what_telemetry_does_not_bear_out_is_read_as_it_stands() -> None:
+    assert read("Drone_T02 is nearly flat.", scene()) == "Drone_T02 is nearly flat."
 
 
 @pytest.mark.parametrize(
