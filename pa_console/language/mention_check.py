@@ -23,12 +23,10 @@ from pa_console.language.orders.order_steps import unkept_steps
 from pa_console.language.references.conversation import leaning_words
 from pa_console.language.references.reader import CONTACTS, read_tokens
 from pa_console.language.references.scene import ReferenceScene
-from pa_console.schema.command import Verb
+from pa_console.schema.command import STILL
 from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
-
-_STAYS: frozenset[Verb] = frozenset(("hold", "report"))
 
 
 def _any_of(name: str) -> re.Pattern[str]:
@@ -142,7 +140,7 @@ def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
     `follows`, the commands before it, may be meant without being named again.
     """
     mentions = find_mentions(world, text, picture.tracks)
-    moves = any(action.verb not in _STAYS for action in plan.actions)
+    moves = any(action.verb not in STILL for action in plan.actions)
     made = _OrderResult(world, picture, asked, plan, unmet)
     if made.refused and not moves:
         return MentionCheck(tuple(AccountedMention(one, accounted=True) for one in mentions))
@@ -213,7 +211,7 @@ class _OrderResult:
         self.refused = bool(self.asks) and all(w.task == "refused" for w in self.asks)
         self._others_stay = OTHERS_STAY in said or OTHERS_STAY in evidence
         self._may_hold = self._others_stay or f"else: {NOTHING}" in said or not self.asks
-        acting = [action for action in plan.actions if action.verb not in _STAYS]
+        acting = [action for action in plan.actions if action.verb not in STILL]
         doing = acting if asked else plan.actions
         self._tasks: set[Task] = {ask.task for ask in self.asks}
         self._tasks |= {TASK_OF[action.verb] for action in doing}

@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from pa_console.schema.command import Verb
+from pa_console.schema.command import STILL, Verb
 from pa_console.schema.events import event as ev
 from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.finding import Finding, Verdict
@@ -214,7 +214,6 @@ ApprovalMode = Literal["auto", "never"]
 
 SURE_ENOUGH = 0.9
 """The lowest confidence in a reading at which a standing order approves a plan."""
-_STILL = frozenset(("hold", "report"))
 
 
 def standing_approver(
@@ -319,7 +318,7 @@ def not_unasked(
     if request.standing is not None:
         return "no standing order approves another"
     actions = (*request.plan.actions, *request.if_halted)
-    moving = dict.fromkeys(a.verb for a in actions if a.verb not in _STILL)
+    moving = dict.fromkeys(a.verb for a in actions if a.verb not in STILL)
     beyond = [verb for verb in moving if verb not in allowed]
     if beyond:
         return f"the rules allow no {', '.join(beyond)} without approval"

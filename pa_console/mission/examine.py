@@ -19,6 +19,7 @@ from pa_console.policy.monitor import Monitor
 from pa_console.policy.rule_checks import prepare_checks
 from pa_console.policy.rule_variables import goes_to
 from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.command import STILL
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.finding import Finding, FindingStatus
 from pa_console.schema.mission import Mission
@@ -189,7 +190,7 @@ def ruled_out(plan: Plan, world: World, *texts: str) -> tuple[Finding, ...]:
     The order is in `texts`. To stay or to report is no use of an asset.
     """
     excluded = dict.fromkeys(name for text in {*texts} for name in excluded_names(world, text))
-    acting = [action for action in plan.actions if action.verb not in ("hold", "report")]
+    acting = [action for action in plan.actions if action.verb not in STILL]
     used = {name for action in acting for name in (action.agent, action.target) if name}
     return tuple(
         Finding(

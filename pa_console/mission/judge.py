@@ -22,7 +22,6 @@ from pa_console.llm.roles.grammar import (
 from pa_console.llm.roles.judge import Judgement, JudgeQuestion
 from pa_console.llm.roles.role_model import PromptFormat, RoleModel, first_answer
 from pa_console.mission.context import MissionContext
-from pa_console.mission.gate import STILL
 from pa_console.mission.plan import Candidate, PlanForDecision, with_commands_given
 from pa_console.mission.planning.fulfilment import gaps
 from pa_console.mission.planning.moves import PlanMoves
@@ -31,6 +30,7 @@ from pa_console.mission.planning.propose import PlannerAnswer
 from pa_console.mission.readings import may_decide, read_order
 from pa_console.policy.findings import ORDER_ID
 from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.command import STILL
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import MAX_FEEDBACK, Finding, Verdict
 from pa_console.schema.mission import Mission

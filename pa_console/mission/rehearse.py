@@ -14,7 +14,7 @@ from pa_console.fleets.fleet import Forecast, Outlook
 from pa_console.policy.moments import distinct, moment
 from pa_console.policy.rule_variables import goes_to
 from pa_console.schema.base import Point
-from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand
+from pa_console.schema.command import FINAL_REPLIES, STILL, CommandReply, DeviceCommand
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import (
     AssetTimeline,
@@ -241,7 +241,7 @@ class _Recorder:
         self._moments = [moment(before, world, (), plan.agents)]
         self._agents = {action.agent: _AssetLog() for action in plan.actions}
         self._motion = MotionRecord(world, before, plan)
-        self._movers = {a.agent for a in plan.actions if a.verb not in ("hold", "report")}
+        self._movers = {a.agent for a in plan.actions if a.verb not in STILL}
         self._tracks: dict[str, _TrackLog] = {name: _TrackLog() for name in before.tracks}
         self.gaps_s = {gate: gaps_s.get(gate, 0.0) for gate in world.gates}
         """The time that each gate has been without cover in the rehearsal by now."""

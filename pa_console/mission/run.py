@@ -28,7 +28,6 @@ from pa_console.mission.examine import Examination
 from pa_console.mission.execute import ApprovedStep, Execution
 from pa_console.mission.execution.dispatch import StepFeed
 from pa_console.mission.judge import judge
-from pa_console.mission.orders.spelling import read_words
 from pa_console.mission.outcome import Results, WorkflowProgress, begun
 from pa_console.mission.plan import (
     Candidate,
@@ -44,6 +43,7 @@ from pa_console.mission.retrieve import RetrievedRules, retrieve
 from pa_console.mission.sequences.plan_patrol import plan_patrol
 from pa_console.mission.sequences.plan_steps import Planned, plan_steps
 from pa_console.mission.sequences.step_by_step import StepByStep
+from pa_console.mission.spelling import read_words
 from pa_console.mission.understand import (
     NotUnderstood,
     RefusedMission,

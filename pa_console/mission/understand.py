@@ -19,8 +19,8 @@ from pa_console.language.references.resolution import Answers, resolve, with_ans
 from pa_console.language.references.scene import ReferenceScene
 from pa_console.mission.context import MissionContext
 from pa_console.mission.orders.agenda import Agenda
-from pa_console.mission.orders.spelling import question_back
 from pa_console.mission.orders.standing import StandingBan, Trigger, example_subject, starts_now
+from pa_console.mission.spelling import question_back
 from pa_console.policy.rule_checks import check_mission
 from pa_console.policy.standing_conditions import StandingCondition
 from pa_console.schema.events import event as ev

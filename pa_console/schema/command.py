@@ -21,7 +21,7 @@ class CommandSpec(NamedTuple):
     takes_frame: bool
     task: Task | None
     """The task of an asset that carries it out, at its place; None keeps the task it has."""
-    moves: bool = False
+    moves: bool = True
     """True if it may take the asset to another place."""
     contact: Literal["", "watches", "addresses", "obstructs"] = ""
     """The way it deals with a contact at its frame, '' if it does not."""
@@ -36,18 +36,20 @@ _ROBOT: frozenset[AssetKind] = frozenset(("robot",))
 
 COMMANDS: Mapping[Verb, CommandSpec] = MappingProxyType(
     {
-        "hold": CommandSpec(_ALL, False, "holding"),
-        "move_to": CommandSpec(_ALL, True, "holding", moves=True),
+        "hold": CommandSpec(_ALL, False, "holding", moves=False),
+        "move_to": CommandSpec(_ALL, True, "holding"),
         "observe": CommandSpec(_UAV, True, "observing", True, "watches", "observes"),
         "identify": CommandSpec(_ROBOT, True, "identifying", True, "addresses", "identifies"),
         "warn": CommandSpec(_ROBOT, True, "warning", True, "addresses", "warns"),
         "block": CommandSpec(_UGV, True, "blocking", True, "obstructs", "blocks"),
-        "return_to_base": CommandSpec(_ALL, False, "charging", moves=True),
-        "report": CommandSpec(_ALL, False, None, plainly="reports"),
+        "return_to_base": CommandSpec(_ALL, False, "charging"),
+        "report": CommandSpec(_ALL, False, None, moves=False, plainly="reports"),
     }
 )
 """The whole vocabulary. It has no command for force, and none is ever added (ROE-01)."""
 
+STILL: frozenset[Verb] = frozenset(verb for verb, spec in COMMANDS.items() if not spec.moves)
+"""The commands that move nothing: to hold and to report."""
 ENCOUNTERS: tuple[Verb, ...] = tuple(verb for verb, spec in COMMANDS.items() if spec.contact)
 """The commands that deal with a contact at the gate."""
 ADDRESSING: frozenset[Verb] = frozenset(

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, Field, StringConstraints, model_validator
 
 from pa_console.schema.base import Hex32, Hex64, Positive, StrictModel
-from pa_console.schema.command import COMMANDS, Verb
+from pa_console.schema.command import COMMANDS, STILL, Verb
 
 Domain = Literal["ROE", "WF", "CAP"]
 Priority = Literal["critical", "high", "medium"]
@@ -174,9 +174,8 @@ class Workflow(StrictModel):
     phases: tuple[Phase, ...] = Field(min_length=1)
 
 
-_STILL: frozenset[Verb] = frozenset(("hold", "report"))
 ACTS = (
-    *(verb for verb in COMMANDS if verb not in _STILL),
+    *(verb for verb in COMMANDS if verb not in STILL),
     "override",
     "acknowledge",
     "first_order",
@@ -190,7 +189,7 @@ MOST_PEOPLE = 9
 def _people(approvals: dict[str, int]) -> dict[str, int]:
     """Refuse approvals by no person, impossible numbers, and any for a stop, which never waits."""
     for act, people in approvals.items():
-        if act in _STILL:
+        if act in STILL:
             raise ValueError(f"{act!r} moves nobody and waits for no second person; take it out")
         if act not in ACTS:
             raise ValueError(f"{act!r} is nothing that people approve; known: {', '.join(ACTS)}")

@@ -13,6 +13,7 @@ from typing import Literal
 from pa_console.schema.command import (
     ADDRESSING,
     COMMANDS,
+    STILL,
     CommandReply,
     DeviceCommand,
     ReplyStatus,
@@ -191,7 +192,7 @@ def _objection(terrain: Terrain, asset: AssetState, command: DeviceCommand) -> s
         return "the asset has failed"
     if asset.battery <= 0.0:
         return "the battery is empty"
-    if asset.manual and command.verb not in ("hold", "report"):
+    if asset.manual and command.verb not in STILL:
         return "it is under manual control"
     if asset.kind not in spec.kinds:
         return f"a {asset.kind} cannot {command.verb}"

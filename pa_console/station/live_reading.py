@@ -28,9 +28,9 @@ from pa_console.llm.local.threads import NEARLY, idle_seconds
 from pa_console.llm.roles.clause_reader import ClauseReader, reading_prefix
 from pa_console.mission.context import Services
 from pa_console.mission.execution.dispatch import StepFeed
-from pa_console.mission.orders.spelling import prepare, read_words
 from pa_console.mission.planning.picture_text import digest_picture, is_small
 from pa_console.mission.run import MissionRun, StationSide
+from pa_console.mission.spelling import prepare, read_words
 from pa_console.mission.verify import OutcomeVerdicts
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev

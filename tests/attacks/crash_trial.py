@@ -21,8 +21,7 @@ from pa_console.fleets.authorization import public_of
 from pa_console.fleets.key_folder import KeyFolder
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.mission.approval import standing_approver
-from pa_console.mission.gate import STILL
-from pa_console.schema.command import DeviceCommand
+from pa_console.schema.command import STILL, DeviceCommand
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events import event as ev
 from pa_console.session.log.chain import LogError, read_log

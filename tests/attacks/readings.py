@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from pa_console.language.canonical.reading import read_asked
 from pa_console.language.mention_check import check_mentions
-from pa_console.mission.orders.spelling import respell
+from pa_console.mission.spelling import respell
 from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World

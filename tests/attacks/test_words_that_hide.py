@@ -14,7 +14,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.mission.orders.spelling import respell
+from pa_console.mission.spelling import respell
 from pa_console.policy.plain_text import compatible_form
 from pa_console.policy.rule_checks import check_mission
 from pa_console.schema.mission import Mission

@@ -13,7 +13,7 @@ from pa_console.language.clock_words import duration_words, unread_times
 from pa_console.language.orders.order_changes import OrderChange, read_change
 from pa_console.language.orders.timed_orders import ReadTimed, read_timed
 from pa_console.language.references.conversation import Unclear
-from pa_console.mission.orders.spelling import read_words
+from pa_console.mission.spelling import read_words
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import existing_data
 from pa_console.schema.mission import Schedule, StandingOrder

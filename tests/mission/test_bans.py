@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.language.mood import lasting_ban
 from pa_console.mission.examine import banned
-from pa_console.mission.gate import STILL, CommandGate
+from pa_console.mission.gate import CommandGate
 from pa_console.mission.orders.standing import StandingBan, StandingOrders
 from pa_console.mission.rehearse import device_commands
-from pa_console.schema.command import COMMANDS, Verb
+from pa_console.schema.command import COMMANDS, STILL, Verb
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Ban, Decision, StandingOrder
 from pa_console.schema.plan import Action, Plan

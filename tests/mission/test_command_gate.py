@@ -7,11 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.mission.gate import STILL, CommandGate, Passage
+from pa_console.mission.gate import CommandGate, Passage
 from pa_console.mission.rehearse import device_commands
 from pa_console.policy.rulebook import Rulebook
 from pa_console.resources import data_folder
-from pa_console.schema.command import DeviceCommand
+from pa_console.schema.command import STILL, DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.mission.orders.spelling import respell
+from pa_console.mission.spelling import respell
 from pa_console.resources import data_folder
 from pa_console.schema.events.event import MissionReceived
 from pa_console.station.assembly import Site

@@ -16,9 +16,10 @@ from pa_console.mission.approval import (
     request_approval,
     standing_approver,
 )
-from pa_console.mission.gate import STILL, CommandGate
-from pa_console.mission.orders.spelling import question_back, respell
+from pa_console.mission.gate import CommandGate
 from pa_console.mission.rehearse import device_commands
+from pa_console.mission.spelling import question_back, respell
+from pa_console.schema.command import STILL
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Verdict
 from pa_console.schema.mission import Decision

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pa_console.schema.base import ALARM_PRIORITIES, AlarmPriority
 from pa_console.schema.mission import Alarm, AlarmKind, Mission
-from pa_console.station.intake import MissionQueue
+from pa_console.station.mission_queue import MissionQueue
 
 PREFIXES: dict[AlarmPriority, AlarmKind] = {
     "emergency": "hostile_track",

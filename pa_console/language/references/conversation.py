@@ -23,8 +23,8 @@ from pa_console.language.references.reader import (
     place_at,
     read_tokens,
 )
-from pa_console.language.references.scene import STILL, Move, PastMission, ReferenceScene
-from pa_console.schema.command import ENCOUNTERS
+from pa_console.language.references.scene import Move, PastMission, ReferenceScene
+from pa_console.schema.command import ENCOUNTERS, STILL
 
 
 @dataclass(frozen=True)

@@ -400,11 +400,11 @@ def _reported(scene: ReferenceScene, text: str, state: State) -> str:
     then read as they stand. *One of the drones* is the one that telemetry shows in that state.
     """
     tokens = read_tokens(text)
-    names = {token.said for token in tokens if token.said in scene.world.assets}
-    if not names:
-        names = next(filter(None, (scene.members(token.word) for token in tokens)), frozenset())
-    elif len(names) > 1:
+    names = frozenset(token.said for token in tokens if token.said in scene.world.assets)
+    if len(names) > 1:
         return ""
+    teams = (scene.members(token.word) for token in tokens)
+    names = names or next(filter(None, teams), frozenset[str]())
     so = [name for name in names if in_state(scene, name, state)]
     return what_is_due(scene, so[0], state) if len(so) == 1 else ""
 

@@ -12,7 +12,7 @@ from functools import cached_property, lru_cache
 from pa_console.language.canonical.facts import is_free, sole_covers
 from pa_console.language.mentions import KINDS
 from pa_console.language.name_linking import WORD, WorldNames
-from pa_console.schema.command import Verb
+from pa_console.schema.command import STILL, Verb
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
 from pa_console.schema.world import AssetKind, World
 
@@ -186,10 +186,6 @@ def _teams(
         {word: frozenset(names) for word, names in teams.items()},
         {kind: frozenset(names) for kind, names in kinds.items()},
     )
-
-
-STILL: frozenset[Verb] = frozenset(("hold", "report"))
-"""Orders that move no asset."""
 
 
 def after(past: Sequence[PastMission], mission: PastMission, *, corrects: bool) -> PastMission:

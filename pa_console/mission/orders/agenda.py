@@ -12,7 +12,8 @@ from datetime import datetime, timedelta
 from pa_console.language.clock_words import duration_words
 from pa_console.language.orders.patrols import USUAL, PatrolLimits
 from pa_console.language.orders.timed_orders import SHORTEST_S
-from pa_console.language.references.scene import STILL, Move
+from pa_console.language.references.scene import Move
+from pa_console.schema.command import STILL
 from pa_console.schema.mission import StandingOrder
 
 PAUSED = "it is paused"

@@ -16,7 +16,7 @@ from pa_console.mission.planning.obstacles import (
     post_of,
     unfit,
 )
-from pa_console.schema.command import ENCOUNTERS, Verb
+from pa_console.schema.command import ENCOUNTERS, STILL, Verb
 from pa_console.schema.telemetry import Picture, Track
 from pa_console.schema.world import PLAIN_KINDS, AssetKind
 
@@ -213,7 +213,7 @@ def _reported(case: PlanForOrder, ask: Ask) -> Iterator[str]:
     asked = {*reporters(ask, case.moves.before)}
     wanted = ask.who.count
     if wanted == "all" or of_everyone(ask):
-        asked -= {action.agent for action in actions if action.verb not in ("hold", "report")}
+        asked -= {action.agent for action in actions if action.verb not in STILL}
         wanted = len(asked)
     if len(told & asked) < wanted:
         yield f"{len(told & asked)} of {wanted} reports"
@@ -277,7 +277,7 @@ def _unasked(case: PlanForOrder) -> Iterator[str]:
     moves, due = case.moves, case.due
     moving = [ask for ask in due if ask.task not in ("report", "hold")]
     if not moving:
-        busy = (a.agent for a in moves.plan.actions if a.verb not in ("hold", "report"))
+        busy = (a.agent for a in moves.plan.actions if a.verb not in STILL)
         yield from (f"{name} is not to move" for name in busy if not _watches(case, name))
         return
     served = [

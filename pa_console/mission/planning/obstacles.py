@@ -20,7 +20,7 @@ from pa_console.language.canonical.order import (
     obstacle,
 )
 from pa_console.mission.planning.moves import PlanMoves
-from pa_console.schema.command import COMMANDS
+from pa_console.schema.command import COMMANDS, STILL
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
 
@@ -289,7 +289,7 @@ def _kept(moves: PlanMoves, ask: Ask) -> Iterator[str]:
 
 def _begun(moves: PlanMoves, ask: Ask) -> bool:
     """Return whether an asset acts for `ask`, or the one it needs stands there already."""
-    acting = (a.agent for a in moves.plan.actions if a.verb not in ("hold", "report"))
+    acting = (a.agent for a in moves.plan.actions if a.verb not in STILL)
     return bool(_standing(moves, ask)) or any(may_move(moves, name, ask) for name in acting)
 
 

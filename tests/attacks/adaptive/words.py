@@ -16,7 +16,7 @@ from functools import cache
 
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.language.references.scene import ReferenceScene
-from pa_console.mission.orders.spelling import question_back
+from pa_console.mission.spelling import question_back
 from pa_console.policy.plain_text import compatible_form
 from pa_console.policy.rule_checks import check_mission
 from pa_console.schema.mission import MAX_MISSION_TEXT, Mission

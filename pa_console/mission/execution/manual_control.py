@@ -1,0 +1,113 @@
+"""Manual control: the assets that a person drives, and the missions that await them."""
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+
+from pa_console.language.name_linking import named
+from pa_console.schema.mission import Mission, MissionStatus
+from pa_console.schema.telemetry import Picture
+from pa_console.schema.world import World
+
+UNFINISHED: frozenset[MissionStatus] = frozenset(("held", "unverified", "failed", "refused"))
+"""The endings of a mission that awaits its assets; an operator has decided the others."""
+
+
+@dataclass(frozen=True)
+class AwaitingMission:
+    """A mission that ended without its result, and the assets that it awaits."""
+
+    mission: Mission
+    assets: frozenset[str]
+
+
+class ManualControl:
+    """The assets of `world` under manual control, and the missions that await them."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self.taken: dict[str, str] = {}
+        """The person who took manual control at this station, by asset."""
+        self._reported: frozenset[str] = frozenset()
+        self._awaiting: dict[str, AwaitingMission] = {}
+
+    @property
+    def assets(self) -> frozenset[str]:
+        """The assets under manual control, by the operator's words or their own report."""
+        return self._reported.union(self.taken)
+
+    def refusal(self, asset: str) -> str:
+        """Return the reason against a command to `asset`, '' without manual control."""
+        if asset in self.taken:
+            return f"{asset} is under manual control, taken by {self.taken[asset]}"
+        return f"{asset} reports manual control" if asset in self._reported else ""
+
+    def take(self, asset: str, by: str) -> None:
+        """Note that `by` has taken `asset`; ValueError for an unknown one, or one that is taken."""
+        if problem := self.objection(asset, take=True):
+            raise ValueError(problem)
+        self.taken[asset] = by
+
+    def end(self, asset: str) -> None:
+        """Record the return of `asset`; raises ValueError if it was not taken here."""
+        if problem := self.objection(asset, take=False):
+            raise ValueError(problem)
+        del self.taken[asset]
+
+    def objection(self, asset: str, *, take: bool) -> str:
+        """Return why `asset` cannot be taken, or given back, '' where it can."""
+        if asset not in self._world.assets:
+            return f"there is no asset {asset!r}; known: {', '.join(self._world.assets)}"
+        if take:
+            return f"{self.refusal(asset)} already" if asset in self.taken else ""
+        if asset in self.taken:
+            return ""
+        if asset in self._reported:
+            return f"{asset} reports manual control by itself: end it at the asset"
+        taken = ", ".join(self.taken) or "no asset"
+        return f"{asset} is not under manual control; taken here: {taken}"
+
+    def see(self, picture: Picture) -> frozenset[str]:
+        """Take in the reports of a picture; return the assets that are newly under control."""
+        before = self.assets
+        manual = (name for name, asset in picture.assets.items() if asset.manual)
+        self._reported = frozenset(manual).difference(self.taken)
+        return self.assets - before
+
+    # Missions that await an asset
+
+    def awaits(
+        self, mission: Mission, status: MissionStatus, agents: Collection[str]
+    ) -> tuple[str, ...]:
+        """Record an ended mission that needs assets under manual control; return those assets.
+
+        It needs the `agents` that its plan ordered and those that its text names. Alarms and
+        standing orders start their missions again themselves.
+        """
+        given = mission.source in ("operator", "agent")
+        if status not in UNFINISHED or not given or not self.assets:
+            return ()
+        needed = self.assets.intersection((*agents, *named(self._world.assets, mission.text)))
+        if needed:
+            self._awaiting[mission.id] = AwaitingMission(mission, needed)
+        return tuple(sorted(needed))
+
+    def take_up(self, awaiting: Iterable[tuple[Mission, Collection[str]]]) -> None:
+        """Go on with the missions that awaited assets when a session ended."""
+        for mission, assets in awaiting:
+            self._awaiting[mission.id] = AwaitingMission(mission, frozenset(assets))
+
+    def come_back(self) -> list[AwaitingMission]:
+        """Return and forget the missions whose assets are all back, in the order of their ends."""
+        back = [each for each in self._awaiting.values() if not each.assets & self.assets]
+        for each in back:
+            del self._awaiting[each.mission.id]
+        return back
+
+    def forget(self) -> None:
+        """Let no mission await an asset any more: everything was stopped."""
+        self._awaiting.clear()
+
+    @property
+    def awaiting(self) -> Mapping[str, AwaitingMission]:
+        """The missions that await assets, by their ids."""
+        return self._awaiting
