@@ -27,6 +27,16 @@ def keep_still(log: Path, content: bytes, still: CameraStill) -> None:
         replace_private(path, content)
 
 
+def is_changed(log: Path, still: CameraStill) -> bool | None:
+    """Return whether the file of `still` is another than was shown; None if it is not there."""
+    path = stills_folder(log) / still.file_name
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest() != still.sha256
+    except OSError:
+        return None
+
+
 def read_still(log: Path | None, still: CameraStill) -> bytes | None:
     """Return the file of `still`; None if it is not there as it was when it was shown."""
     if log is None or still.sha256 is None:

@@ -13,8 +13,10 @@ from pa_console.schema.events import event as ev
 from pa_console.session.log.signed_head import head_path, sign_head, write_head
 from pa_console.session.log.verification import DamageKind, VerifyResult, verify
 from pa_console.session.log.writer import LogWriter
+from pa_console.session.stills import stills_folder
 from pa_console.signing import Signer
 from tests.session.story import at, story, telemetry
+from tests.stills import kept
 
 Lines = list[bytes]
 MINE = Signer(Ed25519PrivateKey.from_private_bytes(bytes(range(32))))
@@ -156,6 +158,21 @@ def _foreign(line: bytes) -> bytes:
     return rehashed(line, session="S9")
 
 
+def write_with_picture(log: Path) -> ev.CameraStill:
+    """Write a signed log anew, with a picture on line 4 whose file is beside it."""
+    for file in log.parent.glob(f"{log.name}*"):
+        file.unlink()
+    still = kept(log, "Track_01")
+    first, second, *rest = long_story()
+    write_signed(log, events=[first, second, at(0.6, still), *rest])
+    return still
+
+
+def _changed_picture(log: Path) -> None:
+    still = write_with_picture(log)
+    (stills_folder(log) / still.file_name).write_bytes(b"another picture")
+
+
 TAMPERS = (
     Tamper("last lines cut off", "cut-short", 30, lambda ls: ls[:29]),
     Tamper("cut off in the middle of a line", "cut-short", 30, lambda ls: [*ls[:29], ls[29][:80]]),
@@ -207,6 +224,7 @@ TAMPERS = (
     Tamper("head of another log", "head-of-another-log", None, files=_other_head),
     Tamper("head of another log of its session", "head-of-another-log", None,
            files=_head_of_the_same_session),
+    Tamper("a picture changed", "picture-changed", 4, files=_changed_picture),
 )  # fmt: skip
 
 

@@ -9,7 +9,15 @@ from hypothesis import strategies as st
 
 from pa_console.session.log.signed_head import head_path
 from pa_console.session.log.verification import DamageKind, verify
-from tests.session.tamper import KNOWN, TAMPERS, Tamper, damaged, write_signed
+from pa_console.session.stills import stills_folder
+from tests.session.tamper import (
+    KNOWN,
+    TAMPERS,
+    Tamper,
+    damaged,
+    write_signed,
+    write_with_picture,
+)
 
 pytestmark = pytest.mark.invariant
 
@@ -26,6 +34,15 @@ def test_each_kind_of_damage_is_named_with_its_line(tamper: Tamper, tmp_path: Pa
 
 def test_every_kind_that_can_be_named_is_among_them() -> None:
     assert {tamper.kind for tamper in TAMPERS} == set(get_args(DamageKind))
+
+
+def test_a_log_without_its_pictures_is_sound_and_says_so(tmp_path: Path) -> None:
+    still = write_with_picture(log := tmp_path / "s.jsonl")
+    assert verify(log, KNOWN).intact
+    (stills_folder(log) / still.file_name).unlink()
+    found = verify(log, KNOWN)
+    assert found.intact
+    assert "1 of 1 pictures" in found.note
 
 
 @pytest.fixture(scope="module")

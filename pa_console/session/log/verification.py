@@ -7,7 +7,7 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Literal, cast
 
-from pa_console.schema.events.event import LogSigned
+from pa_console.schema.events.event import CameraStill, LogSigned
 from pa_console.session.log.chain import (
     TORN,
     LogError,
@@ -21,13 +21,14 @@ from pa_console.session.log.chain import (
     signed_part,
 )
 from pa_console.session.log.signed_head import SignedHead, head_path, read_head
+from pa_console.session.stills import is_changed, stills_folder
 from pa_console.signing import fingerprint, is_signature, known_keys
 
 DamageKind = Literal[
     "half-line", "cut-short", "removed", "inserted", "duplicated", "swapped", "moved", "garbage",
     "edited-field", "edited-hash", "edited", "respelled", "replaced", "header-replaced",
     "rewritten", "signature", "signatures-removed", "unknown-key",
-    "head-missing", "head-damaged", "head-of-another-log",
+    "head-missing", "head-damaged", "head-of-another-log", "picture-changed",
 ]  # fmt: skip
 _SEQ = re.compile(rb'\{"seq":(\d{1,18}),')
 
@@ -261,7 +262,7 @@ class VerifyResult:
 
 
 def verify(path: Path, known: Collection[str] | None = None) -> VerifyResult:
-    """Check every record, the chain, the signatures and the head of the log at `path`.
+    """Check every record, the chain, the signatures, the head and the pictures of a log.
 
     `known` are the fingerprints of accepted keys, by default those of this machine. Raises LogError
     if a file cannot be read, SigningError if this machine's key cannot be read.
@@ -274,7 +275,7 @@ def verify(path: Path, known: Collection[str] | None = None) -> VerifyResult:
     damage = chain.read() or chain.key_damage(known)
     if damage is None and head_problem:
         damage = Damage("head-damaged", None, head_problem)
-    damage = damage or chain.head_damage()
+    damage = damage or chain.head_damage() or chain.picture_damage()
     lines, last = chain.sound.lines, chain.sound.before
     if damage is not None and damage.line is not None:
         lines = min(lines, damage.line - 1)
@@ -304,6 +305,8 @@ class _Chain:
         self._key_line = 0
         self._hash_at_head = ""
         self._notes: list[str] = []
+        self._stills: list[tuple[CameraStill, int]] = []
+        """The pictures that an operator was shown, each with its line."""
         self._set_back: list[tuple[timedelta, int]] = []
         """Setbacks of the clock, each with the number of the line that it came before."""
 
@@ -349,6 +352,8 @@ class _Chain:
                 was = f"{signed.found} records before line {number} were not signed yet when"
                 self._notes.append(f"{was} the log was opened again")
             self.sound.vouched = number
+        elif isinstance(signed, CameraStill) and signed.sha256 is not None:
+            self._stills.append((signed, number))
         self.sound.add(record)
         if self._head is not None and number == self._head.seq:
             self._hash_at_head = record.hash
@@ -391,6 +396,24 @@ class _Chain:
             first = sound.vouched + 1
             problem = f"lines {first} to {head.seq} were rewritten: {name} has another hash"
             return Damage("rewritten", first, problem, head.seq)
+        return None
+
+    def picture_damage(self) -> Damage | None:
+        """Return the damage if a picture beside the log is not the one that was shown.
+
+        Pictures that are not there are noted: a log may have been copied without them.
+        """
+        missing = 0
+        for still, line in self._stills:
+            changed = is_changed(self._path, still)
+            if changed:
+                problem = f"the picture of {still.track} was changed since it was shown"
+                return Damage("picture-changed", line, f"{problem}: {still.file_name}")
+            missing += changed is None
+        if missing:
+            folder = stills_folder(self._path).name
+            told = f"{missing} of {len(self._stills)} pictures that were shown are not in {folder}"
+            self._notes.append(told)
         return None
 
     def standing(self) -> Standing:
