@@ -46,12 +46,12 @@ def _entries(lists: Mapping[str, str]) -> Mapping[str, tuple[str, ...]]:
 
 
 class SynonymGroup(NamedTuple):
-    """Synonyms, the tasks that an order may be read as that uses one of them, and those it means.
+    """Synonyms, the tasks that they allow in a reading, and the tasks that they mean.
 
-    To *send* somebody may come to a warning, but nobody is warned without a word for it: only what
-    a group `means` is supported by its words. The `plain` ones leave no doubt that something of
-    the sort is asked; the other `words`, some of them nouns, only make it possible. `phrases` are
-    of several words.
+    An order with one of the words may be read as any of `tasks`, but its words support only the
+    tasks that the group `means`: *send* may lead to a warning, yet a warning needs a word for it.
+    `plain` words always ask for such a task; `words`, some of them nouns, only may. `phrases` have
+    several words.
     """
 
     tasks: tuple[Task, ...]

@@ -1,9 +1,9 @@
 """Comparison of a reading with the words of its order: missing and added parts.
 
-A model may misread an order, and the judge may misread it alike. This looks at the words without a
-model: every place, asset, track, kind, number and plain verb that the order asks about has to be in
-the reading, in the plan or in what is not met; and every place, asset, kind, number and task of the
-reading has to be in the words, or follow from them by the picture.
+A model may misread an order, and the judge may make the same mistake. This check compares words
+without a model. Every place, asset, track, kind, number and plain verb of the order must appear in
+the reading, in the plan or in its list of unmet requests. Every place, asset, kind, number and task
+of the reading must appear in the words, or follow from them and the picture.
 """
 
 import re

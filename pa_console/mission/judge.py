@@ -1,7 +1,7 @@
 """The judge's verdict on a plan, and the plan for the likeliest reading of the order.
 
-The JudgeLLM reads the order for itself; the console compares its reading with the plan, and the
-judge may only object.
+The judge reads the order without seeing the plan. The console compares this reading with the plan;
+the judge can only object.
 """
 
 import json

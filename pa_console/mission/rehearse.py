@@ -97,7 +97,7 @@ class _Way:
         self._last = time_s, position
 
     def add(self, time_s: float, position: Point) -> None:
-        """Take in the next position; the one before is kept if the way bends there."""
+        """Add the next position; keep the previous one only if the route bends there."""
         (from_s, (x, y)), (last_s, last) = self._kept[-1], self._last
         if last_s > from_s:
             share = (last_s - from_s) / (time_s - from_s)

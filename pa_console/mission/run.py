@@ -147,7 +147,7 @@ class MissionRun:
         return self._understood is not None
 
     def pause(self, *, paused: bool, by: str) -> None:
-        """Send no further step until it is resumed; raises ValueError where that is so already."""
+        """Pause or resume the steps; raises ValueError if they already are as `paused` asks."""
         if paused != self._goes_on.is_set():
             is_so = "is paused already" if paused else "is not paused"
             raise ValueError(f"{self.mission.id} {is_so}")

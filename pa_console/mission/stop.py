@@ -66,7 +66,7 @@ class _Held:
 
     @property
     def hurries(self) -> bool:
-        """True while the asset may not have heard the stop and quick repetitions may reach it."""
+        """True while the asset has not answered the stop and quick repetitions remain."""
         return self.reply is None and self.quick > 0
 
     @property

@@ -95,9 +95,10 @@ def read_timed(
     answers: Mapping[str, str] = MappingProxyType({}),
     shortest_s: float = SHORTEST_S,
 ) -> ReadTimed | Unclear | None:
-    """Return an order with its moments, a question about them, or None for a text without times.
+    """Read an order with times: return it, a question about its times, or None if it has no times.
 
-    `now` is the station's time, in its zone; `answers` are those to questions on times of the text.
+    `now` is the station's local time; `answers` are the operator's earlier answers about times in
+    the text.
     """
     for words, meant in answers.items():
         text = text.replace(words, meant, 1)

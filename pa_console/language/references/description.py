@@ -236,7 +236,7 @@ def has_failed(scene: ReferenceScene, name: str) -> bool:
 
 
 def is_silent(scene: ReferenceScene, name: str) -> bool:
-    """Return whether an asset that is not known to have failed is silent."""
+    """Return whether an asset is silent without having reported a failure."""
     asset = scene.asset(name)
     return asset.status != "failed" and (asset.comms == "lost" or asset.stale)
 
@@ -301,7 +301,7 @@ class SentenceGroups:
 
     @property
     def open(self) -> Group | None:
-        """The set that was introduced last, None if nothing is left of it."""
+        """The set that was introduced last; None if all its members have been picked."""
         group = self.current
         return group if group is not None and len(group.picked) < len(group.members) else None
 

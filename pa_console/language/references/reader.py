@@ -92,7 +92,7 @@ class Reader:
         return ""
 
     def skip(self, words: Collection[str]) -> None:
-        """Read as many of `words` as are here."""
+        """Skip all of `words` that come next."""
         while self.take_in(words):
             pass
 

@@ -163,9 +163,9 @@ def safe_state(
 
 
 def why_lost(asset: AssetTelemetry, picture: Picture) -> str:
-    """Return in words why `asset` is lost to the plan, empty when it is not.
+    """Return in words why `asset` is no longer available to the plan; '' if it is.
 
-    A report that is merely late is none: a lossy link would halt every plan.
+    A report that is only late is not a reason: on a lossy link, every plan would be halted.
     """
     if asset.status == "failed":
         return "failed"

@@ -22,9 +22,9 @@ STOPPED = "everything is stopped"
 
 @dataclass(frozen=True)
 class TimingLimits:
-    """The limits of timed orders, in seconds: how late a mission may start, the least interval.
+    """The limits of timed orders and patrols.
 
-    And those of patrols.
+    `grace_s` is how late a mission may start, `shortest_s` the shortest interval, in seconds.
     """
 
     grace_s: float = 60.0

@@ -173,7 +173,7 @@ class StandingOrders:
         return trigger.order
 
     def revoke(self, order_id: str) -> StandingOrder:
-        """Take an order out of force and return it; raises ValueError when it is not in force."""
+        """Revoke a standing order and return it; raises ValueError if it is not in force."""
         self._known(order_id)
         return self._in_force.pop(order_id).order
 

@@ -51,7 +51,7 @@ class StandingAssets(PlanMoves):
         return [name for name in super().free(kind) if name not in self.named]
 
     def near(self, place: str, kind: AssetKind) -> tuple[str, ...]:
-        """Return the assets of a kind at a place, then the free ones; no named ones."""
+        """Return the unnamed assets of `kind` at `place`, then the free assets of that kind."""
         there = (name for name in self.there(place, kind) if name not in self.named)
         return tuple(dict.fromkeys((*there, *self.free(kind))))
 

@@ -1,6 +1,7 @@
 """The parts of an order that cannot be carried out now, or need not be, and the movable assets.
 
-A part that could be done and is not planned is for the judge to object to (`fulfilment.py`).
+A part that could be done but is not planned is not listed: the judge objects to it
+(`fulfilment.py`).
 """
 
 import re
