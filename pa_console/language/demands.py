@@ -1,9 +1,9 @@
 """Demands and prohibitions of an order, clause by clause, and contradictions between them.
 
-No plan can serve an order that demands and forbids the same thing, or sends one asset to two places
-at once. Corrections, sequences, conditions and exclusions of other assets are no contradictions.
-A clause with a word that this module does not know is marked: its prohibition may be of something
-else (*do not send it too close*). Names are found as entity linking finds them.
+No plan can serve an order that demands and forbids the same thing, or that sends one asset to two
+places at once. Corrections, sequences, conditions and exclusions of other assets are not
+contradictions. A clause with a word that this module does not know is marked, because it may forbid
+something else (*do not send it too close*). Names are found by entity linking.
 """
 
 import re
@@ -30,21 +30,21 @@ _WORDS = word_lists("demands")
 _NOT = frozenset(_WORDS["not"])
 _NOT_PHRASES = _WORDS["not_phrases"]
 _PUT = _WORDS["put"]
-"""Phrases for the place where an asset is now."""
+"""Phrases for the present place of an asset."""
 _TO = frozenset(_WORDS["to"])
 _FROM = frozenset(_WORDS["from"])
-"""Words before a place that is not where an asset is sent."""
+"""Words before a place that is not a destination."""
 _BESIDES = frozenset(_WORDS["besides"])
-"""Words before an asset that is mentioned without being sent."""
+"""Words before an asset that is mentioned but not sent."""
 _IT = frozenset(_WORDS["it"])
 _MODAL = frozenset(_WORDS["modal"])
 _KNOWN = frozenset(_WORDS["known"])
-"""Words that change nothing in what a clause demands or forbids."""
+"""Words that do not change what a clause demands or forbids."""
 _CONDITION = frozenset(_WORDS["condition"])
 _LATER = frozenset(_WORDS["later"])
-"""Words by which two things can be at different times."""
+"""Words that put two demands at different times."""
 _BACK = frozenset(_WORDS["back"])
-"""Words by which an asset comes from where it was sent."""
+"""Words for the return of an asset."""
 _TOLD = frozenset(_WORDS["told"])
 _CORRECTING = frozenset(_WORDS["correcting"])
 _STOPS = frozenset((".", "!", "?", ";", ":", "–", "—", "…"))
@@ -60,11 +60,11 @@ _QUOTED = re.compile(r"\"[^\"]*\"|“[^”]*”|«[^»]*»|(?<!\w)'[^']{3,}'(?!\
 
 @dataclass(frozen=True)
 class Demand:
-    """One clause: what it demands, or forbids if `negated`, of which assets and at which places.
+    """A clause that demands something of assets at places, or forbids it if `negated`.
 
-    `words` are the operator's. `split` goals are joined by *and*. Without goals, to stay is to stay
-    where an asset is now: `put` if the words say so. Every word is `known`, or some change what is
-    meant. It is for another time if it is `later`, and may not hold if it is `conditional`.
+    `words` are the operator's. `split` goals are joined by *and*. Without goals, staying means the
+    present place, and `put` is set if the words say so. `known` is set if the module knows every
+    word. A `later` clause is for another time; a `conditional` one depends on a condition.
     """
 
     words: str
@@ -185,7 +185,7 @@ class _Reading:
         return self._tokens[at].word if 0 <= at < len(self._tokens) else ""
 
     def _demand(self, clause: _DemandClause, before: Demand | None) -> Demand | None:
-        """Read a clause; None if it is told, asked or not clear."""
+        """Read a clause; None if it is a report, a question or unclear."""
         tokens = list(dropwhile(lambda token: token.word in _JOINS, clause.tokens))
         words = [token.word for token in tokens]
         text = f" {' '.join(words)} "
@@ -237,22 +237,22 @@ class _Reading:
         return words[at] == "no" and (kind in KINDS or kind in ("asset", "one"))
 
     def _acts(self, words: Sequence[str], *, put: bool) -> frozenset[str]:
-        """Return what the verbs ask for; to keep or leave something says where, or nothing."""
+        """Return the acts that the verbs ask for; *keep* and *leave* count only with a place."""
         placed = put or "there" in words or any(word in self._places for word in words)
         placed = placed or self._leaves_a_place(words)
         verbs = (word for word in words if word in _FORMS and (placed or word not in _KEEPING))
         return frozenset(_FORMS[word] for word in verbs)
 
     def _leaves_a_place(self, words: Sequence[str]) -> bool:
-        """Return whether a place is left, the contrary of staying: *never leave EastGate*."""
+        """Return whether the clause is about leaving a place: *never leave EastGate*."""
         after = list(dropwhile(lambda word: word not in _LEAVING, words))[1:]
         left = next(dropwhile(lambda word: word in {"the", "its", "their", "his"}, after), "")
         return left in self._places or left in {"post", "posts", "gate", "position"}
 
     def _subject(self, words: Sequence[str], acts: frozenset[str]) -> tuple[str, ...]:
-        """Return the assets that are named first, one or a list of them.
+        """Return the first asset, or list of assets, that the clause names.
 
-        To watch a gate *with* an asset is a demand of that asset, to send another one with it not.
+        *Watch the gate with X* demands something of X; *send Y with X* does not.
         """
         besides = _BESIDES if GOING in acts else _BESIDES - {"with"}
         found: list[str] = []
@@ -264,9 +264,9 @@ class _Reading:
         return tuple(found)
 
     def _goals(self, words: Sequence[str]) -> tuple[str, ...]:
-        """Return where assets are sent: places after *to*, a verb or an asset, or in their list.
+        """Return the destinations: places after *to*, a verb or an asset, and places in their list.
 
-        One that is recalled goes home.
+        A recalled asset goes home.
         """
         found: list[str] = []
         for at, word in enumerate(words):

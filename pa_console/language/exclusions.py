@@ -1,8 +1,8 @@
 """The assets and places that the words of an order rule out: *a robot, but not Robot_T01*.
 
-The exclusions are independent of the models: no plan uses an excluded name, whatever was read. A
-name is excluded only if every mention of it is; *not Drone_T04 to NorthGate, but Drone_T04 to
-SouthGate* is a matter of demands (`demands.py`). Quoted words are no part of the order.
+Exclusions do not depend on the models: no plan uses an excluded name, whatever the reading. A name
+is excluded only if every mention of it is; `demands.py` handles *not Drone_T04 to NorthGate, but
+Drone_T04 to SouthGate*. Quoted words are not part of the order.
 """
 
 import re
@@ -50,8 +50,8 @@ _FILLERS = r"(?:,? (?:please|though|to|the|for|with|at all))*"
 def excluded_names(world: World, text: str) -> tuple[str, ...]:
     """Return the assets and places that `text` excludes wherever it mentions them.
 
-    *Not Drone_T04, the robot* and *Robot_T02, not Drone_T04* correct the previous order, and the
-    asset that they exclude may have to come back: they exclude nothing.
+    *Not Drone_T04, the robot* and *Robot_T02, not Drone_T04* correct the previous order. They
+    exclude nothing, because the corrected asset may have to come back.
     """
     blank = _QUOTED.sub(lambda quoted: " " * len(quoted[0]), text)
     said = LinkedText.of(world, blank).text
@@ -78,7 +78,7 @@ def _listed(one: str) -> str:
 
 
 def _corrects_the_last(world: World, said: str, mentions: Sequence[re.Match[str]]) -> bool:
-    """Return whether `said` is not an order by itself: it has no place and no verb, only names."""
+    """Return whether `said` has only names, no place or verb, and so corrects the last order."""
     first, last = mentions[0], mentions[-1]
     begins = _NOT_ALONE.fullmatch(said[: first.start()]) is not None
     between = said[first.end() : last.start()].strip(" ,.;:-").lower()
@@ -93,7 +93,7 @@ def _gate_towards(world: World, word: str) -> str:
 
 
 def _ruled_out(said: str, names: str) -> Iterator[tuple[int, int]]:
-    """Yield the ranges of characters with excluded names."""
+    """Yield the character ranges of excluded names."""
     before = rf"(?P<lead>{_BEFORE}{_FILLERS}) (?P<names>{names})"
     for match in re.finditer(before, said, re.IGNORECASE):
         if not (match["lead"].lower().endswith("send") and said[match.end() :].startswith(" to ")):

@@ -226,7 +226,7 @@ class _OrderResult:
         self._acting = len({action.agent for action in acting})
 
     def is_unfounded(self, lacking: Sequence[UnsupportedPart]) -> bool:
-        """Return whether every place of the reading is `lacking` in the words of the order.
+        """Return whether every place of the reading is among the parts `lacking` in the order.
 
         For a reading without a place its assets are compared, and for one without names its tasks.
         """

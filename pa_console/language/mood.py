@@ -4,7 +4,7 @@
 go, send it* name assets, gates and movements as orders do. Their grammar makes them something else:
 a verb under negation, in the past or in a supposition, another speaker, a quotation, a question, or
 a condition that no sensor shows. The signs are patterns of words (`lexicon.yaml`, *mood*). A text
-is no order if a part of it has such a sign and no other part asks for anything.
+is not an order if one of its parts has such a sign and no other part asks for anything.
 """
 
 import re
@@ -53,11 +53,11 @@ READS_AS: Mapping[MoodKind, str] = {
     "benign": "word of a visitor who is to be let alone",
     "waiting": "an order for later, on a sign that no sensor shows",
 }
-"""Each kind in plain words, after *That reads as*."""
+"""A description of each kind that completes *That reads as ...*."""
 
 
 class NoOrder(NamedTuple):
-    """The sign by which a text is no order, and the sentence that has it."""
+    """The kind of sign that makes a text no order, and the sentence that has it."""
 
     kind: MoodKind
     said: str
@@ -78,7 +78,7 @@ _INSTEAD: defaultdict[str, str] = defaultdict(
 
 
 class _Sign(NamedTuple):
-    """A sign in the words of a sentence, and the characters that it takes up."""
+    """A sign in the words of a sentence, with the range of its characters."""
 
     kind: MoodKind
     start: int
@@ -86,33 +86,33 @@ class _Sign(NamedTuple):
 
 
 class _Sentence(NamedTuple):
-    """A sentence as the patterns see it, and as it was written."""
+    """A sentence in the form that the patterns match, and as written."""
 
     words: str
-    """Words and stops, parted by single blanks; names are ASSET, PLACE and KIND."""
+    """Words and punctuation, separated by single blanks; names are ASSET, PLACE or KIND."""
     said: str
 
 
 _WHOLE: frozenset[MoodKind] = frozenset(("waiting", "wished"))
-"""The signs under which the whole sentence stands, wherever they are in it."""
+"""Signs that apply to the whole sentence, wherever they stand in it."""
 _ONWARDS: frozenset[MoodKind] = frozenset(("supposed", "mused", "text_work", "questioned"))
-"""The signs under which the rest of the sentence stands."""
+"""Signs that apply to the rest of the sentence."""
 _IF = re.compile(r"\b(?:if|in case|unless|whether|should)\b")
 _PLAIN: tuple[MoodKind, ...] = (
     "text_work", "supposed", "wished", "mused", "needless", "benign"
 )  # fmt: skip
-"""The signs that a pattern alone shows."""
+"""Signs for which a match of their pattern is enough."""
 _PART = re.compile(r"(?:(?! [,;:–—] | - | (?:but|instead|rather|so) ).)+.?")
 _END = frozenset((".", "!", "?"))
 _ORDERED: tuple[MoodKind, ...] = (
     "text_work", "supposed", "wished", "questioned", "reported", "mused", "waiting",
     "needless", "prohibited", "past", "benign",
 )  # fmt: skip
-"""The kinds in the order in which a sentence with several signs is described."""
+"""The kinds by precedence: a sentence with several signs is described by the first."""
 
 
 def no_order(world: World, text: str) -> NoOrder | None:
-    """Return the sign by which `text` orders nothing now, None if it may be an order."""
+    """Return the sign that makes `text` no order, or None if it may be an order."""
     unquoted = without_quotations(text, f" {_QUOTE} ")
     sentences = [*_sentences(world, unquoted)]
     joke = next((one for one in sentences if _pattern("joked").search(one.words)), None)
@@ -136,7 +136,7 @@ def no_order(world: World, text: str) -> NoOrder | None:
 
 
 def lasting_ban(world: World, text: str) -> Ban | None:
-    """Return what a prohibition bans for as long as it stands; None for one of this moment alone.
+    """Return the ban that a lasting prohibition asks for; None for any other text.
 
     *Nobody goes to the south gate* and *Drone_T04 must never fly to EastGate* are bans; *do not
     send it* only takes back a movement.
@@ -157,7 +157,7 @@ def lasting_ban(world: World, text: str) -> Ban | None:
 
 
 def _sentences(world: World, text: str) -> Iterator[_Sentence]:
-    """Yield the sentences of `text` with names and kinds of machines under common words."""
+    """Yield the sentences of `text`, with names and kinds of assets replaced by ASSET and so on."""
     linked = LinkedText.of(world, text)
     assets = {name.lower() for name in world.assets}
     places = {name.lower() for name in (*world.frames, *world.zones)} | {"base", "home"}
@@ -185,15 +185,15 @@ def _sentences(world: World, text: str) -> Iterator[_Sentence]:
 
 _MACHINES = KINDS.keys() | {"asset", "unit", "machine"}
 _QUOTE = "quotedwords"
-"""The word in place of a quotation."""
+"""The placeholder for a quotation."""
 _ASSET_NAME = re.compile(r"[A-Za-z]+_?T?\d+", re.ASCII)
 
 
 def _read(sentence: _Sentence, *, bare: bool, benign: bool) -> tuple[NoOrder | None, bool]:
-    """Return the sign of a sentence, and whether a part without one asks for anything.
+    """Return the sign of a sentence, and whether a part without a sign asks for anything.
 
-    A `bare` sentence may do so without a verb, up to its first sign; not by a visitor alone if
-    those of the text are `benign`.
+    Up to its first sign, a `bare` sentence may ask for something without a verb. If the visitors of
+    the text are `benign`, naming a visitor asks for nothing.
     """
     signs = [*_signs(sentence.words)]
     spans = [_reach(sign, len(sentence.words)) for sign in signs]
@@ -244,7 +244,7 @@ def _signs(words: str) -> Iterator[_Sign]:
 
 
 def _questions(words: str) -> Iterator[_Sign]:
-    """Yield the sentence if it asks about a movement; a question for the state of things is none.
+    """Yield the sentence if it is a question about a movement; questions about a state are skipped.
 
     *Should it be low, send another* begins with a condition.
     """
@@ -262,7 +262,7 @@ def _questions(words: str) -> Iterator[_Sign]:
 _OPENING = re.compile(
     r"(?:(?:\w+ ){0,2}, |(?:and|so|but|hey|ok|okay|well|now|say|please|sorry|um|uh|erm) )*"
 )
-"""A call or a filler before a question."""
+"""A form of address or a filler before a question."""
 
 
 _CAUSING = frozenset(("get", "have", "want", "need", "see", "let", "keep"))
@@ -270,7 +270,7 @@ _CAUSING = frozenset(("get", "have", "want", "need", "see", "let", "keep"))
 
 
 def _is_kept(words: str, negated: re.Match[str]) -> bool:
-    """Return whether leaving or losing something is forbidden, which asks to keep it."""
+    """Return whether leaving or losing something is forbidden, which is an order to keep it."""
     after = negated[0].rpartition(" not ")[2].split()[:3]
     following = words[negated.end() :].split()
     eyes = not {"eye", "eyes"}.isdisjoint(following[:3])  # *don't take your eyes off it*
@@ -294,7 +294,7 @@ def _is_supposed(words: str, start: int) -> bool:
 
 
 def _reports(words: str) -> Iterator[_Sign]:
-    """Yield another speaker's words if they speak of what assets are to do."""
+    """Yield another speaker's words if they are about what assets should do."""
     for found in _pattern("say").finditer(words):
         before = words[: found.start()].split()
         while before and before[-1] in _set("adverbs"):
@@ -314,7 +314,7 @@ def _reports(words: str) -> Iterator[_Sign]:
 
 
 def _own_words(words: str, start: int) -> int:
-    """Return where the operator speaks again after another speaker's words."""
+    """Return the position at which the operator's own words resume."""
     found = _OWN.search(words, start)
     return len(words) if found is None else found.start()
 
@@ -323,7 +323,7 @@ _CLOSING = len(" .")
 
 
 def _speaks_of_tasks(content: str) -> bool:
-    """Return whether reported words are of assets and what they do, and not of a visitor first."""
+    """Return whether reported words are about the actions of assets rather than of a visitor."""
     words = content.split()
     asset = next((at for at, word in enumerate(words) if word in ("ASSET", "KIND")), len(words))
     visitor = next((at for at, word in enumerate(words) if word in CONTACTS), len(words))
@@ -343,7 +343,7 @@ _OWN = re.compile(
 
 
 def _waits(words: str) -> Iterator[_Sign]:
-    """Yield the conditions of a sentence that neither the picture nor the clock decides."""
+    """Yield the conditions of a sentence that neither the picture nor the clock can decide."""
     for found in _pattern("conditions").finditer(words):
         before = words[: found.start()].split()
         if _pattern("no_condition").match(words, found.start()):
@@ -364,7 +364,7 @@ _STOP = re.compile(r" [,.:;!?–—]")
 def _directs(part: str, *, bare: bool, benign: bool = False) -> bool:
     """Return whether a part of a sentence may ask for something.
 
-    A `bare` part needs no verb: *Drone_T04 to EastGate*, *unknown car at the gate*.
+    A `bare` part may do so without a verb: *Drone_T04 to EastGate*, *unknown car at the gate*.
     """
     listed = part.split()
     words, tasks = set(listed), _set("act") | _set("kept_tasks")

@@ -1,9 +1,9 @@
 """The grammar of questions to the console, such as *Why not the robot?*, beside orders.
 
-The whole text has to be such a question, from its first word to its last: one word more and it is
-an order, as *Why is nobody there? Send someone.* and *Send the robot instead* are. So it is with
-*Why not send the robot?*, which asks for it. The grammar is written by hand and reads from left to
-right; what it does not know is no question.
+The whole text has to be such a question. With anything more it is an order, as in *Why is nobody
+there? Send someone.*; *Why not send the robot?* is an order too, because it asks for an action. The
+grammar is written by hand and reads from left to right; a text that it cannot parse is not a
+question.
 """
 
 from collections.abc import Callable
@@ -23,7 +23,7 @@ from pa_console.schema.events.intake import QuestionTopic
 class Question:
     """A question in the operator's words.
 
-    `subjects` are the assets that it may mean, or the gate; none where it is about the whole plan.
+    `subjects` are the assets that it may mean, or a gate; none if it is about the whole plan.
     """
 
     text: str
@@ -33,10 +33,10 @@ class Question:
 
 _WORDS = word_lists("questions")
 MOST_WORDS = 24
-"""A longer text is no question of these."""
+"""A longer text is not read as a question."""
 
 _SUGGESTING = ("do", "does")
-"""Verbs that with *not* may be an order: *Why don't you stop?*"""
+"""Verbs that may give an order with *not*: *Why don't you stop?*"""
 
 
 class _TopicWords(NamedTuple):
@@ -45,7 +45,7 @@ class _TopicWords(NamedTuple):
 
 
 def read_question(scene: ReferenceScene, text: str) -> Question | None:
-    """Return the question that `text` asks of the console, None where it is none."""
+    """Return the question that `text` asks of the console; None for any other text."""
     linked = link_names(scene.world, text)
     tokens = read_tokens(linked)
     if not tokens or len(tokens) > MOST_WORDS:
@@ -56,7 +56,7 @@ def read_question(scene: ReferenceScene, text: str) -> Question | None:
 
 
 class _Grammar:
-    """Tries one form of a question after another on the words that `reader` has."""
+    """A parser that tries the forms of questions one after another."""
 
     def __init__(self, scene: ReferenceScene, text: str, reader: Reader) -> None:
         self._scene, self._text, self._reader = scene, text, reader
@@ -153,7 +153,7 @@ class _Grammar:
         return self._sending(negated=True) if auxiliary and not suggests else None
 
     def _sending(self, *, negated: bool) -> _TopicWords | None:
-        """Read who was sent or was not: *you send the robot there*, *the robot not going home*."""
+        """Read which asset was or was not sent: *you send the robot*, *the robot not going*."""
         reader = self._reader
         no = bool(reader.take("not"))
         if reader.take("it"):
@@ -203,9 +203,9 @@ class _Grammar:
             reader.at = start
 
     def _assets(self) -> tuple[str, ...]:
-        """Read the assets: a name, the mark, a description, or a kind.
+        """Read assets: a name, the marked asset, a description or a kind.
 
-        A kind may mean all of it; none if there is none.
+        A kind means all assets of it. Returns none if the words name no asset.
         """
         reader, scene = self._reader, self._scene
         if name := asset_at(scene, reader):
@@ -229,7 +229,7 @@ class _Grammar:
         return scene.in_order(team)
 
     def _described(self) -> tuple[str, ...]:
-        """Read a description of an asset that begins here; none where none does."""
+        """Read a description of an asset at the cursor; return the assets that fit it."""
         reader, tokens = self._reader, self._reader.tokens
         if reader.over:
             return ()
@@ -275,7 +275,7 @@ class _Grammar:
         return _TopicWords("gate", (gate,)) if bare else None
 
     def _gate(self) -> str:
-        """Read which gate is meant: its name, the marked one, or the one that has no guard."""
+        """Read a gate: its name, the marked gate, or the only gate without a guard."""
         reader, scene = self._reader, self._scene
         start = reader.at
         place = place_at(scene, reader)

@@ -1,10 +1,10 @@
-"""Reads what changes something at once: standing orders, and manual control of an asset.
+"""Words that take effect at once: changes of standing orders, and manual control of an asset.
 
-*Stop the west patrol*, *skip the next one* and *revoke S2* are only read where an order in force is
-meant: by its id, by words of its text, or because it is the only one. *Take over Drone_T04*, *I'll
-fly it myself* and *give it back* are only read where the whole text is about that, with an asset by
-its name, by a description or by the mark on the screen. A text that moves an asset, *stop the drone
-at the west gate*, is neither.
+*Stop the west patrol*, *skip the next one* and *revoke S2* are read only if they mean an order in
+force: by its id, by words of its text, or because it is the only one. *Take over Drone_T04*, *I'll
+fly it myself* and *give it back* are read only if the whole text is about manual control of an
+asset that is named, described or marked on the screen. A text that moves an asset, such as *stop
+the drone at the west gate*, is neither.
 """
 
 import re
@@ -39,7 +39,7 @@ _FILLERS = frozenset(_WORDS["fillers"])
 
 
 class Changeable(Protocol):
-    """What words can change: a standing order, or an order in steps that is under way."""
+    """An order that words can change: a standing order, or an order in steps that is under way."""
 
     @property
     def id(self) -> str:
@@ -48,7 +48,7 @@ class Changeable(Protocol):
 
     @property
     def text(self) -> str:
-        """Its words, as it was given."""
+        """Its words as given."""
         ...
 
     @property
@@ -58,7 +58,7 @@ class Changeable(Protocol):
 
     @property
     def order(self) -> str:
-        """Its words, as it is read."""
+        """Its words as read."""
         ...
 
 
@@ -86,7 +86,7 @@ class OrderChange:
 
 
 def read_change(text: str, orders: Sequence[Changeable]) -> OrderChange | Unclear | None:
-    """Return a change to one of the `orders`, a question about it, or None for no such."""
+    """Return a change to one of the `orders`, a question about it, or None for any other text."""
     if not orders:
         return None
     reader = Reader(read_tokens(text))
@@ -122,7 +122,7 @@ def read_change(text: str, orders: Sequence[Changeable]) -> OrderChange | Unclea
 
 
 def _said(order: Changeable) -> set[str]:
-    """Return the words of an order, as it was given and as it is read."""
+    """Return the words of an order, as given and as read."""
     tokens = read_tokens(f"{order.text} {order.words} {order.order}")
     return {token.word for token in tokens} | {token.word.removesuffix("s") for token in tokens}
 
@@ -142,12 +142,12 @@ _POINTED = frozenset(_MANUAL["pointed"])
 _ALL = frozenset(_MANUAL["all"])
 _WHO = "X"
 MOST_WORDS = 24
-"""A longer text is about more than one thing."""
+"""A longer text is not read as a request for manual control."""
 
 
 @dataclass(frozen=True)
 class ManualWords:
-    """The assets to take under manual control, or to give back, which is `take` False."""
+    """The assets to take under manual control, or to give back if `take` is False."""
 
     take: bool
     assets: tuple[str, ...]
@@ -156,10 +156,10 @@ class ManualWords:
 def read_manual(
     scene: ReferenceScene, text: str, taken: Collection[str]
 ) -> ManualWords | Unclear | None:
-    """Return what `text` asks about manual control, a question about it, or None for no such.
+    """Return the request for manual control in `text`, a question about it, or None.
 
-    The `taken` assets are under manual control at this station. *It* is the asset marked on the
-    screen, or the only one that is taken.
+    The `taken` assets are under manual control at this station. *It* means the asset marked on the
+    screen, or the only taken one.
     """
     linked = link_names(scene.world, text)
     tokens = [token for token in read_tokens(linked) if token.word not in _MANUAL_FILLERS]
@@ -178,7 +178,7 @@ def read_manual(
 
 
 def _slots(name: str, tokens: Sequence[WordToken]) -> Iterator[Sequence[WordToken]]:
-    """Yield the words that stand for the assets, for every phrase of a list that `tokens` are."""
+    """Yield the tokens of the assets for every phrase of the list `name` that matches `tokens`."""
     said = "".join(f"{token.word} " for token in tokens)
     for pattern in _phrases(name):
         if found := pattern.fullmatch(said):
@@ -188,7 +188,7 @@ def _slots(name: str, tokens: Sequence[WordToken]) -> Iterator[Sequence[WordToke
 
 @cache
 def _phrases(name: str) -> tuple[re.Pattern[str], ...]:
-    """Return the phrases of a list: `[word]` may be left out, of `one|other` either is said."""
+    """Return the patterns of a list: `[word]` is optional, `one|other` is a choice."""
 
     def part(word: str) -> str:
         if word == _WHO:
@@ -203,7 +203,7 @@ def _phrases(name: str) -> tuple[re.Pattern[str], ...]:
 def _assets(
     scene: ReferenceScene, text: str, who: Sequence[WordToken], taken: Collection[str]
 ) -> tuple[str, ...] | Unclear:
-    """Return the assets that the words `who` name, describe or point at; none for anything else."""
+    """Return the assets that the words `who` name, describe or point at."""
     words = [token.word for token in who]
     if " ".join(words) in _POINTED:
         known = [scene.pointer] if scene.pointer in scene.world.assets else [*taken]

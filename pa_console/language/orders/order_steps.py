@@ -59,7 +59,7 @@ class _Awaited:
 
 
 def read_steps(scene: ReferenceScene, text: str) -> ReadSteps | Unclear | None:
-    """Return the steps of an order, what to ask about them, or None where it has no two steps."""
+    """Return the steps of an order, a question about them, or None if it has fewer than two."""
     cut = _Cutter(scene, text)
     cut.read()
     if cut.unclear is not None:
@@ -78,7 +78,7 @@ def read_steps(scene: ReferenceScene, text: str) -> ReadSteps | Unclear | None:
 
 
 def unkept_steps(scene: ReferenceScene, text: str) -> tuple[str, ...]:
-    """Return in words the order of steps that `text` has: one plan at once keeps none of it."""
+    """Return the sequence of steps in `text` in words; a single plan does not keep it."""
     found = read_steps(scene, text)
     if found is None:
         return ()
@@ -89,7 +89,7 @@ _CALL_SIGN = re.compile(r"[a-z]+_?t?\d+")
 
 
 class _Cutter:
-    """Parts the tokens of one text into steps."""
+    """A parser that splits the tokens of a text into steps."""
 
     def __init__(self, scene: ReferenceScene, text: str) -> None:
         self._scene, self._text = scene, link_names(scene.world, text)
@@ -123,7 +123,7 @@ class _Cutter:
         self._now = []
 
     def _numbered(self) -> bool:
-        """Part *1) ... 2) ...*; False for a text that is not numbered."""
+        """Split *1) ... 2) ...*; return False for a text that is not numbered."""
         marks = [
             at
             for at in range(len(self._tokens) - 1)
@@ -145,7 +145,7 @@ class _Cutter:
         return not before or before in _STOPS or before in _JOINTS or not self._now
 
     def _is_ordering(self, ahead: int) -> bool:
-        """Return whether the word `ahead` begins an order: an asset, a verb, who, or a stop."""
+        """Return whether the word `ahead` begins an order: an asset, a verb or punctuation."""
         word = self._reader.word(ahead)
         at = self._reader.at + ahead
         if not word or word in _STOPS or word in _IMPERATIVES or word in INDEFINITE | DEFINITE:
@@ -154,7 +154,7 @@ class _Cutter:
         return named or word in KINDS or any(verb.plain for verb in find_verbs(word))
 
     def _takes_first(self) -> bool:
-        """Leave out *first* before an order, and end a step after a clause that ends with it."""
+        """Skip *first* before an order, and end a step after a clause that ends with it."""
         reader, start = self._reader, self._reader.at
         if self._at_clause and reader.take(*_WORDS["first_by"]):
             if reader.word().endswith("ing"):
@@ -174,7 +174,7 @@ class _Cutter:
         return True
 
     def _ends_with_first(self) -> None:
-        """Part a clause that ends with *first* from what follows, or what comes before it."""
+        """Split a clause that ends with *first* from the words after it, or from those before."""
         reader = self._reader
         rest = [token.word for token in reader.tokens[reader.at :] if token.word not in _STOPS]
         if rest:
@@ -188,7 +188,7 @@ class _Cutter:
             self._now = head
 
     def _takes_next(self) -> bool:
-        """Read the words that begin the next step, or that mark a clause as one."""
+        """Read words that begin the next step, or that make a clause a step."""
         reader, start = self._reader, self._reader.at
         word, before = reader.word(), reader.word(-1)
         at_clause = self._at_clause
@@ -218,7 +218,7 @@ class _Cutter:
         return True
 
     def _subject(self) -> list[int]:
-        """Take the name before *then* out of the step so far: *T02 then returns* is of the next."""
+        """Move a name before *then* to the next step: *T02 then returns*."""
         if not self._now:
             return []
         *before, last = self._now
@@ -239,7 +239,7 @@ class _Cutter:
         return any(word in _CONDITIONAL for word in sentence) and "then" not in sentence
 
     def _parts_last_clause(self) -> bool:
-        """Let the last clause so far be a step of its own: *and bring it home afterwards*."""
+        """Make the last clause a step of its own: *and bring it home afterwards*."""
         head, tail = self._parted()
         if not head and not self.parts:
             return True
@@ -249,7 +249,7 @@ class _Cutter:
         return True
 
     def _parted(self) -> tuple[list[int], list[int]]:
-        """Return the tokens of the step so far without its last clause, and that clause."""
+        """Return the tokens of the current step without its last clause, and that clause."""
         for border in range(len(self._now) - 1, 0, -1):
             word = self._tokens[self._now[border]].word
             if word not in _STOPS and word not in _JOINTS:
@@ -262,7 +262,7 @@ class _Cutter:
     # ------------------------------------------------------------------ what is waited for
 
     def _takes_awaited(self) -> bool:
-        """Read what a step waits for, before it or after it."""
+        """Read the condition that a step waits for, before or after it."""
         reader, start = self._reader, self._reader.at
         for ways, anywhere in ((_AWAIT, False), (_AWAIT_AT_END, True), (_WORDS["await_not"], True)):
             if not anywhere and not self._at_clause:
@@ -280,7 +280,7 @@ class _Cutter:
         return False
 
     def _orders(self, way: str, awaited: _Awaited) -> bool:
-        """Split the steps at their conditions; False where these words part none."""
+        """Split the steps at a condition; return False if it separates none."""
         reader = self._reader
         over = reader.over or reader.word() in _ENDS
         if way in _WORDS["await_not"]:
@@ -299,7 +299,7 @@ class _Cutter:
         return True
 
     def _begins_after(self, awaited: _Awaited) -> bool:
-        """Let the next step begin after *once it is there*."""
+        """Begin the next step after *once it is there*."""
         reader = self._reader
         if not any(self.asks(part) for part in (*self.parts, self._now)):
             rest = self._text[reader.tokens[reader.at].start :]
@@ -322,7 +322,7 @@ class _Cutter:
         return rest[tokens[reader.at].start :].rstrip(" .!") if not reader.over else ""
 
     def _without_negation(self) -> bool:
-        """Take *must not* out of the last clause; False where it has none."""
+        """Remove *must not* from the last clause; return False if it has none."""
         for at in range(len(self._now)):
             reader = Reader(self._tokens, self._now[at])
             if reader.take(*_WORDS["negated"]):
@@ -357,7 +357,7 @@ class _Cutter:
         return _Awaited(said, tuple(names), place, reader.at)
 
     def _arrival(self) -> tuple[bool, str]:
-        """Read *is in place at the north gate*; return whether it is an arrival, and where."""
+        """Read *is in place at the north gate*; return whether it is an arrival, and its place."""
         reader, arrived, place = self._reader, False, ""
         while not reader.over:
             if not place and (found := place_at(self._scene, reader)):
@@ -377,7 +377,7 @@ class _Cutter:
         return bool(asset_at(self._scene, Reader(self._tokens, self._reader.at)))
 
     def _is_ordered(self, awaited: _Awaited, body: str) -> None:
-        """Ask back about an asset that is waited for, and that no step before was ordered."""
+        """Ask about an awaited asset that no earlier step sends anywhere."""
         before = {self._tokens[at].said.lower() for part in self.parts for at in part}
         if any(name.lower() not in before for name in awaited.names):
             self._ask_about(awaited, body)
@@ -395,7 +395,7 @@ class _Cutter:
     # ------------------------------------------------------------------ what a step says
 
     def asks(self, part: Sequence[int]) -> bool:
-        """Return whether words ask for something: they name an asset, or have a verb of orders."""
+        """Return whether words ask for something: they name an asset or have a verb of an order."""
         words = self.words(part)
         said = {self._tokens[at].word for at in part}
         single = {word.removesuffix("s") for word in said}
@@ -408,7 +408,7 @@ class _Cutter:
         return any(verb.plain or verb.start == 0 or told for verb in find_verbs(words))
 
     def words(self, part: Sequence[int]) -> str:
-        """Return the text of those tokens, without the stops and joints around it."""
+        """Return the text of the tokens, without punctuation and conjunctions around it."""
         kept = [*part]
         while kept and self._tokens[kept[0]].word in _FILLERS | _STOPS:
             kept.pop(0)
@@ -425,7 +425,7 @@ class _Cutter:
         return "".join(runs).strip()
 
     def told(self, parts: Sequence[Sequence[int]]) -> Iterator[str]:
-        """Yield each step as a sentence that names who does it: *then home* is *send it home*."""
+        """Yield each step as a sentence with a subject: *then home* becomes *send it home*."""
         before: Sequence[int] = ()
         for part in parts:
             words = self.words(part)
@@ -457,7 +457,7 @@ class _Cutter:
         return names, kinds or {KINDS[word] for word in words if word in KINDS}
 
     def _can(self, lead: str, kinds: set[AssetKind]) -> bool:
-        """Return whether an asset of these kinds itself does what `lead` says."""
+        """Return whether assets of these kinds can carry out the verb `lead` themselves."""
         needed: dict[str, AssetKind] = {
             "look": "uav", "observe": "uav", "watch": "uav", "identify": "robot", "warn": "robot",
             "block": "ugv",

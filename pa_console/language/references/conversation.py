@@ -1,7 +1,7 @@
-"""Orders that lean on those before: *bring it back*, *same for north*, *undo that*, *no, west*.
+"""Orders that refer to earlier orders: *bring it back*, *same for north*, *undo that*, *no, west*.
 
-They are put in full, with what the last missions ordered and where everybody was before. Where two
-things fit, it is asked which is meant.
+Each is rewritten as a complete order, from the last missions and the earlier positions of the
+assets. If two readings fit, the operator is asked which one is meant.
 """
 
 import re
@@ -29,9 +29,9 @@ from pa_console.schema.command import ENCOUNTERS, STILL
 
 @dataclass(frozen=True)
 class ResolvedReference:
-    """Words of a text, their range of characters and their meaning.
+    """Words of a text, with their range of characters and their meaning.
 
-    `becomes` is the replacement, if it is more than the names.
+    `becomes` is the replacement if it differs from the names in `means`.
     """
 
     start: int
@@ -48,7 +48,7 @@ class ResolvedReference:
 
 @dataclass(frozen=True)
 class Unclear:
-    """Words that fit more than one thing, or none: what to ask, and what can be answered."""
+    """Words that fit several things or none, with the question to ask and the possible answers."""
 
     said: str
     question: str
@@ -58,7 +58,7 @@ class Unclear:
 
 
 def substituted(text: str, meant: Sequence[ResolvedReference]) -> str:
-    """Return `text` with every reference in `meant` replaced; none overlap."""
+    """Return `text` with every reference in `meant` replaced; references do not overlap."""
     parts, done = list[str](), 0
     for one in sorted(meant, key=lambda each: each.start):
         parts += [text[done : one.start], one.written]
@@ -79,31 +79,31 @@ _THEY = _WORDS["they"]
 LEANING = frozenset((*_IT, *_THEM, *_THEY, *_THERE, *_SAME))
 """The words that refer to an earlier order."""
 _HER = frozenset(_WORDS["her"])
-"""The words after an *her* that is no possessive."""
+"""Words after which *her* is not a possessive."""
 _SOMEBODY = frozenset((*CONTACTS, *_WORDS["somebody"]))
 _ENCOUNTER = frozenset(_WORDS["encounter"])
-"""The verbs whose object is a contact, never one of the assets."""
+"""Verbs whose object is a contact, never an asset."""
 _SAME_ELSEWHERE = _WORDS["same_elsewhere"]
 _ONWARDS = _WORDS["onwards"]
 _AND_THEN = frozenset(_WORDS["and_then"])
 _DONE = frozenset(_WORDS["done"])
 _STEADY = frozenset(_WORDS["steady"])
-"""The words beside places, *next* and *done* in an order to go on."""
+"""Words that may stand beside places, *next* and *done* in an order to continue."""
 _EXISTENTIAL = frozenset(_WORDS["existential"])
 _WELL = frozenset(_WORDS["well"])
-"""The words that ask about an asset's condition."""
+"""Words that ask about the condition of an asset."""
 _HOME = frozenset(_WORDS["home"])
 _SHORT = 11
-"""An order of more words is put in full by itself."""
+"""Words; a longer order is taken as complete."""
 _WEATHER = frozenset(_WORDS["weather"])
-"""The verbs and nouns of an *it* that is no asset."""
+"""Verbs and nouns that go with an *it* that is not an asset."""
 _OWN_TASKS = frozenset(("report", "identify", "warn", "block", "look", "hold", "relieve", "swap"))
 _PUTTING = frozenset(("go", "mass", "cover", "home"))
 
 
 @dataclass(frozen=True)
 class _NameInOrder:
-    """A name in an order, where it stands, and whether it is ruled out: *not the hub*."""
+    """A name in an order, its range of tokens, and whether it is excluded: *not the hub*."""
 
     name: str
     at: int
@@ -113,9 +113,9 @@ class _NameInOrder:
 
 @dataclass(frozen=True)
 class ResolvedOrder:
-    """An order as it is read: its `text`, and what was `meant` by its words.
+    """An order after resolution: its `text`, and the references that were replaced (`meant`).
 
-    It may take back what was ordered last, or take its place.
+    It may take back the last order (`undoes`) or replace it (`corrects`).
     """
 
     text: str
@@ -125,7 +125,7 @@ class ResolvedOrder:
 
 
 def corrects(text: str) -> Literal["replaces", "takes back", ""]:
-    """Return whether words correct the order before them, or take it back; '' for any others.
+    """Return whether a text corrects the previous order or takes it back; '' for any other text.
 
     *No, the other gate* does the first, *never mind* the second; both say so at once.
     """
@@ -143,14 +143,14 @@ def corrects(text: str) -> Literal["replaces", "takes back", ""]:
 
 _MAKE_IT = ("make it", "make that")
 _MOST_CORRECTING = 16
-"""A correction of more words is an order by itself."""
+"""Words; a longer correction is an order of its own."""
 _BEGINNING = (*_CORRECTING_PHRASES, "i meant", "i mean", "not that", "not the", "rather the")
 
 
 def leaning_words(scene: ReferenceScene, text: str) -> tuple[str, ...]:
-    """Return the words of an order, as it is read, that still lean on the one before it.
+    """Return the words of a resolved order that still refer to the previous one.
 
-    What they mean was not found, so a model that sees only this order has to guess.
+    Their meaning was not found, so a model that sees only this order has to guess.
     """
     if scene.last is None:
         return ()
@@ -161,19 +161,19 @@ _STILL_LEANING = frozenset(_WORDS["still_leaning"])
 
 
 def retell(scene: ReferenceScene, text: str) -> ResolvedOrder | Unclear | None:
-    """Return an order that leans on the one before in full; None where it stands by itself."""
+    """Return an order that refers to earlier ones as a complete order; None for any other."""
     if not (scene.last is not None or scene.pointer or scene.asked_about) or not text.strip():
         return None
     return _Turn(scene, text).retold()
 
 
 def _team_of(name: str) -> str:
-    """Return the word of an asset's name: `firefly` of Firefly_T02."""
+    """Return the team in an asset's name: `firefly` of Firefly_T02."""
     return next((word.lower() for word in WORD.findall(name) if len(word) > 1), "")
 
 
 class _Turn:
-    """One order of a conversation, after others, or with something marked on the screen."""
+    """An order that follows others, or that is given while something is marked on the screen."""
 
     def __init__(self, scene: ReferenceScene, text: str) -> None:
         self._scene, self._text, self._tokens = scene, text, read_tokens(text)
@@ -244,13 +244,13 @@ class _Turn:
 
     @property
     def _does(self) -> bool:
-        """Return whether the words ask for a task of their own, other than to go to a place."""
+        """Return whether the words ask for a task other than going to a place."""
         verbs = find_verbs(self._text.lower().replace("hold on", ""))
         return any(v.plain and v.tasks & _OWN_TASKS and not v.means & _PUTTING for v in verbs)
 
     @property
     def _asks(self) -> bool:
-        """Return whether the words ask for an action: in small talk *it* is no asset."""
+        """Return whether the words ask for an action; in small talk, *it* is not an asset."""
         words = set(self._words)
         if self._places or words & (_HOME | {"back"}) or ("?" in words and words & _WELL):
             return True
@@ -265,7 +265,7 @@ class _Turn:
 
     @property
     def _theres(self) -> list[str]:
-        """Every place that *there* may be: where somebody was sent, and what is marked."""
+        """Every place that *there* may mean: the last destinations and the marked place."""
         marked = [self._scene.pointer] if self._scene.pointer in self._scene.world.frames else []
         return list(dict.fromkeys((*marked, *map(self._target, self._moves))))
 
@@ -290,7 +290,7 @@ class _Turn:
         return ResolvedOrder(order, ((self._text.strip(), order),), undoes, corrects)
 
     def _order(self, agent: str, move: Move, place: str = "") -> str:
-        """Return in words that `agent` does the order of `move`, at `place` if given."""
+        """Return the words of an order that `agent` repeats `move`, at `place` if given."""
         target = place or self._target(move)
         if target == self._scene.world.base:
             return f"{agent} home"
@@ -299,7 +299,7 @@ class _Turn:
         return f"{agent} to {target}"
 
     def _returns(self, agents: Sequence[str]) -> list[str]:
-        """Return the orders that bring `agents` back to where they were before the last mission."""
+        """Return the orders that bring `agents` back to their places before the last mission."""
         orders: list[str] = []
         for agent in agents:
             before = next((m.before for m in reversed(self._scene.moved) if m.agent == agent), "")
@@ -505,7 +505,7 @@ class _Turn:
     # ---------------------------------------------------------------- pronouns
 
     def _it(self) -> list[str] | Unclear:
-        """Return who was moved last; of several it has to be asked which one is meant."""
+        """Return the asset that was moved last, or a question if there are several."""
         pointer, asked = self._scene.pointer, self._scene.asked_about
         marked = [pointer] if pointer in self._scene.world.assets else []
         if marked and self._has("that one", "this one"):
@@ -518,14 +518,14 @@ class _Turn:
         return Unclear(said, f"Who is meant by “{said}”?", tuple(who), describes=True)
 
     def _they(self) -> list[str]:
-        """Return who was moved by the last mission; of one alone, with whom was moved before."""
+        """Return the assets of the last mission; if it moved one, also the one moved before."""
         if len(self._movers) > 1:
             return self._movers
         every = list(dict.fromkeys(move.agent for move in reversed(self._scene.moved)))
         return list(reversed(every[:2]))
 
     def _pronouns(self) -> ResolvedOrder | Unclear | None:
-        """Put names for *it*, *them* and *there*, where nothing before in the order is meant."""
+        """Replace *it*, *them* and *there*, unless they refer to words of the same order."""
         meant: list[ResolvedReference] = []
         at = 0
         while at < len(self._tokens):
@@ -543,7 +543,7 @@ class _Turn:
         return ResolvedOrder(substituted(self._text, meant), pairs)
 
     def _pronoun(self, at: int, *, within: bool) -> tuple[ResolvedReference, int] | Unclear | None:
-        """Read a pronoun; one that follows another `within` the order is about the same asset."""
+        """Read a pronoun; a second one `within` the order refers to the same asset."""
         reader = Reader(self._tokens, at)
         named = [one for one in self._assets if one.at < at and not one.ruled_out]
         placed = [one for one in self._places if one.at < at and not one.ruled_out]
@@ -560,7 +560,7 @@ class _Turn:
         return None if named or self._is_contact(at) else self._who(at, within=within)
 
     def _who(self, at: int, *, within: bool) -> tuple[ResolvedReference, int] | Unclear | None:
-        """Read *it*, *he* or *they*; *both* after another one of them says nothing more."""
+        """Read *it*, *he* or *they*; *both* after another pronoun adds nothing."""
         reader = Reader(self._tokens, at)
         if within and reader.take("both"):
             both = self._tokens[at]
@@ -577,7 +577,7 @@ class _Turn:
         return None
 
     def _is_existential(self, at: int) -> bool:
-        """Return whether *there* names no place: *there is a car*, *is there anybody*."""
+        """Return whether *there* does not mean a place: *there is a car*, *is there anybody*."""
         if self._words[at] != "there":
             return False
         after, before = self._words[at + 1 : at + 2], self._words[at - 1 : at] if at else []
@@ -585,9 +585,10 @@ class _Turn:
         return asked or bool(_EXISTENTIAL & {*after})
 
     def _is_contact(self, at: int) -> bool:
-        """Return whether the pronoun at token `at` is no asset, but who has come, or a possessive.
+        """Return whether the pronoun at token `at` is a possessive or means a contact.
 
-        Somebody is spoken of before, and nobody is to come back, or the verb is for contacts only.
+        It means a contact if one is mentioned before it and nothing is to come back, or if its verb
+        takes only contacts.
         """
         if self._words[at] == "her" and self._words[at + 1 : at + 2]:
             after = self._words[at + 1]
@@ -599,7 +600,7 @@ class _Turn:
         return not back and bool(_SOMEBODY & set(self._words[:at]))
 
     def _there_named(self, at: int, end: int) -> tuple[ResolvedReference, int] | Unclear | None:
-        """Put the name for a word such as *there*; of several places it is asked which one."""
+        """Replace a word such as *there* by its place; with several, ask which one is meant."""
         if self._there:
             return self._replaced(at, end, self._there, to=True)
         if not self._theres:
@@ -623,5 +624,5 @@ class _Turn:
 
 
 def _sentence(orders: Sequence[str]) -> str:
-    """Return orders such as `Drone_T04 to EastGate` as one sentence."""
+    """Join orders such as `Drone_T04 to EastGate` into one sentence."""
     return f"{listed(list(dict.fromkeys(orders)))}."

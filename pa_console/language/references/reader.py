@@ -1,7 +1,7 @@
-"""The words of an order one after another, and a place among them from which a parser reads on.
+"""A tokenizer for orders, and a reader that parsers move along its tokens.
 
-Names and the closed lists of words that descriptions are made of are here as well.
-Clitics are words of their own: `isn't` is read as *is*, *not*, and `Drone_T01's` as the name, *'s*.
+The module also has the word lists of descriptions, and readers for the names of assets and places.
+Clitics are separate tokens: `isn't` is read as *is*, *not*, and `Drone_T01's` as the name, *'s*.
 """
 
 import re
@@ -18,7 +18,7 @@ _SAME = {"n't": "not", "’s": "'s", "’re": "'re", "can't": "can", "noone": "n
 
 
 class WordToken(NamedTuple):
-    """A word in lower case, as it was written, and where its characters begin and end."""
+    """A word in lower case and as written, with the range of its characters."""
 
     word: str
     said: str
@@ -27,7 +27,7 @@ class WordToken(NamedTuple):
 
 
 def read_tokens(text: str) -> tuple[WordToken, ...]:
-    """Return the words and stops of `text`."""
+    """Return the words and punctuation marks of `text`."""
     found: list[WordToken] = []
     for match in _TOKEN.finditer(text):
         said, start = match[0], match.start()
@@ -46,7 +46,7 @@ def _word(said: str) -> str:
 
 
 def _without_halves(tokens: Sequence[WordToken]) -> list[WordToken]:
-    """Return the tokens without the halves of contractions such as *isn't*."""
+    """Return the tokens without fragments of contractions such as *isn't*."""
     kept: list[WordToken] = []
     for token in tokens:
         if not kept or token.start >= kept[-1].end:
@@ -55,18 +55,18 @@ def _without_halves(tokens: Sequence[WordToken]) -> list[WordToken]:
 
 
 class Reader:
-    """Reads tokens from the one at `at` on; what is not there is not read."""
+    """A cursor over tokens; a method that finds nothing to read leaves it where it is."""
 
     def __init__(self, tokens: Sequence[WordToken], at: int = 0) -> None:
         self.tokens, self.at = tokens, at
 
     def word(self, ahead: int = 0) -> str:
-        """Return the word `ahead` of here; '' beyond the end and before the beginning."""
+        """Return the word `ahead` of the cursor; '' beyond either end."""
         index = self.at + ahead
         return self.tokens[index].word if 0 <= index < len(self.tokens) else ""
 
     def said(self) -> str:
-        """Return the word here as it was written; '' at the end."""
+        """Return the word at the cursor as written; '' at the end."""
         return self.tokens[self.at].said if self.at < len(self.tokens) else ""
 
     @property
@@ -75,7 +75,7 @@ class Reader:
         return self.at >= len(self.tokens)
 
     def take(self, *ways: str) -> str:
-        """Read the first of `ways`, phrases of one or more words, that is here; '' for none."""
+        """Read the first of the phrases `ways` that stands at the cursor; return it, or ''."""
         for way in ways:
             words = way.split()
             if all(self.word(n) == word for n, word in enumerate(words)):
@@ -84,7 +84,7 @@ class Reader:
         return ""
 
     def take_in(self, words: Collection[str]) -> str:
-        """Read one word that is among `words`; '' where the word here is not."""
+        """Read the word at the cursor if it is among `words`; return it, or ''."""
         word = self.word()
         if word and word in words:
             self.at += 1
@@ -122,7 +122,7 @@ GUARDING = frozenset(
 GUARDED = frozenset(_WORDS["guarded"])
 COPULA = frozenset(_WORDS["copula"])
 SAYING = COPULA - {"standing", "sitting"} | {"hovers", "stays"}
-"""The beginnings of a statement without *that* or *who* before it."""
+"""Words that begin a relative clause without *that* or *who*."""
 STANDING = COPULA | {
     *("waiting", "hovers", "hovering", "parked", "posted", "stationed", "hanging", "stays"),
     *("around", "right", "now", "currently", "still", "up", "about", "just", "idling", "parking"),
@@ -136,24 +136,24 @@ SENT = frozenset(_WORDS["sent"])
 AFTER_ONE = frozenset(
     (*STANDING, *NEAR, *FAR, *IN, "with", "without", "that", "which", "who", "i", "we", "you")
 )
-"""The words after *the one* if it stands for a noun."""
+"""Words that may follow *the one* where it stands for a noun."""
 CONTACTS: Mapping[str, str] = {
     word: "" if sort == "either" else sort
     for sort, words in word_lists("contacts").items()
     for word in words
 }
-"""The words for contacts, and their sort of track; '' for either."""
+"""Words for contacts, each with its kind of track; '' if it may be either."""
 DETERMINED = frozenset((*DEFINITE, *INDEFINITE, *EVERY, *FREE_CHOICE, "number", "only"))
-"""The words after which *one* is no pronoun."""
+"""Words after which *one* is not a pronoun."""
 LEAVING = frozenset(_WORDS["leaving"])
 BESIDE = frozenset(_WORDS["beside"])
-"""The words, beside verbs, stops and places, that follow a noun phrase without a noun."""
+"""Words, besides verbs, punctuation and places, that may follow a noun phrase without a noun."""
 PUTTING = frozenset(_WORDS["putting"])
 COMING = frozenset(_WORDS["coming"])
 
 
 def place_at(scene: ReferenceScene, reader: Reader) -> str:
-    """Read the name of a frame, or the word for the base; '' where neither is here."""
+    """Read the name of a frame, or a word for the base; return the frame, or ''."""
     start = reader.at
     reader.take("the", "our")
     word = reader.word()
@@ -174,7 +174,7 @@ def place_at(scene: ReferenceScene, reader: Reader) -> str:
 
 
 def asset_at(scene: ReferenceScene, reader: Reader) -> str:
-    """Read the name of an asset; '' where none is here."""
+    """Read the name of an asset; return it, or ''."""
     found = scene.assets_said.get(reader.said().lower(), "")
     if found:
         reader.at += 1
@@ -182,7 +182,7 @@ def asset_at(scene: ReferenceScene, reader: Reader) -> str:
 
 
 def number_of(word: str) -> int:
-    """Return the number that a word is; -1 for none."""
+    """Return the number that `word` stands for; -1 if it is not a number."""
     if word.isdecimal():
         return int(word)
     return NUMBERS.index(word) if word in NUMBERS else -1

@@ -1,12 +1,12 @@
 """Resolves references in an order to names, before any model reads it.
 
-*The gate with only one guard* becomes `EastGate`, *bring it back* the asset sent last. No reference
-is guessed: if two things fit the words, or none, a question is asked. The same words in the same
-picture after the same missions always become the same.
+*The gate with only one guard* becomes `EastGate`; in *bring it back*, *it* becomes the asset sent
+last. References are never guessed: if several things fit the words, or none, a question is asked.
+The result depends only on the words, the picture and the earlier missions.
 
-A report of a state, *Drone_T03 is running on fumes*, becomes an order for what is due, in the words
-of the station's own alarms: a guard that is lost or has not much left is replaced, any other asset
-with a low battery comes home. A report that telemetry does not bear out is read as it stands.
+A report of a state, *Drone_T03 is running on fumes*, becomes the order that is due, in the words of
+the station's own alarms: a guard that failed or has a low battery is replaced, and any other asset
+with a low battery returns home. A report that telemetry does not bear out is read as it stands.
 """
 
 import re
@@ -73,9 +73,9 @@ _ORDER = frozenset(("send", "go", "move", "put", "bring", "get", "let", "have", 
 
 
 def reported_state(text: str) -> State | None:
-    """Return which state of an asset `text` reports, None where it asks for something, or asks.
+    """Return the state of an asset that `text` reports; None for an order or a question.
 
-    A vague request, *sort it out*, asks for nothing that is not due anyway.
+    A vague request such as *sort it out* asks for nothing beyond what is due anyway.
     """
     low = " ".join(token.word for token in read_tokens(text))
     if _IF.search(low) or "?" in _VAGUE.sub("", low).replace("does not it ?", ""):
@@ -123,9 +123,9 @@ def what_is_due(scene: ReferenceScene, name: str, state: State) -> str:
 
 
 MOST_CHOICES = 6
-"""The number of fitting things to choose from; of more, the question is open."""
+"""The most choices that a question lists; with more matches it lists none."""
 _QUOTED = re.compile(r"\"[^\"]*\"|“[^”]*”")
-"""Quoted words, which refer to nothing here."""
+"""Quoted words, which are not references."""
 _STAYING = frozenset(("stay", "stays", "remain", "remains", "keep", "keeps"))
 _THERE = frozenset(("there", "it"))
 _NO_MOVE = frozenset(
@@ -164,9 +164,9 @@ def resolve(
 
 
 def _open_gate(scene: ReferenceScene, text: str) -> Unclear | None:
-    """Return the question which gate is meant by *the gate*, None where one of them is likeliest.
+    """Return the question which gate *the gate* means, or None if one gate is the likeliest.
 
-    It is the only one where something is to be seen, or that has no guard.
+    That is the only gate with a track, or the only gate without a guard.
     """
     gates = scene.gates
     seen = {track.gate for track in scene.picture.tracks.values()} & {*gates}
@@ -190,7 +190,7 @@ _TOWARDS = frozenset(("to", "at", "over", "on", "towards", "toward", "near", "by
 
 
 def with_answers(text: str, answers: Answers) -> str:
-    """Return `text` with the answers in place of its unclear words."""
+    """Return `text` with its unclear words replaced by the answers."""
     for said, means in answers.items():
         pattern = rf"(?<!\w){re.escape(said)}(?!\w)"
         text = re.sub(pattern, lambda _, means=means: means, text, count=1, flags=re.IGNORECASE)
@@ -203,7 +203,7 @@ def with_answers(text: str, answers: Answers) -> str:
 def _described(
     scene: ReferenceScene, linked: LinkedText, state: State | None
 ) -> tuple[str, list[tuple[str, str]]] | Unclear:
-    """Return a text with names for its descriptions, and those with what they mean."""
+    """Return the text with names for its descriptions, and each description with its meaning."""
     text = linked.text
     tokens = read_tokens(text)
     groups = SentenceGroups(scene, tokens)
@@ -246,9 +246,9 @@ def _follows(tokens: Sequence[WordToken], one: Description) -> str:
 
 
 def _place_beside(scene: ReferenceScene, tokens: Sequence[WordToken], one: Description) -> str:
-    """Return the place that the order names beside a superlative: *whoever is nearest goes to X*.
+    """Return the place that goes with a superlative: *whoever is nearest goes to X*.
 
-    The first after it, else the last before it; '' where there is none.
+    It is the first place after the superlative, or else the last before it; '' if there is none.
     """
     before, after = "", ""
     at = 0
@@ -266,7 +266,7 @@ def _place_beside(scene: ReferenceScene, tokens: Sequence[WordToken], one: Descr
 def _meant_by(
     scene: ReferenceScene, tokens: Sequence[WordToken], one: Description, state: State | None
 ) -> tuple[str, ...] | Unclear:
-    """Return the names that a description means, none where the planner may choose."""
+    """Return the names that a description means; none if the planner may choose."""
     asset, group = one.sort == "asset", one.group
     if group is not None and not group.clear:
         return _unclear(scene, one, group.members)
@@ -288,7 +288,7 @@ def _meant_by(
 def _apposed(
     scene: ReferenceScene, tokens: Sequence[WordToken], one: Description, names: Sequence[str]
 ) -> str:
-    """Return the one of `names` that follows at once: *the other one, Robot_T02*; '' for none."""
+    """Return the name in apposition, as in *the other one, Robot_T02*; '' if there is none."""
     reader = Reader([token for token in tokens if token.start >= one.end])
     reader.take("i mean", "i meant", "that is", "namely")
     name = asset_at(scene, reader) if reader.take(",", ":", "(", "-") else ""
@@ -296,7 +296,7 @@ def _apposed(
 
 
 def _can_come(place: str) -> Trait:
-    """Return the trait of those who can go to `place`: they work, are free, and are not there."""
+    """Return the trait of assets that can go to `place`: available, free and not already there."""
     return lambda scene, name: (
         scene.asset(name).available
         and (scene.is_free(name) or scene.place_of(name) == scene.world.base)
@@ -308,7 +308,7 @@ def _can_come(place: str) -> Trait:
 def _likelier(
     scene: ReferenceScene, names: tuple[str, ...], state: State | None
 ) -> tuple[str, ...]:
-    """Return the `names` that are in the reported state, or else the working ones, if any."""
+    """Return the `names` in the reported state, or the available ones; all if none fit."""
     if state is not None:
         so = tuple(name for name in names if in_state(scene, name, state))
     else:
@@ -334,11 +334,11 @@ def _unclear(scene: ReferenceScene, one: Description, names: Sequence[str]) -> U
 def _written(
     scene: ReferenceScene, tokens: Sequence[WordToken], one: Description, names: tuple[str, ...]
 ) -> list[ResolvedReference]:
-    """Return what to write for a description: its names, and where to, if only it says that.
+    """Return the replacements for a description: its names, with a destination if it holds one.
 
-    *Closest robot to the north gate, please* names the place to go to inside of the description.
-    An asset that is down keeps its place: the prompt does not say where it stood. The name takes
-    the place of the alternatives that are named before *whichever is nearer*.
+    *Closest robot to the north gate, please* has its destination inside the description. The place
+    of a failed asset is kept, because the prompt does not give it. With *whichever is nearer*, the
+    name also replaces the alternatives before it.
     """
     if one.selects and one.group is not None:
         first = max(n for n, token in enumerate(tokens) if token.start < one.start)
@@ -369,7 +369,7 @@ def _there_named(
     meant: Sequence[ResolvedReference],
     found: Sequence[Description],
 ) -> str:
-    """Write a place for *there* where only a description has named it, or is it itself."""
+    """Replace *there* by a place that only a description names."""
     inside = [one.place for one in found if one.place and one.sort == "asset" and one.ranking]
     gates = [one.means for one in meant if one.means in scene.gates]
     place = next(iter((*inside, *gates)), "")
@@ -410,9 +410,9 @@ def _reported(scene: ReferenceScene, text: str, state: State) -> str:
 
 
 def chosen(scene: ReferenceScene, answer: str, choices: Sequence[str]) -> str:
-    """Return which of `choices` an answer means, '' where none is or several are.
+    """Return the one of `choices` that an answer means; '' if it fits none or several.
 
-    It may be the name, a part of it (*the south one*), its number, or its kind.
+    An answer is a name, a part of one (*the south one*), a number or a kind.
     """
     if answer in choices:
         return answer
@@ -444,7 +444,7 @@ def chosen(scene: ReferenceScene, answer: str, choices: Sequence[str]) -> str:
 
 
 def names_something(scene: ReferenceScene, answer: str) -> bool:
-    """Return whether an answer names or describes a place or an asset at all."""
+    """Return whether an answer names or describes a place or an asset."""
     tokens = read_tokens(link_names(scene.world, answer))
     readers = [Reader(tokens, at) for at in range(len(tokens))]
     if any(asset_at(scene, each) or place_at(scene, each) for each in readers):
