@@ -123,7 +123,7 @@ class ReplayedScreen:
     async def show(self) -> None:
         """Paint the present state of the player.
 
-        A console that has broken down no longer paints: there is no wait for it.
+        A console that has failed is not waited for, because it no longer paints.
         """
         screen = self._app.recording_screen
         if screen is None:

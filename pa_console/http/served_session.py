@@ -60,8 +60,8 @@ class NumberedEvent(NamedTuple):
 class EventFeed:
     """Keeps the events given to `put` for the readers that `follow`.
 
-    It has the events of the log: transient ones are left out. No reader is waited for: one that
-    falls behind goes on from the log.
+    It holds the events of the log, without transient ones. A slow reader delays nothing: it
+    continues from the log.
     """
 
     def __init__(self, log: Callable[[], Path | None], number: int = 0) -> None:

@@ -149,7 +149,7 @@ class OpeningFrame:
         self._heeding.close()
 
     def hand_over(self) -> list[Any]:
-        """Leave the covered terminal to the screen; return the modes that it had before."""
+        """Hand the terminal, with its frame, to the screen; return the modes that it had before."""
         self.shown = False
         return self._modes
 
