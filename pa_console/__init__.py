@@ -94,7 +94,7 @@ _HOMES = {
     "schema.world": ("World",),
     "session.state": ("SessionState",),
 }  # fmt: skip
-"""The public names by the module that defines them for import."""
+"""The public names, by the module from which each is imported."""
 
 
 def __getattr__(name: str) -> Any:

@@ -16,7 +16,7 @@ FIRST = "index"
 AROUND = 70
 """The number of characters of a section that are shown with a hit."""
 ALIKE = 60
-"""The least similarity, of 100, of a name that is suggested for an unknown one."""
+"""The least similarity, out of 100, of a name that is suggested for an unknown one."""
 
 
 @dataclass(frozen=True)

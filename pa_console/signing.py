@@ -152,9 +152,9 @@ def known_keys() -> frozenset[str]:
 def named_keys() -> dict[str, str]:
     """Return the names of the keys that this machine's user knows, by fingerprint.
 
-    They are read from `known-keys` beside the signing key, which has a fingerprint and a name on
-    each line, and comment lines with #. Raises SigningError with the number of an invalid line, and
-    for a file that other users may change.
+    The file `known-keys` beside the signing key has a fingerprint and a name on each line; lines
+    with # are comments. Raises SigningError with the number of an invalid line, and for a file that
+    other users may change.
     """
     path = key_path().with_name(KNOWN_FILE)
     try:

@@ -60,7 +60,7 @@ def auto_approver(request: ev.ApprovalRequested) -> Decision:
 
 
 async def leave_to_clients(_: ev.ApprovalRequested) -> Decision:
-    """Decide nothing, so that the plan waits for a client of `Station.served` without a limit."""
+    """Never decide, so that every plan waits for a client of `Station.served`."""
     await asyncio.Event().wait()
     raise AssertionError("nobody ends that wait")
 
@@ -206,7 +206,7 @@ class Station:
         await self._station.settled()
 
     def change_standing(self, order_id: str, change: Change) -> None:
-        """Revoke, pause or resume a standing order, or skip its next time.
+        """Revoke, pause or resume a standing order, or skip its next scheduled time.
 
         Raises ValueError if it is not in force or nothing would change.
         """
@@ -325,7 +325,7 @@ class Station:
 
     @property
     def _answered(self) -> bool:
-        """True if the approver is not deciding any more, so the last decision was its own."""
+        """True once the approver has decided; until then, a decision comes from a client."""
         return self._asking is None or self._asking.done()
 
     def _ask_no_more(self) -> None:
@@ -371,8 +371,8 @@ def open_station(
     `fleet` is the fleet that the station drives, by default a simulation that begins with `seed`
     and plays `scenario`, given by name or path. With `alarms`, alarms become missions
     automatically; this is the default if a scenario is played. `rate` is the number of seconds on
-    the fleet's clock per second, by default 1. Without it, a simulation runs as fast as it can, and
-    waits while a mission is being planned.
+    the fleet's clock per second. By default, it is 1 for devices, while a simulation runs as fast
+    as it can and waits while a mission is being planned.
 
     `log` is the path of the signed session log, by default of a new file beside those of the
     console. While the log cannot be written, nothing is approved. `on_event` is called with every

@@ -87,7 +87,7 @@ class ShotRecordingScreen(RecordingScreen):
 
 
 class ShotApp(ConsoleApp):
-    """The console in a replay on a tape, with a stopped clock so that nothing moves by itself."""
+    """The replay console on a tape; its clock is stopped, so that nothing moves by itself."""
 
     CSS_PATH = Path(pa_console.tui.__path__[0]) / "console.tcss"
 

@@ -23,8 +23,8 @@ IDLE_S = 10.0
 ACCEPTED, QUEUED = 8, 1024
 """The connections accepted in one turn of the event loop, and the length of the kernel's queue.
 
-A request is read some turns after its connection is accepted. In the meantime, fewer than MOST
-other connections may be accepted, because they would close it unread.
+A request is read some turns after its connection is accepted. Until then, MOST further connections
+would close it unread, so fewer are accepted.
 """
 KEEP_S, END_S = 5, 3
 """The seconds that an idle connection is kept open, and those that a request has at shutdown."""
@@ -112,7 +112,7 @@ class Listening(socket.socket):
             connection.quiet_since = loop.time()
 
     def _make_room(self) -> bool:
-        """End a connection of the lowest rank if there are too many; False if none may end."""
+        """Make room for one more connection; return False if no other may be ended."""
         self._open = {where: one for where, one in self._open.items() if not one.closed}
         if len(self._open) < MOST:
             return True

@@ -1,4 +1,4 @@
-"""The outermost guard of every request: its origin, the name that it asks, its size and its rate.
+"""The outermost guard of every request: its source, its host name, its size and its rate.
 
 A refused request is answered with problem details (RFC 9457) that name the field and the remedy. An
 internal error becomes a problem without a traceback.
@@ -121,9 +121,9 @@ class RequestRate:
 class Guard:
     """An ASGI wrapper that passes to `app` only requests from loopback to a name of this machine.
 
-    The name must have the port of the socket. This refuses a page of another site whose name leads
-    to this machine, and requests that a browser sends for a page of another site. `failed` is
-    called with a defect.
+    The name must have the port of the socket. This refuses a page of another site whose name
+    resolves to this machine, and requests that a browser sends for a page of another site. `failed`
+    is called with a defect.
     """
 
     def __init__(

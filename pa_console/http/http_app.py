@@ -205,8 +205,8 @@ def _add_reads(app: FastAPI, session: ServedSession) -> None:
     ) -> bodies.ToSignView:
         """Return exactly what a second person signs, if the rules require two people for the plan.
 
-        `to_sign` is the text in bytes. `pa-console keys sign` signs it on the person's own machine,
-        and so can any program with Ed25519.
+        `to_sign` is the exact text, in ASCII. `pa-console keys sign` signs it on the person's own
+        machine, and so can any program with Ed25519.
         """
         return session.to_sign(request_id, person or who.person)
 
@@ -337,7 +337,7 @@ def _add_commands(app: FastAPI, session: ServedSession) -> None:
     async def change_standing(
         who: Commanding, name: Annotated[str, Path(alias="id")], change: Change
     ) -> None:
-        """Revoke, pause or resume a standing order, or skip its next time."""
+        """Revoke, pause or resume a standing order, or skip its next scheduled time."""
         session.change_standing(who, name, change)
 
     @app.post(

@@ -57,7 +57,7 @@ class TokenBook:
     """
 
     def __init__(self, path: Path, role_of: RoleOf | None = None) -> None:
-        """Limit roles with `role_of`, the role in the site's roster; None without a roster."""
+        """Limit each role to the one that `role_of` returns; None if there is no roster."""
         self.path, self._role_of = path, role_of
         self._own: dict[str, Bearer] = {}
         self._kept: dict[str, KeptToken] = {}

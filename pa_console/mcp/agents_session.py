@@ -139,7 +139,10 @@ class AgentsSession:
         return mission_view(self._trace(self._station.proposals.propose(agent, text, plan)))
 
     def status(self, mission_id: str) -> MissionDetail:
-        """Return a mission with its plans, findings, decisions and outcome; raises ValueError."""
+        """Return a mission with its plans, findings, decisions and outcome.
+
+        Raises ValueError for an unknown id.
+        """
         found = self.state.missions.get(mission_id)
         if found is None:
             known = ", ".join(list(self.state.missions)[-8:]) or "none"

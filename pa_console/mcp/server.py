@@ -242,7 +242,7 @@ def _add_resources(server: MCPServer[Any], session: AgentsSession) -> None:
 
 
 class _Updates:
-    """The notices of changed resources, published at most once a second for each."""
+    """Notices of changed resources, published at most once a second for each."""
 
     PERIOD_S = 1.0
 
@@ -282,7 +282,7 @@ class AgentTokens:
         self._tokens = tokens
 
     async def verify_token(self, token: str) -> AccessToken | None:
-        """Return the access of an agent's token; None for an unknown token and a person's."""
+        """Return the access of an agent's token; None for an unknown token or a person's."""
         try:
             bearer = self._tokens.find(token)
         except (RefusedError, ValueError, OSError):

@@ -63,7 +63,7 @@ class Receiver:
 
     @classmethod
     def parse(cls, address: str, number: int, *, later: bool = False) -> "Receiver":
-        """Return the receiver at an address; raises ValueError with a text without that address."""
+        """Return the receiver at an address; raises ValueError, whose text omits the address."""
         service = Apprise(asset=AppriseAsset(async_mode=False, app_id="PA Console"))
         if not service.add(address):
             scheme = re.match(r"[a-z]{2,12}(?=://)", address)

@@ -1,7 +1,7 @@
 """Proposals of agents: admission, limits, and withdrawal.
 
-An agent is a program that proposes missions over MCP; a person decides on them. Agents have no
-access to approval, release or signing, so this module does not forbid them.
+An agent is a program that proposes missions over MCP; a person decides on them. Agents have no way
+to approve, release or sign, so this module limits only their proposals.
 """
 
 import re

@@ -25,8 +25,8 @@ MOST_MINOR = 12
 """The most medium and low alarms of one kind that are open at a time; the others wait."""
 MOST_ALIKE = 8
 """The most emergency and high alarms of one kind about contacts of the same sensors, and the most
-medium and low ones. One more alarm names the sensors and counts the other contacts, so a false
-sensor cannot hide the contacts of other sensors."""
+medium and low ones. One more alarm names the sensors and counts the other contacts, so a sensor
+with false reports cannot hide the contacts of other sensors."""
 MOST_IDS = 1024
 """The most subjects whose alarm ids are kept, the latest ones; the number of tracks is
 unlimited."""
@@ -171,7 +171,7 @@ def many_contacts(sensors: tuple[str, ...], held: Sequence[Cause], opened: int) 
 def _cover(
     picture: Picture, world: World, gate: str, cover: GateCover, guards: tuple[str, ...]
 ) -> Cause:
-    """Return the cause of an alarm about a gate that is not covered for certain.
+    """Return the cause of an alarm about a gate without certain cover.
 
     A hand-over may take half the grace time (WF-03). If the guard is known to be lost, there is no
     hand-over, so the alarm is raised after one second.
@@ -281,7 +281,7 @@ class _WatchedCause:
     sensors: Sensors = ()
 
     def counts_as(self, kind: AlarmKind, priority: AlarmPriority) -> "_Alike | None":
-        """Return the limited group of such an alarm; None if the alarm has no limit."""
+        """Return the limited group of an alarm with these values; None if it has no limit."""
         minor = priority in ("medium", "low")
         if self.cause.topic in OF_TRACKS:
             return _Alike(kind, minor, self.sensors)
@@ -289,7 +289,7 @@ class _WatchedCause:
 
 
 class _Alike(NamedTuple):
-    """A group of alarms with a limit: of one kind, minor or not, and from the same sensors."""
+    """A group of alarms with a limit: same kind, minor or not, and for contacts same sensors."""
 
     kind: AlarmKind
     minor: bool

@@ -22,7 +22,8 @@ from pa_console.station.waits import Wait, is_answered, what_waits
 AGAIN_S = 600.0
 """The time for which an alarm that clears and returns is not sent again, in seconds."""
 MOST_SENT, SENT_WITHIN_S = 10, 600.0
-"""The most messages within so many seconds, emergencies excepted; the next message has the rest."""
+"""The most messages in one period, and its seconds. Emergencies are exempt; other items wait for
+the next message."""
 MOST_LINES = 8
 """The most lines of a message; the others are counted."""
 
@@ -62,7 +63,7 @@ class AlertRules:
         self._sent: deque[float] = deque(maxlen=MOST_SENT)
 
     def take(self, event: ev.Event, now_s: float) -> None:
-        """Apply one event of the session."""
+        """Process one event of the session."""
         state = self._state
         state.apply(event)
         if isinstance(event.data, ev.MissionFinished):

@@ -17,7 +17,7 @@ from pa_console.station.worker import MissionWorker, StationParts
 MAX_STEPS_AT_ONCE = 20
 IDLE_S = 0.005
 LATE_S = 2.0
-"""The delay from which a mission counts as late, seconds."""
+"""The delay from which a mission counts as late, in seconds."""
 OVER = "its last moment has passed"
 FAULT_AGAIN_S = 10.0
 """The interval at which a recurring internal error is reported, in seconds."""

@@ -93,7 +93,7 @@ class ManualAssets:
 
 
 class StandingControl:
-    """The control of standing orders: revoke, pause, resume, or skip the next time.
+    """The control of standing orders: revoke, pause, resume, or skip the next scheduled time.
 
     An order in steps that is under way changes with the standing order that started it.
     """
@@ -132,7 +132,7 @@ class StandingControl:
         return f"{change.done}: {', '.join(change.orders)}"
 
     def change(self, order_id: str, change: Change, by: str = "operator") -> None:
-        """Revoke, pause or resume a standing order, or skip its next time.
+        """Revoke, pause or resume a standing order, or skip its next scheduled time.
 
         Revoking removes the order's waiting missions from the queue; one that has begun continues.
         Raises ValueError if the order is not in force or nothing would change.

@@ -74,7 +74,7 @@ class LeftMissions:
         )
 
     def notices(self, station: str) -> Iterator[str]:
-        """Yield lines about them for the operator; `station` is the relieved one."""
+        """Yield notices about these for the operator; `station` is the relieved station."""
         for trace in self.under_way:
             sent = "; ".join(
                 f"{one.command.agent} {order_in_words(one.command)}"

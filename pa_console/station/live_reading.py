@@ -1,15 +1,15 @@
 """Reading ahead of a mission: known parts of its prompt, and the order while it is typed.
 
 The model reads ahead the fixed parts of prompts and the present picture. While a mission is typed,
-it also reads the words so far and the rules that concern them. The second reader starts with the
+it also reads the words so far and the rules that concern them. The second reader is started by the
 first typed words and reads them after the planner and the judge. While a plan is carried out whose
 workflow continues, the picture that its rehearsal predicts is read for the next plan.
 
-In a pause of typing, a draft of the mission goes through the same steps as a submitted one, up to
-its approval. Its events are kept here and logged nowhere, no command passes its gate, and no other
-front end or station sees it. The answers of the models are kept (`llm.early_answers`). When the
-same order is submitted, its mission repeats every step, and a model with the same prompt returns
-the answer that it has already given.
+During a pause in typing, a draft of the mission goes through the same steps as a submitted one, up
+to its approval. Its events are kept here and logged nowhere, no command passes its gate, and no
+other front end or station sees it. The answers of the models are kept (`llm.early_answers`). When
+the same order is submitted, its mission repeats every step, and a model with the same prompt
+returns the answer that it has already given.
 """
 
 import asyncio

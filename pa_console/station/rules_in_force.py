@@ -49,7 +49,7 @@ class RulesWatch:
         self._loaded = self._seen = self._stamp()
 
     def look(self) -> bool:
-        """Return whether the file differs from the loaded one, but not from the last look."""
+        """Return whether the file differs from the loaded version and no longer changes."""
         now = self._stamp()
         before, self._seen = self._seen, now
         return now == before and now != self._loaded
@@ -157,7 +157,7 @@ class RulesReload:
                 await self._take(rulebook, "")
 
     async def accept(self) -> None:
-        """Put the waiting rules in force for the operator; raises ValueError if none wait."""
+        """Accept the waiting rules and put them in force; raises ValueError if none wait."""
         async with self._turn:
             rulebook, why = self._offered, self.offered
             if rulebook is None:
@@ -173,7 +173,8 @@ class RulesReload:
     async def _take(self, rulebook: Rulebook, why: str) -> None:
         """Put `rulebook` in force; the session continues while its rules are indexed.
 
-        `why` is the reason why the operator had to accept it, '' if none was needed.
+        `why` is the reason why the operator had to accept it, '' for a set that needs no
+        acceptance.
         """
         old = self._services.rulebook
         before, after = old.rule_set, rulebook.rule_set

@@ -42,7 +42,7 @@ class RecordStream:
         """Verify records with the site's `trust`; `now` returns seconds since 1970."""
         self._trust, self._now = trust, now
         self.station, self.session = "", ""
-        """The roster's name of the station, and the id of its session; '' before the first."""
+        """The station's name in the roster, and the id of its session; '' before the first."""
         self._last: LogRecord | None = None
         self.seen = 0
         """The number of the last record announced by the station."""

@@ -304,7 +304,7 @@ class ControlStation:
         return self._reload.offered
 
     async def accept_rules(self) -> None:
-        """Put refused rules in force for the operator; raises ValueError if none wait."""
+        """Accept the refused rules and put them in force; raises ValueError if none wait."""
         self._writable()
         await self._reload.accept()
 

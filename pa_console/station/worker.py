@@ -114,9 +114,9 @@ class MissionWorker:
 
     @property
     def thinking(self) -> bool:
-        """True while the active mission is not under way, or the last outcome is not judged.
+        """True while the active mission is planned or waits, or an outcome is still being judged.
 
-        No asset moves for it in the meantime.
+        No asset moves for a mission in the meantime.
         """
         if self._run is None:
             return not self._verdicts.all_told.is_set()
@@ -233,7 +233,7 @@ class MissionWorker:
         self._let_first(run, work, waiting[0].mission, "the operator's order")
 
     def _unasked(self, time_s: float) -> Mission | None:
-        """Return a waiting mission that needs no approval, if the active one waits for it too long.
+        """Return a waiting mission that needs no approval, if the active one has waited too long.
 
         A mission whose plan has already waited for an answer is not returned.
         """

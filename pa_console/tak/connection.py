@@ -40,7 +40,7 @@ GOODBYE_S = 1.0
 """The time in which the server can read the last bytes, in seconds."""
 READ_BYTES = 65_536
 BYTES_A_SECOND = 4_000_000
-"""The most bytes a second that are read from a server, so that a flood does not load a
+"""The most bytes a second that are read from a server, so that a flood cannot occupy a
 processor."""
 MOST_WAITING = 10_000
 """The most events that wait; the largest world has 2000 assets with a route each."""
@@ -193,9 +193,9 @@ class TakConnection:
         retry_s: float = 1.0,
         reports: TakReports | None = None,
     ) -> None:
-        """`retry_s` is the wait after a first failure; it doubles after each further one.
+        """Wait `retry_s` seconds after a first failure; the wait doubles after each further one.
 
-        `reports` gets the state of the connection and everything that the server sends. Raises
+        `reports` receives the state of the connection and everything that the server sends. Raises
         ValueError for certificates that cannot be used.
         """
         if server.certificate is not None:

@@ -47,7 +47,7 @@ MOST_NAMES = 1000
 MOST_IMPOSTORS = 8
 """The most impostors that are named; one more notice stands for the others."""
 SENT_KEPT = 30
-"""The number of sent events kept for each thing: a server may send the last ones back."""
+"""The number of sent events kept for each thing, because a server may return the last ones."""
 MOST_THINGS = 10_000
 ROUNDED = 2e-6
 """The tolerance of angles, which a server may round, in degrees."""

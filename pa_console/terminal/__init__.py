@@ -1,1 +1,1 @@
-"""The terminal without a screen: lines for missions, approvals and consoles."""
+"""The terminal without the full screen: lines for missions, approvals and consoles."""

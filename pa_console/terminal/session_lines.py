@@ -130,7 +130,7 @@ class LineOutput:
     show_plan: Callable[[MissionTrace, int], None]
     show_trace: Callable[[MissionTrace], None]
     hold_s: float = 0.0
-    """The time after a plan is shown before which an answer is refused as unread, in seconds."""
+    """The time after a plan is shown in which an answer is refused as too early, in seconds."""
     called: Callable[[], None] = lambda: None
     """A function that is called when the console waits for the operator."""
 
