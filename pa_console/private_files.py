@@ -20,7 +20,7 @@ class NotPrivateError(OSError):
 
 
 def make_private_folder(folder: Path) -> None:
-    """Make `folder` and its missing parents for their owner only; raise OSError.
+    """Make `folder` and its missing parents for their owner only; raises OSError.
 
     An existing folder is not changed.
     """
@@ -48,10 +48,10 @@ def open_private(path: Path, flags: int) -> int:
 
 
 def replace_private(path: Path, content: bytes, mode: int = FILE_MODE) -> None:
-    """Replace `path` with a file that holds `content`, completely or not at all; raise OSError.
+    """Replace `path` with a file that holds `content`, completely or not at all.
 
     A reader sees either the old file or the new one, which is then already on the disk. Another
-    `mode` than the default makes the file usable by others.
+    `mode` than the default makes the file usable by others. Raises OSError.
     """
     file, new = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
     try:
@@ -68,7 +68,7 @@ def replace_private(path: Path, content: bytes, mode: int = FILE_MODE) -> None:
 
 
 def mode_of(path: Path) -> int:
-    """Return the mode of `path`, or of a private file while it does not exist; raise OSError."""
+    """Return the mode of `path`, or of a private file while it does not exist; raises OSError."""
     try:
         return stat.S_IMODE(path.stat().st_mode)
     except FileNotFoundError:
@@ -76,14 +76,14 @@ def mode_of(path: Path) -> int:
 
 
 def write_all(file: int, content: bytes) -> None:
-    """Write all of `content` to the open `file`; raise OSError."""
+    """Write all of `content` to the open `file`; raises OSError."""
     rest = memoryview(content)
     while rest:
         rest = rest[os.write(file, rest) :]
 
 
 def read_private(path: Path, loose: int = 0o077) -> bytes:
-    """Return the content of `path`; raise OSError.
+    """Return the content of `path`; raises OSError.
 
     Raises NotPrivateError for a link, for a file of another owner, and for one that gives other
     users a right in `loose`, because they may already have read or changed it.
@@ -136,7 +136,7 @@ def unwritable(folder: Path) -> str:
 
 
 def sync_folder(folder: Path) -> None:
-    """Write the directory entries of `folder` to the disk; raise OSError."""
+    """Write the directory entries of `folder` to the disk; raises OSError."""
     file = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
     try:
         os.fsync(file)

@@ -167,9 +167,9 @@ class ReplayedScreen:
 async def picture_replay(
     site: Site, player: Player, size: Size, direct: Callable[[ReplayedScreen], Awaitable[None]]
 ) -> None:
-    """Show `player` on a screen of `size` while `direct` takes shots; raise its errors.
+    """Show `player` on a screen of `size` while `direct` takes shots.
 
-    Raises RuntimeError if the console itself fails.
+    Raises the errors of `direct`, and RuntimeError if the console itself fails.
     """
     app = ShotApp(site, player)
     directing: list[asyncio.Task[Any]] = []
