@@ -1,7 +1,7 @@
 """PA Console: command a team of robots in plain language, safely, on an edge computer.
 
-`import pa_console as pa` gives the names of `__all__`, and imports what a name needs when that is
-first used. The manual's page python-api.md shows what to do with them.
+`import pa_console as pa` provides the names of `__all__` and imports the module of a name on its
+first use. The manual's page python-api.md has examples.
 """
 
 from importlib import import_module
@@ -94,11 +94,11 @@ _HOMES = {
     "schema.world": ("World",),
     "session.state": ("SessionState",),
 }  # fmt: skip
-"""The public names by the module that each is imported from."""
+"""The public names, by the module from which each is imported."""
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name when it is first asked for."""
+    """Import a public name on its first use."""
     for home, names in _HOMES.items():
         if name in names:
             found = getattr(import_module(f"pa_console.{home}"), name)
@@ -117,7 +117,7 @@ def __dir__() -> list[str]:
 
 
 def _version() -> str:
-    """Return the version that is installed; 0.0.0 where the package only lies on the path."""
+    """Return the installed version; 0.0.0 if the package is only on the path."""
     from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415 - slow to import
 
     try:

@@ -1,4 +1,4 @@
-"""`python -m pa_console` is the command `pa-console`."""
+"""The command `pa-console` as `python -m pa_console`."""
 
 from pa_console.cli import main
 

@@ -1,7 +1,7 @@
-"""Start of child processes that run this Python, without any code of the working folder.
+"""The start of child processes that run this Python, without code from the working folder.
 
-Python imports from the folder it was started in before all others, and an empty part of a path,
-such as in `LD_LIBRARY_PATH=:/opt/lib`, means that folder too. It may hold files of other people: a
+Python imports from the folder in which it was started before all others. An empty part of a path,
+as in `LD_LIBRARY_PATH=:/opt/lib`, means that folder too. It may hold files of other people: a
 download, a clone, a shared disk.
 """
 
@@ -11,7 +11,7 @@ from collections.abc import Generator
 from contextlib import contextmanager
 
 OWN_FOLDER = os.sep
-"""The folder in which children start: only the administrator of the machine puts files there."""
+"""The folder in which children start; only the administrator of the machine can put files there."""
 
 SAFE_PATH, SEARCH_PATH = "PYTHONSAFEPATH", "PYTHONPATH"
 
@@ -27,7 +27,7 @@ def python_command(*arguments: str) -> tuple[str, ...]:
 def keep_search_path() -> None:
     """Make the user's PYTHONPATH absolute, so that it names the same folders for children.
 
-    An empty part is left out: for Python it means the folder it was started in.
+    An empty part is left out, because for Python it means the folder in which it was started.
     """
     if given := os.environ.get(SEARCH_PATH):
         parts = (os.path.abspath(part) for part in given.split(os.pathsep) if part)
@@ -36,7 +36,7 @@ def keep_search_path() -> None:
 
 @contextmanager
 def isolated_workers() -> Generator[None]:
-    """Start processes of a library, in this context, without imports from the working folder.
+    """Make a library start its processes without imports from the working folder.
 
     `multiprocessing` (and Dask with it) passes on the environment, but no option like `-P`.
     """

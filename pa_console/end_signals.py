@@ -1,4 +1,4 @@
-"""Signals that end a session from outside: SIGTERM, and SIGHUP of a terminal that is gone."""
+"""Signals that end a session from outside: SIGTERM, and SIGHUP when the terminal is gone."""
 
 import asyncio
 import os
@@ -12,15 +12,15 @@ from typing import TypeVar
 T = TypeVar("T")
 ENDING = (signal.SIGTERM, signal.SIGHUP)
 HEED_S = 0.5
-"""Within this time a signal is heeded while an answer is waited for on the terminal."""
+"""The longest delay of a signal while an answer is awaited on the terminal, in seconds."""
 
 
 @contextmanager
 def end_signals(end: Callable[[int], None]) -> Generator[None]:
-    """Give the number of the first of these signals to `end`; a second one ends the process.
+    """Call `end` with the number of the first of these signals; a second one ends the process.
 
-    A signal that is ignored stays so: `nohup` lets a session outlive its terminal. `end` is called
-    between two steps of the main thread.
+    A signal that is ignored stays ignored: `nohup` lets a session outlive its terminal. `end` is
+    called between two steps of the main thread.
     """
     before = {number: signal.getsignal(number) for number in ENDING}
     heeded = [number for number, handler in before.items() if handler is not signal.SIG_IGN]
@@ -42,34 +42,37 @@ def end_signals(end: Callable[[int], None]) -> Generator[None]:
 
 
 def leave_terminal() -> None:
-    """Let standard streams that lead to a terminal lead nowhere: to write there is an error now."""
+    """Redirect standard streams of a terminal to the null device, because writing now fails."""
     nowhere = os.open(os.devnull, os.O_RDWR)
     for number in range(3):
         with suppress(OSError):  # a stream that is closed
-            if stat.S_ISCHR(os.fstat(number).st_mode):  # a lost terminal says that it is none
+            if stat.S_ISCHR(os.fstat(number).st_mode):  # isatty() is false for a lost terminal
                 os.dup2(nowhere, number)
     os.close(nowhere)
 
 
 def exit_code_of(number: int) -> int:
-    """Return the exit code of a process that the signal `number` has ended, as shells have it."""
+    """Return the exit code of a process ended by the signal `number`, as shells define it."""
     return 128 + number
 
 
 class EndableRun:
-    """Runs a session without a screen, which `end` ends in order."""
+    """A run of a session without a screen, which `end` ends in order."""
 
     def __init__(self) -> None:
         self.ended_by = 0
-        """The signal that `end` was called for, 0 for none."""
+        """The signal that `end` was called with, 0 for none."""
         self.cancel: Callable[[], object] = lambda: None
-        """Ends the running session; a session may put its own way of ending there."""
+        """A function that ends the running session; a session may replace it with its own."""
         self._asking = False
 
     def run(
         self, session: Coroutine[None, None, T], loop: asyncio.Runner | None = None
     ) -> T | None:
-        """Return the result of `session`, in `loop` or one of its own; None if `end` ended it."""
+        """Run `session` and return its result; None if `end` ended it.
+
+        The session runs in `loop`, or in an event loop of its own.
+        """
         try:
             main = self._main(session)
             return asyncio.run(main) if loop is None else loop.run(main)
@@ -80,10 +83,10 @@ class EndableRun:
 
     @contextmanager
     def asking(self) -> Generator[None]:
-        """Let `end` interrupt the block at once: nothing else runs while it waits for an answer.
+        """Let `end` interrupt the block at once, because nothing else runs while it waits.
 
         A signal that comes just before the terminal is read would wait for the answer. A timer
-        interrupts the reading now and then, so that the signal is heeded.
+        interrupts the reading from time to time, so that the signal is handled.
         """
         before = signal.signal(signal.SIGALRM, self._heed)
         signal.setitimer(signal.ITIMER_REAL, HEED_S, HEED_S)
@@ -100,7 +103,7 @@ class EndableRun:
             _interrupt()
 
     def end(self, number: int) -> None:
-        """End the session because of the signal `number`; one that is over stays as it is."""
+        """End the session because of the signal `number`; a session that is over is unaffected."""
         self.ended_by = number
         if self._asking:
             _interrupt()

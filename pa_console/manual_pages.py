@@ -1,4 +1,4 @@
-"""The pages of the manual, Markdown files of the package, and a search over them."""
+"""The pages of the manual, Markdown files in the package, and a search over them."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -14,14 +14,14 @@ from rapidfuzz import process
 FIRST = "index"
 """The first page of the manual; its links give the order of the others."""
 AROUND = 70
-"""Characters of a section that are shown with a hit."""
+"""The number of characters of a section that are shown with a hit."""
 ALIKE = 60
-"""The least similarity, of 100, of a name that is offered for an unknown one."""
+"""The least similarity, out of 100, of a name that is suggested for an unknown one."""
 
 
 @dataclass(frozen=True)
 class ManualSection:
-    """A part of a page: its heading, and its text without marks."""
+    """A part of a page: its heading, and its text without markup."""
 
     heading: str
     text: str
@@ -29,7 +29,7 @@ class ManualSection:
 
 @dataclass(frozen=True)
 class Page:
-    """A page with the name of its file, and a section for each heading, its title first."""
+    """A page with the name of its file, and a section for each heading, the title first."""
 
     name: str
     summary: str
@@ -42,14 +42,14 @@ class Page:
         return self.sections[0].heading
 
     def heading_of(self, anchor: str) -> int:
-        """Return the number of the heading of a link's `anchor`, 0 for an unknown one."""
+        """Return the index of the heading that a link's `anchor` names, 0 for an unknown one."""
         anchors = [_anchor(section.heading) for section in self.sections]
         return anchors.index(anchor) if anchor in anchors else 0
 
 
 @dataclass(frozen=True)
 class SearchHit:
-    """A section that contains all the words; `excerpt` is the text around the first of them."""
+    """A section that contains all words of a search; `excerpt` is the text around the first."""
 
     page: Page
     number: int
@@ -68,9 +68,9 @@ class Manual:
         self.pages = tuple(pages)
 
     def find(self, topic: str) -> Page:
-        """Return the page called `topic`, or the first that has a section called so.
+        """Return the page named `topic`, or the first one with a section of that name.
 
-        Raises a ValueError that names similar pages if there is none.
+        Raises ValueError, which names similar pages, if there is none.
         """
         pages = {page.name: page for page in self.pages}
         name = topic.lower().removesuffix(".md")
@@ -102,7 +102,7 @@ class Manual:
 
 @cache
 def load_manual() -> Manual:
-    """Return the pages of the package: the first one, those it links to in order, the others."""
+    """Return the manual: the first page, the pages that it links to in order, then the others."""
     folder = files("pa_console") / "manual"
     texts = {
         part.name.removesuffix(".md"): part.read_text(encoding="utf-8")
@@ -133,7 +133,7 @@ def _parsed(text: str) -> list[Token]:
 
 
 def _anchor(heading: str) -> str:
-    """Return a heading in the form of links: small letters, digits, and dashes for spaces."""
+    """Return a heading as a link anchor: lower-case letters, digits, and dashes for spaces."""
     return sub(r"\s+", "-", sub(r"[^\w\s-]", "", heading.lower()).strip())
 
 
@@ -164,7 +164,7 @@ def _texts(tokens: list[Token]) -> Iterator[str]:
 
 
 def _plain(inline: Token) -> str:
-    """Return the words of a text without marks, links' addresses and pictures."""
+    """Return the words of a text without markup, link addresses and images."""
     words = (
         part.content if part.type in {"text", "code_inline"} else " "
         for part in inline.children or ()
@@ -174,7 +174,7 @@ def _plain(inline: Token) -> str:
 
 
 def _excerpt(text: str, words: list[str]) -> str:
-    """Return the characters around the first of `words` that is in `text`."""
+    """Return the characters around the first of `words` that occurs in `text`."""
     lowered = text.lower()
     at = next((lowered.find(word) for word in words if word in lowered), 0)
     first = max(at - AROUND // 3, 0)

@@ -1,4 +1,4 @@
-"""The network addresses of servers: how one is read and written, and which are this machine's."""
+"""The network addresses of servers: reading, writing, and a test for this machine."""
 
 import ipaddress
 from collections.abc import Mapping
@@ -8,10 +8,10 @@ from urllib.parse import SplitResult, urlsplit
 def server_address(
     text: str, ports: Mapping[str, int], server: str, form: str
 ) -> tuple[SplitResult, str, int]:
-    """Read `scheme://host[:port]` and what follows; return its parts, the host and the port.
+    """Read `scheme://host[:port]` and the rest; return the parts, the host and the port.
 
-    `ports` has the usual port of each scheme that is understood. Raises ValueError saying what is
-    wrong, with `server` as the words for what is meant and `form` as what to write.
+    `ports` has the default port of each supported scheme. Raises ValueError with the problem, in
+    which `server` names the kind of server and `form` is the expected form.
     """
     try:
         parts = urlsplit(text)
@@ -24,12 +24,12 @@ def server_address(
 
 
 def host_and_port(host: str, port: int) -> str:
-    """Return the two as they stand in an address, an IPv6 host in brackets."""
+    """Return host and port in the form of an address, with an IPv6 host in brackets."""
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
 def is_this_machine(host: str) -> bool:
-    """Return whether data sent to `host` stays on this machine; other names are not looked up."""
+    """Return whether data sent to `host` stays on this machine; other names are not resolved."""
     if host == "localhost":
         return True
     try:

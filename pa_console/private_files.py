@@ -1,4 +1,4 @@
-"""Files that only their owner can use, mode 0600 in folders of 0700, and checks of folders."""
+"""Files that only their owner can use, mode 0600 in folders of mode 0700, and folder checks."""
 
 import errno
 import os
@@ -13,16 +13,16 @@ _ALWAYS = os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK
 
 
 class NotPrivateError(OSError):
-    """A file that other users may use, or that belongs to one; the message names a remedy."""
+    """An error for a file that others may use or that another user owns, with a remedy."""
 
     def __init__(self, path: Path, problem: str, code: int = errno.EACCES) -> None:
         super().__init__(code, problem, str(path))
 
 
 def make_private_folder(folder: Path) -> None:
-    """Make `folder` and its missing parents, for their owner alone; raise OSError.
+    """Make `folder` and its missing parents for their owner only; raises OSError.
 
-    A folder that exists stays as it is.
+    An existing folder is not changed.
     """
     for path in reversed((folder, *folder.parents)):
         if not path.is_dir():
@@ -32,7 +32,7 @@ def make_private_folder(folder: Path) -> None:
 def open_private(path: Path, flags: int) -> int:
     """Open `path`, with mode 0600 if `flags` create it, and return its descriptor.
 
-    The rights of other users to a file of one's own are taken away. Raises OSError, and
+    If the file belongs to this user, the rights of other users are removed. Raises OSError, and
     NotPrivateError for a link, for a file that is not a plain one, and for one of another owner.
     """
     file = _open(path, flags)
@@ -48,10 +48,10 @@ def open_private(path: Path, flags: int) -> int:
 
 
 def replace_private(path: Path, content: bytes, mode: int = FILE_MODE) -> None:
-    """Replace `path` by a file with `content`, wholly or not at all; raise OSError.
+    """Replace `path` with a file that holds `content`, completely or not at all.
 
-    A reader sees the old file or the new one, which is on the disk by then. Another `mode` than
-    that of a private file is for a file that others may use.
+    A reader sees either the old file or the new one, which is then already on the disk. Another
+    `mode` than the default makes the file usable by others. Raises OSError.
     """
     file, new = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
     try:
@@ -68,7 +68,7 @@ def replace_private(path: Path, content: bytes, mode: int = FILE_MODE) -> None:
 
 
 def mode_of(path: Path) -> int:
-    """Return the mode of `path`, or of a private file while it does not exist; raise OSError."""
+    """Return the mode of `path`, or of a private file while it does not exist; raises OSError."""
     try:
         return stat.S_IMODE(path.stat().st_mode)
     except FileNotFoundError:
@@ -76,17 +76,17 @@ def mode_of(path: Path) -> int:
 
 
 def write_all(file: int, content: bytes) -> None:
-    """Write all of `content` to the open `file`; raise OSError."""
+    """Write all of `content` to the open `file`; raises OSError."""
     rest = memoryview(content)
     while rest:
         rest = rest[os.write(file, rest) :]
 
 
 def read_private(path: Path, loose: int = 0o077) -> bytes:
-    """Return the content of `path`; raise OSError.
+    """Return the content of `path`; raises OSError.
 
     Raises NotPrivateError for a link, for a file of another owner, and for one that gives other
-    users a right in `loose`: they may have read or changed it already.
+    users a right in `loose`, because they may already have read or changed it.
     """
     file = _open(path, os.O_RDONLY)
     with os.fdopen(file, "rb") as stream:
@@ -128,7 +128,7 @@ def nearest_existing(path: Path) -> Path:
 
 
 def unwritable(folder: Path) -> str:
-    """Return the reason that `folder`, which may not exist, cannot be written; empty if it can."""
+    """Return why `folder`, which may not exist, cannot be written; '' if it can."""
     found = nearest_existing(folder)
     if not found.is_dir():
         return f"{found} is not a folder"
@@ -136,7 +136,7 @@ def unwritable(folder: Path) -> str:
 
 
 def sync_folder(folder: Path) -> None:
-    """Make the names of files in `folder` safe on the disk; raise OSError."""
+    """Write the directory entries of `folder` to the disk; raises OSError."""
     file = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
     try:
         os.fsync(file)

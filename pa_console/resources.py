@@ -18,9 +18,9 @@ def data_folder() -> Path:
 
 
 def install_hint(extra: str) -> str:
-    """Return the command that adds an `extra` to the program as it was installed here.
+    """Return the command that adds an `extra` to this installation of the program.
 
-    That is pip, pipx, or pip in a clone of the repository.
+    It uses pip, pipx, or pip in a clone of the repository.
     """
     prefix, root = Path(sys.prefix), _PACKAGE.parent
     if (root / "pyproject.toml").is_file():
@@ -35,9 +35,9 @@ def install_hint(extra: str) -> str:
 def find_data(kind: str, name: str, file: str) -> Path:
     """Return the path of `name`, a user's path or the name of an installed item.
 
-    `find_data("worlds", "checkpoint", "world.yaml")` is the installed checkpoint. A name that
-    is an existing file is that file; an existing folder is `file` inside it. The path returned
-    may not exist: opening it gives the error that names it.
+    `find_data("worlds", "checkpoint", "world.yaml")` is the installed checkpoint. If `name` is an
+    existing file, that file is returned; if it is an existing folder, `file` in it. The returned
+    path may not exist: opening it raises an error that names it.
     """
     given = Path(name).expanduser()
     if given.is_file():

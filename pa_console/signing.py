@@ -29,7 +29,8 @@ PASSPHRASE_VARIABLE = "PA_CONSOLE_PASSPHRASE"
 """The passphrase of a site's keys, for machines on which no person can type it."""
 
 SITE_OWNER = "owner.pub"
-"""The public key of a site's owner, in the folder of its keys. A site with this file has keys."""
+"""The public key of a site's owner, in the folder of its keys; its presence means a site with
+keys."""
 
 KEY_FILE = "signing-key.pem"
 KNOWN_FILE = "known-keys"
@@ -38,7 +39,7 @@ _FINGERPRINT = re.compile(r"SHA256:[A-Za-z0-9+/]{43}")
 
 
 class SigningError(ValueError):
-    """An error with a key that cannot be made or read; the message names its path and a remedy."""
+    """An error for a key that cannot be made or read; the message names its path and a remedy."""
 
 
 class Signer:
@@ -61,8 +62,8 @@ class Signer:
 class SignedLine(StrictModel):
     """One line of canonical JSON whose signature covers PURPOSE and every other field.
 
-    A subclass sets PURPOSE, which keeps the signature of one kind of line from fitting another,
-    and TITLE, its name in error messages.
+    A subclass sets PURPOSE, which makes the signature of one kind of line invalid for another, and
+    TITLE, its name in error messages.
     """
 
     PURPOSE: ClassVar[bytes]
@@ -80,13 +81,13 @@ class SignedLine(StrictModel):
 
     @classmethod
     def parse(cls, content: bytes) -> Self:
-        """Read `content`, one line with its end; raise ValueError if its signature does not fit."""
+        """Parse `content`, one line with its end; raise ValueError if its signature is invalid."""
         try:
             read = cls.model_validate_json(content)
         except ValidationError as error:
             raise ValueError(f"not {cls.TITLE}") from error
         message = cls.PURPOSE + _text_line(read.model_dump(exclude={"signature"}))
-        # Compared to the byte as well: other spellings of the same JSON carry the same signature.
+        # The bytes are compared as well, because the signature fits other spellings of the JSON.
         if content != read.line or not is_signature(read.signature, message, read.key):
             raise ValueError("this line was changed: its signature does not fit its content")
         return read
@@ -151,9 +152,9 @@ def known_keys() -> frozenset[str]:
 def named_keys() -> dict[str, str]:
     """Return the names of the keys that this machine's user knows, by fingerprint.
 
-    They are read from `known-keys` beside the signing key: a fingerprint and a name on each line,
-    and comment lines with #. Raises SigningError that names a line of another form, and for a
-    file that other users may change.
+    The file `known-keys` beside the signing key has a fingerprint and a name on each line; lines
+    with # are comments. Raises SigningError with the number of an invalid line, and for a file that
+    other users may change.
     """
     path = key_path().with_name(KNOWN_FILE)
     try:
@@ -215,7 +216,7 @@ def _read(path: Path) -> Signer | None:
 
 
 def _make(path: Path) -> Signer:
-    """Make a key at `path`; it is safe on the disk before it signs anything."""
+    """Make a key at `path`, which is on the disk before it signs anything."""
     key = ed25519.Ed25519PrivateKey.generate()
     pem = key.private_bytes(form.Encoding.PEM, form.PrivateFormat.PKCS8, form.NoEncryption())
     replace_private(path, pem)

@@ -1,1 +1,1 @@
-"""The public names of the Python API; `import pa_console as pa` gives them."""
+"""The public names of the Python API, provided by `import pa_console as pa`."""

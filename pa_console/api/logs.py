@@ -1,4 +1,4 @@
-"""The log of a session as a program verifies and reads it."""
+"""Verification and reading of session logs by programs."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,17 +12,18 @@ def verify_log(
 ) -> verification.VerifyResult:
     """Check every record of a session log, its hash chain, its signatures and its signed head.
 
-    The result's `intact` says that nothing was changed, added or removed since a known key signed
-    it, and `problem` what is wrong. `keys` are fingerprints, `SHA256:` and 43 characters, that may
-    vouch, by default this machine's. Raises LogError, a ValueError, for a file that cannot be read.
+    In the result, `intact` is True if nothing was changed, added or removed since a known key
+    signed the log; `problem` describes what is wrong. `keys` are the fingerprints of the known
+    keys, `SHA256:` and 43 characters; by default, they are this machine's. Raises LogError, a
+    ValueError, for a file that cannot be read.
     """
     return verification.verify(Path(path), keys)
 
 
 def read_log(path: Path | str) -> Iterator[Event]:
-    """Yield the events of a session log, oldest first, its chain and signatures unchecked.
+    """Yield the events of a session log, oldest first, without a check of chain and signatures.
 
-    `t` of an event is wall time in UTC, `tick` steps of the fleet's clock. Raises LogError, a
-    ValueError that names the line, at the first line that cannot be read.
+    The `t` of an event is wall time in UTC, its `tick` the steps of the fleet's clock. Raises
+    LogError, a ValueError that names the line, at the first line that cannot be read.
     """
     return chain.read_log(Path(path))

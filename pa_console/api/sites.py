@@ -1,4 +1,4 @@
-"""The worlds and rules that a program loads, and a plan checked against them without a station."""
+"""Loading of worlds and rules, and checks of a plan against them without a station."""
 
 import asyncio
 from concurrent.futures import ThreadPoolExecutor
@@ -19,19 +19,19 @@ from pa_console.station.assembly import Site
 
 
 def load_world(world: str = "checkpoint") -> World:
-    """Return a world: an installed one by its name, or that of a folder or file of yours.
+    """Return a world: an installed one by name, or the one in a folder or file of yours.
 
-    Lengths are metres, x east and y north, speeds metres per second, times seconds. Raises
-    DocumentError, a ValueError, that names file, line and field.
+    Lengths are in metres, x points east and y north, speeds are in metres per second, times in
+    seconds. Raises DocumentError, a ValueError that names file, line and field.
     """
     return open_world(world)[0]
 
 
 def load_rules(rules: str = "checkpoint", *, unsigned: bool = False) -> Rulebook:
-    """Return the rules of an installed set or of a file, and the core, which is always in force.
+    """Return the rules of an installed set or of a file, with the core, which is always in force.
 
-    Raises DocumentError, a ValueError, that names file, line and field, also for rules that were
-    altered since they were signed, unless they are to be taken as if `unsigned`.
+    Raises DocumentError, a ValueError that names file, line and field. Rules that were altered
+    after signing raise it too, unless they are to be loaded as `unsigned`.
     """
     return assembly.open_rules(rules, unsigned=unsigned)[0]
 
@@ -45,9 +45,9 @@ def load_site(
 ) -> Site:
     """Return a world and the rules in force there, for `open_station`.
 
-    As in the console, rules that are less than those used before on this machine (of a lower
-    version, not signed, signed by another) raise ValueError, unless you `accept_rules`. Otherwise
-    as `load_world` and `load_rules`.
+    As in the console, rules weaker than those used before on this machine (of a lower version,
+    without a signature, or with another signer) raise ValueError, unless `accept_rules`. Other
+    errors are those of `load_world` and `load_rules`.
     """
     return assembly.load_site(
         world, rules, unsigned=unsigned, pins=RulesPins(), accept=accept_rules
@@ -62,13 +62,13 @@ def check_plan(
     fleet: Outlook | None = None,
     mission: str = "Carry out this plan.",
 ) -> tuple[Finding, ...]:
-    """Return what the safeguards find in `plan` (paper, Section IV-F); no model is asked.
+    """Return the safeguards' findings on `plan` (paper, Section IV-F); no model is asked.
 
     The plan is rehearsed in a forecast from the present picture of `fleet`, by default of a quiet
-    watch in `world`. Then there is one finding for every rule, in the order of `rules`. A plan that
-    cannot even be started, for it names what does not exist, has findings of the id PLAN only.
-    `mission` is what was ordered, for rules about the words of an order. No command reaches a
-    device. It takes about a second, and blocks the calling thread.
+    watch in `world`. The result has one finding for every rule, in the order of `rules`. If the
+    plan cannot be started, because it names something that does not exist, the findings have the id
+    PLAN only. `mission` is the order, for rules about its words. No command reaches a device. The
+    check takes about a second and blocks the calling thread.
     """
     given = Mission(id="check", text=mission, created=datetime.now(UTC))
     outlook = SimulatedFleet.start(world) if fleet is None else fleet

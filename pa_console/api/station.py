@@ -1,7 +1,7 @@
-"""A station for a program, without a screen: missions, an approver, questions, its end.
+"""A station for a program, without a screen: missions, an approver, questions, and its end.
 
-Everything here is composed of the parts that the console itself uses. The settings of the console
-play no part: a program says what it wants.
+The station is composed of the parts that the console itself uses. The settings of the console have
+no effect: a program passes what it wants.
 """
 
 import asyncio
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from pa_console.http.tokens import TokenBook
 
 OnEvent = Callable[[ev.Event, SessionState], None]
-"""Takes an event, and the session's state after it."""
+"""A function that takes an event and the session's state after it."""
 
 STANDING_CONFIDENCE = 0.9
 """The confidence of planner and judge in their reading, 0 to 1, that `auto_approver` requires."""
@@ -52,15 +52,15 @@ STANDING_CONFIDENCE = 0.9
 def auto_approver(request: ev.ApprovalRequested) -> Decision:
     """Approve a plan that passes safeguards and judge without doubt; reject every other plan.
 
-    Warnings are acknowledged. A judge's Failure is never overridden, and an order that planner or
-    judge may have misread (less sure than STANDING_CONFIDENCE) is not carried out.
+    Warnings are acknowledged. A judge's Failure is never overridden. An order that planner or judge
+    may have misread, with a confidence below STANDING_CONFIDENCE, is not carried out.
     """
     approver = standing_approver("auto", least=STANDING_CONFIDENCE, given="auto_approver")
     return approver(request)
 
 
 async def leave_to_clients(_: ev.ApprovalRequested) -> Decision:
-    """Decide nothing: the plan waits for a client of `Station.served`, however long that takes."""
+    """Never decide, so that every plan waits for a client of `Station.served`."""
     await asyncio.Event().wait()
     raise AssertionError("nobody ends that wait")
 
@@ -70,14 +70,14 @@ class Served:
     """The address of a served station, and its access tokens."""
 
     address: str
-    """Its begin, such as `http://127.0.0.1:40213`; `/docs` there describes the rest."""
+    """The start of every URL, such as `http://127.0.0.1:40213`; its `/docs` describes the rest."""
     tokens: "TokenBook"
 
     def make_token(self, role: "Role", person: str) -> str:
-        """Return a token of `person` for as long as it is served.
+        """Return a token for `person` that is valid as long as the session is served.
 
-        An `observer` may read, an `operator` and a `commander` may give missions, decide and stop.
-        Raises ValueError for what is no name.
+        An `observer` may read; an `operator` and a `commander` may also give missions, decide and
+        stop. Raises ValueError for an invalid name.
         """
         return self.tokens.make(person, role, keep=False)
 
@@ -86,9 +86,9 @@ class Served:
 class Outcome:
     """The end of a mission.
 
-    `status` is `verified` only if telemetry has shown that the plan happened. `plan` is the one
-    that was approved last, None if none was. `metrics` are seconds per stage, executing in seconds
-    of the fleet's clock and all else in wall time.
+    `status` is `verified` only if telemetry has shown that the plan was carried out. `plan` is the
+    last approved plan, None if there is none. `metrics` are seconds per stage: execution on the
+    fleet's clock, everything else in wall time.
     """
 
     mission: Mission
@@ -101,7 +101,7 @@ class Outcome:
 
 
 class Station:
-    """A control station that works as long as its context lasts; `open_station` gives it.
+    """A control station that runs as long as its context lasts; `open_station` returns it.
 
     Use it in the event loop in which its context was entered.
     """
@@ -116,9 +116,9 @@ class Station:
         self._station, self._open_log = station, open_log
         self._approver, self._on_event = approver, on_event
         self.state = SessionState()
-        """The session as it stands: picture, alarms, queue, missions."""
+        """The present state of the session: picture, alarms, queue, missions."""
         self.log: Path | None = None
-        """The file of the session's log, as soon as it is open."""
+        """The path of the session's log once it is open."""
         self._ends: dict[str, asyncio.Future[Outcome]] = {}
         self._asking: asyncio.Task[None] | None = None
         self._begun = asyncio.Event()
@@ -128,7 +128,7 @@ class Station:
         self._clients: list[ServedSession] = []
 
     async def __aenter__(self) -> Self:
-        """Begin the session; returns when the first picture is there."""
+        """Begin the session; returns when the first picture is available."""
         async with AsyncExitStack() as stack:
             writer = stack.enter_context(self._open_log())
             self.log = writer.path
@@ -144,19 +144,19 @@ class Station:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """End the session; a mission that is worked on is cancelled, its assets made safe.
+        """End the session: cancel the active mission and bring its assets to safety.
 
-        Verdicts on outcomes that are still to come are waited for, unless an error ends it.
+        Outstanding verdicts on outcomes are awaited, unless an error ends the session.
         """
         await self._context.__aexit__(kind, error, traceback)
 
     async def run_mission(self, text: str) -> Outcome:
         """Plan, check, decide, execute and verify one mission in plain language.
 
-        Missions that wait are worked on by priority, one at a time. Whoever cancels this call
-        cancels the mission: assets under way for it go to a safe state. Raises ValueError for a
-        mission that the station does not take, RuntimeError when the session ends before, and
-        whatever the approver raises; the plan is then rejected.
+        Waiting missions are carried out by priority, one at a time. If this call is cancelled, the
+        mission is cancelled, and assets under way for it go to a safe state. Raises ValueError if
+        the station does not accept the mission, and RuntimeError if the session ends first. An
+        exception of the approver is raised here too; its plan is rejected.
         """
         if self._over is not None:
             raise self._over
@@ -173,10 +173,10 @@ class Station:
     async def ask(self, question: str) -> ev.QuestionAnswered:
         """Answer a question about the record: *Why?*, *Why not Robot_T02?*, *What else?*.
 
-        It is about the plan that waits, else about the mission that is worked on or was last. No
-        model is asked, no decision follows and no asset moves; the answer is logged. Each of the
-        answer's `lines` has its subject in `about`, and its text in `said`. Raises ValueError for a
-        text that is no such question, RuntimeError when the session is over.
+        The answer is about the waiting plan, otherwise about the active or last mission. No model
+        is asked, nothing is decided and no asset moves; the answer is logged. Each of the answer's
+        `lines` has its subject in `about` and its text in `said`. Raises ValueError for any other
+        text, RuntimeError if the session is over.
         """
         if self._over is not None:
             raise self._over
@@ -186,10 +186,11 @@ class Station:
         return await self._station.answer(found)
 
     def inject(self, incident: Mapping[str, object]) -> None:
-        """Let something happen in a simulated fleet, e.g. a vehicle appear 60 m from a gate.
+        """Make an incident happen in a simulated fleet, e.g. a vehicle 60 m from a gate.
 
-        That is `{"kind": "spawn", "gate": "WestGate", "distance_m": 60.0}`; the manual's page on
-        scenarios has all kinds. Raises ValueError for what there is not, and on any other fleet.
+        The example is `{"kind": "spawn", "gate": "WestGate", "distance_m": 60.0}`; the manual's
+        page on scenarios lists all kinds. Raises ValueError for an invalid incident, and for a
+        fleet that is not simulated.
         """
         self._station.inject(TypeAdapter[Incident](Incident).validate_python(incident))
 
@@ -198,49 +199,49 @@ class Station:
         await self._station.advance(seconds)
 
     async def settled(self) -> None:
-        """Wait until no mission is worked on and none waits, those of alarms included.
+        """Wait until no mission is active and none waits, including missions of alarms.
 
-        The judge has then said its word on every outcome.
+        By then, the judge has given its verdict on every outcome.
         """
         await self._station.settled()
 
     def change_standing(self, order_id: str, change: Change) -> None:
-        """Revoke a standing order, let it pause or go on (resume), or skip its next moment.
+        """Revoke, pause or resume a standing order, or skip its next scheduled time.
 
-        Raises ValueError when it is not in force, or where that changes nothing.
+        Raises ValueError if it is not in force or nothing would change.
         """
         self._station.change_standing(order_id, change)
 
     def take_manual(self, asset: str) -> None:
-        """Take manual control of an asset: nothing but a stop's hold is sent to it.
+        """Take manual control of an asset: only the hold of a stop is still sent to it.
 
-        Raises ValueError for an unknown one, and for one that is taken.
+        Raises ValueError if it is unknown or already taken.
         """
         self._station.manual.take(asset, by="program")
 
     def end_manual(self, asset: str) -> None:
-        """Return an asset, which does not move it; missions that awaited it are queued.
+        """Return an asset from manual control, which does not move it.
 
-        Raises ValueError where nobody has taken it.
+        Missions that awaited it are queued. Raises ValueError if it is not under manual control.
         """
         self._station.manual.end(asset, by="program")
 
     def stop_all(self) -> None:
-        """Send every asset a hold, now; no mission is taken until `release`."""
+        """Send every asset a hold at once; no mission is accepted until `release`."""
         self._station.stop_all(by="program")
 
     def release(self) -> None:
-        """Release the stop, by which no asset moves; raises ValueError when nothing is stopped."""
+        """Release the stop, which moves no asset; raises ValueError if nothing is stopped."""
         self._station.release(by="program")
 
     @asynccontextmanager
     async def served(self, port: int = 0) -> AsyncGenerator[Served]:
-        """Serve this very session to other programs, as `pa-console serve` does, in a context.
+        """Serve this session to other programs in a context, as `pa-console serve` does.
 
-        It listens at `port` of loopback, by default a free one. Tokens of `pa-console serve
-        --make-token` are good for it, too. An approver of yours goes on deciding beside clients:
-        whoever is first; `leave_to_clients` leaves it to them. It needs the extra `serve`. Raises
-        ValueError for a port that cannot be listened on.
+        It listens on `port` of loopback, by default on a free one. Tokens from `pa-console serve
+        --make-token` are valid for it too. The approver of the station still decides, and so may
+        clients: the first decision counts. The approver `leave_to_clients` leaves all decisions to
+        clients. The extra `serve` is required. Raises ValueError if the port cannot be listened on.
         """
         from pa_console.http.connections import listen  # noqa: PLC0415 - with the extra
         from pa_console.http.http_app import serving  # noqa: PLC0415 - FastAPI
@@ -306,7 +307,7 @@ class Station:
                 pass
 
     async def _ask(self, request: ev.ApprovalRequested, mission: str | None) -> None:
-        """Let the approver decide about a plan; it is rejected when he, or the log, fails."""
+        """Let the approver decide on a plan; reject the plan if the approver or the log fails."""
         try:
             said = self._approver(request)
             decision = said if isinstance(said, Decision) else await said
@@ -324,16 +325,16 @@ class Station:
 
     @property
     def _answered(self) -> bool:
-        """Return whether the approver has decided about the waiting plan; else a client has."""
+        """True once the approver has decided; until then, a decision comes from a client."""
         return self._asking is None or self._asking.done()
 
     def _ask_no_more(self) -> None:
-        """Leave an approver alone whose plan does not wait any more."""
+        """Cancel an approver whose plan no longer waits."""
         if self._asking is not None:
             self._asking.cancel()
 
     def _abandon(self, mission: str) -> None:
-        """Let go of a mission, unless it is over."""
+        """Cancel or withdraw a mission, unless it is over."""
         if self._station.worked_on == mission:
             self._station.cancel()
         else:
@@ -355,28 +356,30 @@ def open_station(
     log: Path | str | None = None,
     on_event: OnEvent | None = None,
 ) -> Station:
-    """Return a station on `site`, for `async with`: it works as long as that context lasts.
+    """Return a station on `site` for `async with`; it runs as long as that context lasts.
 
-    `approver` is asked about every plan, also about one that may only be rejected or modified. It
-    must not block; it may return an awaitable instead of a Decision, and may then take its time.
-    Nothing moves before it has approved, and a plan whose approver fails is rejected.
+    `approver` is asked about every plan, even one that may only be rejected or modified. It must
+    not block; it may return an awaitable instead of a Decision and then take its time. Nothing
+    moves before it has approved, and a plan whose approver fails is rejected.
 
-    `model` is one of the catalogue, or the path of a GGUF file, by default the default model, which
-    `pa-console models pull` fetches, or one on a server, `openai:BASE_URL#NAME`, that plans as long
-    as it answers; the default model judges and takes over. An `engine` of your own, to be shared by
-    several stations or to answer from a script, is used instead and not closed.
+    `model` is the name of a catalogue model, the path of a GGUF file, or a model on a server,
+    `openai:BASE_URL#NAME`. By default, it is the default model, which `pa-console models pull`
+    fetches. A model on a server plans as long as it answers; the default model judges and takes
+    over. A caller's own `engine`, which several stations may share or which answers from a script,
+    is used instead and is not closed.
 
-    `fleet` is what the station drives, by default a simulation that begins with `seed` and plays
-    `scenario`, by name or path. `alarms` become missions by themselves, by default if a scenario is
-    played. The fleet's clock makes `rate` seconds a second, by default 1; a simulation goes as
-    fast as it can by default, and waits while a mission is thought about.
+    `fleet` is the fleet that the station drives, by default a simulation that begins with `seed`
+    and plays `scenario`, given by name or path. With `alarms`, alarms become missions
+    automatically; this is the default if a scenario is played. `rate` is the number of seconds on
+    the fleet's clock per second. By default, it is 1 for devices, while a simulation runs as fast
+    as it can and waits while a mission is being planned.
 
-    `log` is where the signed session log is written, by default a new file beside those of the
-    console; while it cannot be written, nothing is approved. `on_event` is told of every event once
-    the log has it. The signing key of this machine is made on first use.
+    `log` is the path of the signed session log, by default of a new file beside those of the
+    console. While the log cannot be written, nothing is approved. `on_event` is called with every
+    event once the log has it. The signing key of this machine is made on first use.
 
-    Raises ModelError when the model is not there, ValueError for a scenario that is not. Entering
-    the context raises LogError when the log cannot be opened, leaving it when records are lost.
+    Raises ModelError if the model is missing, ValueError for an unknown scenario. Entering the
+    context raises LogError if the log cannot be opened, leaving it if records are lost.
     """
     played = open_scenario(site.world, site.world_path, scenario) if scenario else None
     at_once = rate is None and (fleet is None or isinstance(fleet, Simulated))
@@ -417,7 +420,7 @@ def _outcome(trace: MissionTrace) -> Outcome:
 
 
 def _settle(end: asyncio.Future[Outcome], found: Outcome | Exception) -> None:
-    """Give a result to its waiting caller, unless it has one already."""
+    """Set the result of a waiting call, unless it has one already."""
     if end.done():
         return
     if isinstance(found, Exception):
@@ -427,7 +430,7 @@ def _settle(end: asyncio.Future[Outcome], found: Outcome | Exception) -> None:
 
 
 def _told_to_nobody(_: Exception) -> None:
-    """Leave a failed request to its client, which got the error."""
+    """Ignore a failed request here: its client has received the error."""
 
 
 def _told_by_the_station(_: LogError) -> None:

@@ -1,1 +1,1 @@
-"""Recorded sessions in other tools' formats: Markdown, MCAP, SVG and asciinema casts."""
+"""Recorded sessions in the formats of other tools: Markdown, MCAP, SVG and asciinema casts."""

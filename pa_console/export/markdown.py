@@ -1,4 +1,4 @@
-"""A mission's whole trace as a Markdown document, in the order of the paper's eight steps."""
+"""The whole trace of a mission as a Markdown document, in the order of the paper's eight steps."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -24,7 +24,7 @@ from pa_console.views.trace_parts import (
 
 _OPTIONS = TraceOptions(Detail.RECORD, evidence=True)
 _DEEPEST = 6
-"""Markdown has no headings below this level."""
+"""The deepest level of headings in Markdown."""
 
 _SPECIAL = re.compile(r"[\\`*\[\]<>#|~&$]|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])")
 _LIST_MARK = re.compile(r"^(\s*)(?:([-+=:])|(\d+)([.)])(?=\s|$))")
@@ -50,7 +50,7 @@ def _escaped_mark(found: re.Match[str]) -> str:
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Return a table of plain values, escaped; None and empty ones become a dash."""
+    """Return a table of plain values, escaped; None and empty values become a dash."""
     lines = [heads, ["---"] * len(heads)]
     lines += [[inline(str(cell)) if cell not in (None, "") else "–" for cell in r] for r in rows]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
@@ -65,7 +65,7 @@ def fenced(text: str, language: str = "text") -> str:
 
 
 def folded(summary: str, body: str) -> str:
-    """Return `body` in a folded part under `summary`, a plain text."""
+    """Return `body` as a folded part under the plain text `summary`."""
     return f"<details>\n<summary>{escape(visible_line(summary))}</summary>\n\n{body}\n\n</details>"
 
 
@@ -76,9 +76,9 @@ def mission_document(
     notes: tuple[str, ...] = (),
     stills: str = "",
 ) -> str:
-    """Return the document; `notes` are remarks on the log or the rules for its reader.
+    """Return the document of a mission; `notes` are remarks on the log or the rules.
 
-    `stills` is the way from the document to the folder with the pictures of cameras; '' shows none.
+    `stills` is the path from the document to the folder with the camera stills; '' shows none.
     """
     parts = [
         f"# Mission {inline(trace.mission.id)}",
@@ -95,7 +95,7 @@ def mission_document(
 
 
 def _stills(trace: MissionTrace, folder: str) -> Iterator[str]:
-    """Yield the cameras' pictures that were last shown with each plan."""
+    """Yield the camera stills that were last shown with each plan."""
     if trace.stills:
         yield "## Pictures of cameras"
     for number, still in trace.stills.items():
@@ -109,7 +109,7 @@ def _stills(trace: MissionTrace, folder: str) -> Iterator[str]:
 
 
 def _standing(trace: MissionTrace) -> str:
-    """Return the end of the mission, or a line that it is not finished."""
+    """Return a line with the end of the mission, or one that it is not finished."""
     mark, *rest = (span.text for span in progress(trace))
     if trace.status is None:
         return f"**Not finished:** {inline(mark)}"
@@ -119,7 +119,7 @@ def _standing(trace: MissionTrace) -> str:
 def section_parts(section: TraceSection, level: int = 2) -> Iterator[str]:
     """Yield a section's paragraphs, lists and tables; a collapsed section is folded.
 
-    An attempt or a plan is never folded as a whole: its own sections are.
+    An attempt or a plan is never folded as a whole, but its sections may be.
     """
     content = list(_blocks(section.blocks))
     if section.collapsed and not section.parts:
@@ -179,7 +179,7 @@ def _joined(spans: Spans) -> str:
 
 
 def _table(given: TraceTable) -> str:
-    """Return a table of the columns that have a head and are not empty."""
+    """Return a table of the columns that have a head and a value."""
     shown = [
         place
         for place, column in enumerate(given.columns)
@@ -190,7 +190,7 @@ def _table(given: TraceTable) -> str:
 
 
 def _pinned(trace: MissionTrace, started: SessionStarted) -> str:
-    """Return a table of the mission's origin and pinned inputs, by which it can be run again."""
+    """Return a table of the mission's origin and of the pinned inputs for running it again."""
     mission = trace.mission
     rows = [
         ("given", f"{mission.created:%Y-%m-%d %H:%M:%S} UTC by {mission.source}"),

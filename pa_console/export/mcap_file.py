@@ -1,8 +1,8 @@
-"""A session as an MCAP file, which Foxglove, Rerun and the `mcap` tools open.
+"""A session as an MCAP file for Foxglove, Rerun and the `mcap` tools.
 
 Topics: `/telemetry` (the picture), `/events/<kind>` (every other event as the log has it),
-`/notices` (foxglove.Log, the event list of the screen) and `/scene` (foxglove.SceneUpdate:
-world, assets and tracks in metres, frame `world`). The models have the fields that are used here.
+`/notices` (foxglove.Log, the event list of the screen) and `/scene` (foxglove.SceneUpdate: world,
+assets and tracks in metres, frame `world`). The models have only the fields that are used here.
 """
 
 import json
@@ -21,6 +21,9 @@ from pa_console.schema.events.event import Event, TelemetryReceived
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
 from pa_console.schema.world import World
 from pa_console.session.state import Notice, SessionState
+
+_LEVELS = {"info": 2, "warning": 3, "alarm": 4}
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 class Time(BaseModel):
@@ -72,7 +75,7 @@ class Solid(BaseModel):
 
 
 class LinePrimitive(BaseModel):
-    """A line through points: `type` 0 leaves it open, 1 joins its ends."""
+    """A line through points; with `type` 0 it is open, with 1 its ends are joined."""
 
     type: int
     pose: Pose = Pose()
@@ -96,7 +99,7 @@ class TextPrimitive(BaseModel):
 
 
 class Entity(BaseModel):
-    """One thing in the scene; a later one of the same id replaces it."""
+    """One thing in the scene; a later one with the same id replaces it."""
 
     timestamp: Time
     frame_id: str = "world"
@@ -150,7 +153,7 @@ def world_scene(world: World, stamp_ns: int) -> SceneUpdate:
 
 
 def picture_scene(picture: Picture, before: frozenset[str], stamp_ns: int) -> SceneUpdate:
-    """Return the assets and tracks of a picture, and remove other entities of `before`."""
+    """Return the assets and tracks of a picture, with deletions of other entities in `before`."""
     stamp = time_of(stamp_ns)
     entities = [_asset(asset, stamp) for asset in picture.assets.values()]
     entities += [_track(track, stamp) for track in picture.tracks.values()]
@@ -201,7 +204,7 @@ Schema = dict[str, Any]
 
 
 def model_schema(model: type[BaseModel]) -> Schema:
-    """Return the schema of a model's JSON, with definitions in the place of references."""
+    """Return the schema of a model's JSON, with references replaced by their definitions."""
     return _resolved(TypeAdapter(model).json_schema(mode="serialization"))
 
 
@@ -217,7 +220,7 @@ def event_schema(payload: type[Payload]) -> Schema:
 
 
 def _resolved(schema: Schema) -> Schema:
-    """Replace every reference: viewers that plot a field by its path do not follow them."""
+    """Replace every reference, because viewers that plot a field by its path do not follow them."""
     definitions: Schema = schema.pop("$defs", {})
 
     def put(node: Any) -> Any:
@@ -235,8 +238,6 @@ def _resolved(schema: Schema) -> Schema:
 
 
 NEEDED = f"MCAP files need one more package: {install_hint('mcap')}"
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-_LEVELS = {"info": 2, "warning": 3, "alarm": 4}
 
 
 class LogMessage(BaseModel):
@@ -258,7 +259,7 @@ def write_mcap(
 ) -> int:
     """Write `session` to `target` and return the number of messages.
 
-    `advance` gets the number of further events that are done. Without `world` the scene has no
+    `advance` is called with the number of further events written. Without `world`, the scene has no
     ground. Raises ValueError if the `mcap` package is not installed.
     """
     try:
@@ -297,7 +298,7 @@ def stamp_ns(moment: datetime) -> int:
 
 
 class Channels:
-    """The topics of a file, each registered with its first message."""
+    """The topics of a file, each of which is registered with its first message."""
 
     def __init__(self, writer: "Writer") -> None:
         self.messages = 0
@@ -305,7 +306,7 @@ class Channels:
         self._ids: dict[str, int] = {}
 
     def event(self, event: Event, stamp: int, sequence: int) -> None:
-        """Add an event of the log under its kind; of telemetry, only the picture."""
+        """Add an event of the log under its kind; from telemetry, add only the picture."""
         data = event.data
         if isinstance(data, TelemetryReceived):
             self.add("/telemetry", "pa_console.Picture", data.picture, stamp, sequence)
@@ -317,7 +318,7 @@ class Channels:
         self._write(topic, event, stamp, sequence)
 
     def add(self, topic: str, name: str, message: BaseModel, stamp: int, sequence: int = 0) -> None:
-        """Add a message; its model gives the schema, called `name`."""
+        """Add a message, whose model defines the schema called `name`."""
         if topic not in self._ids:
             self._register(topic, name, model_schema(type(message)))
         self._write(topic, message, stamp, sequence)

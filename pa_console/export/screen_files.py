@@ -1,4 +1,4 @@
-"""A replay on the console's own screen, as numbered SVG pictures or as an asciicast, version 2."""
+"""A replay on the console's own screen as numbered SVG pictures or as an asciicast, version 2."""
 
 import asyncio
 import io
@@ -27,20 +27,26 @@ from pa_console.tui.refresh import ALL_VIEWS, views_of
 from pa_console.tui.screens.recording import RecordingScreen
 
 Size = tuple[int, int]
-"""Columns and rows."""
+"""The number of columns and rows."""
 
 DRAWN_LIMIT_S = 10.0
-"""The longest wait for the screen to be drawn once."""
+"""The longest wait for one drawing of the screen, in seconds."""
 QUIET_ROUNDS = 3
-"""The rounds of the event loop without any message after which a widget starts nothing more."""
+"""The rounds of the event loop without a message after which no widget starts anything more."""
+JUST_BEFORE_S = 5e-7
+"""Half of the resolution of time stamps, which is a microsecond."""
+BEGIN = "\x1b[?25l\x1b[0m\x1b[2J"
+END = "\x1b[0m\x1b[?25h\r\n"
+QUIET_STEPS = 8
+"""The number of steps after which telemetry without another event is shown."""
 
 
 class TapeDriver(HeadlessDriver):
-    """A driver that keeps the output for a terminal instead of writing it."""
+    """A driver that keeps the terminal output instead of writing it."""
 
     @property
     def is_headless(self) -> bool:
-        """False, as for a terminal: a headless driver writes nothing."""
+        """False, as for a terminal, because a headless driver writes nothing."""
         return False
 
     def write(self, data: str) -> None:
@@ -49,15 +55,15 @@ class TapeDriver(HeadlessDriver):
 
 
 class ShotRecordingScreen(RecordingScreen):
-    """A recording screen that is moved by the exporter."""
+    """A recording screen that the exporter moves."""
 
     shown: int | None = None
     """The number of events that had been played at the last painting."""
     filmed: bool = False
-    """True once the exporter alone decides when something is painted."""
+    """True once only the exporter decides when something is painted."""
 
     def paint(self) -> None:
-        """Send to the terminal what has changed on the screen."""
+        """Send the changes on the screen to the terminal."""
         super()._on_timer_update()
 
     def _on_timer_update(self) -> None:
@@ -65,7 +71,7 @@ class ShotRecordingScreen(RecordingScreen):
             super()._on_timer_update()
 
     def _tick(self) -> None:
-        """Let no time pass: the exporter moves the player."""
+        """Let no time pass, because the exporter moves the player."""
 
     def show_now(self) -> None:
         """Paint the views that have changed since the last painting."""
@@ -81,7 +87,7 @@ class ShotRecordingScreen(RecordingScreen):
 
 
 class ShotApp(ConsoleApp):
-    """The replaying console on a tape, with a stopped clock so that nothing moves by itself."""
+    """The replay console on a tape; its clock is stopped, so that nothing moves by itself."""
 
     CSS_PATH = Path(pa_console.tui.__path__[0]) / "console.tcss"
 
@@ -103,7 +109,7 @@ class ShotApp(ConsoleApp):
         return TapeDriver
 
     def show_session(self) -> None:
-        """Show the recording in the screen that the exporter moves."""
+        """Show the recording on the screen that the exporter moves."""
         session, rules = self.session, self.controllers.rules.texts
         assert session.player is not None
         self.recording_screen = ShotRecordingScreen(
@@ -114,7 +120,7 @@ class ShotApp(ConsoleApp):
 
 
 class ReplayedScreen:
-    """The exporter's handle on the screen between two pictures."""
+    """The exporter's access to the screen between two pictures."""
 
     def __init__(self, app: ShotApp, pilot: Pilot[object], player: Player) -> None:
         self._app, self._pilot = app, pilot
@@ -123,7 +129,7 @@ class ReplayedScreen:
     async def show(self) -> None:
         """Paint the present state of the player.
 
-        A console that has broken down no longer paints: there is no wait for it.
+        A console that has failed is not waited for, because it no longer paints.
         """
         screen = self._app.recording_screen
         if screen is None:
@@ -139,7 +145,7 @@ class ReplayedScreen:
                     screen.paint()
 
     async def _settled(self, screen: ShotRecordingScreen) -> None:
-        """Wait until no widget has anything to do any more."""
+        """Wait until no widget has anything left to do."""
         quiet = 0
         while quiet < QUIET_ROUNDS:
             await asyncio.sleep(0)
@@ -147,7 +153,7 @@ class ReplayedScreen:
             quiet = 0 if any(pump.message_queue_size for pump in pumps) else quiet + 1
 
     def written(self) -> str:
-        """Return the output for a terminal since the last call."""
+        """Return the terminal output since the last call."""
         text = "".join(self._app.tape)
         self._app.tape.clear()
         return text
@@ -161,9 +167,9 @@ class ReplayedScreen:
 async def picture_replay(
     site: Site, player: Player, size: Size, direct: Callable[[ReplayedScreen], Awaitable[None]]
 ) -> None:
-    """Show `player` on a screen of `size` while `direct` takes shots; raise its errors.
+    """Show `player` on a screen of `size` while `direct` takes shots.
 
-    Raises RuntimeError if the console itself breaks down.
+    Raises the errors of `direct`, and RuntimeError if the console itself fails.
     """
     app = ShotApp(site, player)
     directing: list[asyncio.Task[Any]] = []
@@ -189,9 +195,6 @@ async def picture_replay(
         raise RuntimeError("the console broke down while pictures were taken of it")
 
 
-JUST_BEFORE_S = 5e-7
-"""Half of the resolution of time stamps, a microsecond."""
-
 KINDS = tuple(
     sorted(
         payload.model_fields["kind"].default
@@ -204,7 +207,7 @@ KINDS = tuple(
 
 @dataclass(frozen=True)
 class Shot:
-    """The time of a picture and its reason; it is taken after event `index`, if that is given."""
+    """The time of a picture and its reason; with `index`, it is taken after that event."""
 
     seconds: float
     name: str
@@ -212,7 +215,7 @@ class Shot:
 
 
 def shots_at(recording: Recording, kinds: Iterable[str], first: float, last: float) -> list[Shot]:
-    """Return a shot after every event of one of `kinds`; telemetry is left out."""
+    """Return a shot after every event of one of `kinds`, except telemetry."""
     wanted = frozenset(kinds)
     span = range(
         recording.timeline.count_until(first - JUST_BEFORE_S), recording.timeline.count_until(last)
@@ -239,7 +242,7 @@ async def take(
     session: str,
     advance: Callable[[int], None],
 ) -> None:
-    """Write the files 0001-NAME.svg and so on to `folder`; `shots` are in the order of time."""
+    """Write the files 0001-NAME.svg and so on to `folder`; `shots` are in chronological order."""
     digits = max(4, len(str(len(shots))))
     for number, shot in enumerate(shots, start=1):
         if shot.index is None:
@@ -255,18 +258,10 @@ async def take(
         advance(1)
 
 
-BEGIN = "\x1b[?25l\x1b[0m\x1b[2J"
-END = "\x1b[0m\x1b[?25h\r\n"
-
-
-QUIET_STEPS = 8
-"""Telemetry without another event is shown after this many steps."""
-
-
 def positions(recording: Recording, first: float, last: float, step: float) -> list[float]:
-    """Return seconds to show, `step` apart, without those at which there is no new event.
+    """Return the times to show, in seconds, `step` apart, without those that have no new event.
 
-    While telemetry alone comes, they are `QUIET_STEPS` times as far apart.
+    While only telemetry arrives, they are `QUIET_STEPS` times as far apart.
     """
     shown, timeline = [first], recording.timeline
     known, since = timeline.count_until(first), 0
@@ -288,7 +283,7 @@ class CastWriter:
     def __init__(
         self, target: BinaryIO, size: Size, speed: float, advance: Callable[[int], None]
     ) -> None:
-        """`speed` is recorded seconds in a second; `advance` is called after every shot."""
+        """Play `speed` recorded seconds in a second; `advance` is called after every shot."""
         self._target, self._size = target, size
         self._speed, self._advance = speed, advance
 
@@ -306,7 +301,7 @@ class CastWriter:
         self._write(header)
 
     async def shoot(self, screen: ReplayedScreen, shown: list[float]) -> None:
-        """Write a frame for each of the positions, and a marker for each mission that arrives."""
+        """Write a frame for each of the positions, and a marker for each new mission."""
         screen.player.rate = self._speed
         done = screen.player.recording.timeline.count_until(shown[0])
         screen.player.seek(shown[0])
@@ -331,7 +326,7 @@ class CastWriter:
 
 
 def _arrivals(recording: Recording, span: range) -> Iterator[str]:
-    """Yield id and text of every mission that arrives in the events of `span`."""
+    """Yield id and text of every new mission in the events of `span`."""
     for index in span:
         if recording.of_mission(index):
             data = recording[index].data

@@ -1,4 +1,4 @@
-"""A whole session as a Markdown document: the shift report, and then every mission's trace."""
+"""A whole session as a Markdown document: the shift report, followed by every mission's trace."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -31,7 +31,7 @@ class _AlarmRow:
 
 @dataclass
 class _Shift:
-    """The happenings of a session by their times."""
+    """The entries of a shift report with their times."""
 
     alarms: list[_AlarmRow] = field(default_factory=list[_AlarmRow])
     decisions: list[Row] = field(default_factory=list[Row])
@@ -41,11 +41,11 @@ class _Shift:
     open: dict[str, _AlarmRow] = field(default_factory=dict[str, _AlarmRow])
 
     def end_of(self, mission: str) -> tuple[str, str]:
-        """Return when and how a mission ended, and why."""
+        """Return the time and status with which a mission ended, and the reason."""
         return self.ended.get(mission, ("open", ""))
 
     def take(self, event: ev.Event) -> None:
-        """Apply one event."""
+        """Process one event."""
         at = _clock(event.t)
         match event.data:
             case ev.AlarmRaised(alarm=alarm) if alarm.id in self.open:
@@ -86,7 +86,7 @@ def session_document(
 ) -> str:
     """Return the document of a session; `notes` are remarks on the log or the rules.
 
-    `stills` is the way from the document to the folder with the pictures of cameras; '' shows none.
+    `stills` is the path from the document to the folder with the camera stills; '' shows none.
     """
     recording, state = session.recording, session.final_state()
     shift = _Shift()
@@ -137,7 +137,7 @@ def _summary(session: OpenedSession, state: SessionState, shift: _Shift, first: 
 
 
 def _left_open(state: SessionState) -> list[Row]:
-    """Return what the next shift has to know of."""
+    """Return the open items that the next shift has to know."""
     picture = state.picture
     gates = picture.gates if picture is not None else {}
     assets = picture.assets.values() if picture is not None else ()

@@ -1,4 +1,4 @@
-"""The source of an export, a session log with its rules and world, and its complete result."""
+"""The input of an export, a session log with its rules and world, and its complete output."""
 
 import os
 import shutil
@@ -43,7 +43,7 @@ def whole_file(path: Path, log: Path) -> Generator[BinaryIO]:
 
 @contextmanager
 def whole_folder(path: Path) -> Generator[Path]:
-    """Yield a folder that gets the name `path` if the block succeeds, and is removed otherwise.
+    """Yield a folder that is renamed to `path` if the block succeeds, and is removed otherwise.
 
     Raises ValueError if `path` exists and is not an empty folder.
     """
@@ -69,7 +69,7 @@ def _beside(path: Path) -> Path:
 
 @dataclass(frozen=True)
 class OpenedSession:
-    """A recording with its first event."""
+    """A recording and its first event."""
 
     path: Path
     recording: Recording
@@ -93,8 +93,8 @@ def open_session(log: Path) -> OpenedSession:
 def rules_of(started: SessionStarted, given: str | None) -> tuple[dict[str, Rule], str]:
     """Return the session's rules by id, and a note if they are missing or have changed.
 
-    Rules that are not installed here leave an empty mapping. Raises DocumentError if the file that
-    was `given` or found cannot be read.
+    If they are not installed here, the mapping is empty. Raises DocumentError if the file that was
+    `given` or found cannot be read.
     """
     name = given or started.rules
     path = find_data("rules", name, "rules.yaml")
@@ -115,7 +115,7 @@ def world_of(started: SessionStarted, given: str | None) -> World | None:
 
 
 def site_of(started: SessionStarted, world: str | None, rules: str | None) -> Site:
-    """Return the world and rules for pictures of a session, by default its own.
+    """Return the world and rules for pictures of a session, by default the session's own.
 
     Raises ValueError if they are not installed here, DocumentError if they cannot be read.
     """
@@ -132,9 +132,9 @@ def site_of(started: SessionStarted, world: str | None, rules: str | None) -> Si
 
 
 def choose_mission(missions: Mapping[str, MissionTrace], wanted: str) -> MissionTrace:
-    """Return the mission whose id is or begins with `wanted`.
+    """Return the mission whose id is `wanted` or begins with it.
 
-    Raises ValueError that lists the known missions.
+    Raises ValueError, which lists the known missions, if there is none or more than one.
     """
     if not missions:
         raise ValueError("the session has no mission")

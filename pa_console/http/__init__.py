@@ -1,1 +1,1 @@
-"""A session for other programs: a small HTTP interface on loopback, behind tokens and roles."""
+"""A session for other programs: a small HTTP interface on loopback, with tokens and roles."""

@@ -1,4 +1,4 @@
-"""The bodies of the HTTP interface: requests of clients, and what is to be signed."""
+"""The bodies of the HTTP interface: requests of clients, and texts to be signed."""
 
 from typing import Annotated
 
@@ -13,7 +13,7 @@ from pa_console.views.session_views import Sha256, shown_sha256
 
 
 class RequestBody(BaseModel):
-    """A body that a client sends: what it does not know is refused."""
+    """A body that a client sends; unknown fields are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -38,7 +38,7 @@ class QuestionBody(RequestBody):
 
 
 class ActionBody(RequestBody):
-    """One command of a plan of the operator's own."""
+    """One command of an operator's own plan."""
 
     agent: Annotated[str, Field(max_length=64)]
     command: Annotated[str, Field(max_length=160)]
@@ -52,8 +52,8 @@ class ActionBody(RequestBody):
 class DecisionBody(RequestBody):
     """A decision on the waiting plan, named by its `request_id` and its hash.
 
-    `shown_sha256` is that of the plan as `/v1/plans` gave it: the approval is for the plan that was
-    shown.
+    `shown_sha256` is the hash of the plan as `/v1/plans` returned it, so an approval is for the
+    plan that was shown.
     """
 
     kind: DecisionKind
@@ -78,7 +78,7 @@ class DecisionBody(RequestBody):
 
 
 class SignatureBody(RequestBody):
-    """A second person's signature under the waiting plan."""
+    """A second person's signature on the waiting plan."""
 
     person: Annotated[str, Field(min_length=1, max_length=64, description="whose signature it is")]
     signed: Annotated[
@@ -92,7 +92,7 @@ class SignatureBody(RequestBody):
 
 
 class ToSignView(BaseModel):
-    """The text that a second person signs to approve the plan that waits."""
+    """The text that a second person signs to approve the waiting plan."""
 
     person: str
     station: Annotated[str, Field(description="whose session it is")]
@@ -121,7 +121,7 @@ class DecisionView(BaseModel):
 
 
 class WhoView(BaseModel):
-    """Whose token it is."""
+    """The owner of a token."""
 
     person: str
     role: TokenRole
@@ -130,7 +130,7 @@ class WhoView(BaseModel):
 def to_sign_view(
     station: str, request: ev.ApprovalRequested, unsigned: UnsignedApproval
 ) -> ToSignView:
-    """Return what a person is to sign of a request of the station called `station`."""
+    """Return the text that a person signs for `request`; `station` is the station's name."""
     approval = unsigned.approval
     return ToSignView(
         person=approval.person,
@@ -146,7 +146,7 @@ def to_sign_view(
 
 
 def plan_of(actions: tuple[ActionBody, ...], reason: str) -> Plan:
-    """Return the operator's own plan; raises ValidationError for what is no command."""
+    """Return the operator's own plan; raises ValidationError for an invalid command."""
     parts = tuple(
         Action(agent=one.agent, command=one.command, after=tuple(one.after), stay_s=one.stay_s)
         for one in actions

@@ -1,7 +1,7 @@
 """The port of a service: idle connections are closed, and their number is limited.
 
-Every program on this machine can connect, also without a token. If there are too many connections,
-those without a token are closed first and those of observers next; an operator always gets in.
+Every program on this machine can connect, even without a token. If there are too many connections,
+those without a token are closed first and those of observers next. An operator always gets in.
 """
 
 import asyncio
@@ -17,17 +17,17 @@ from starlette.types import ASGIApp
 
 ADDRESS = "127.0.0.1"
 MOST = 128
-"""Connections at once. One more takes the place of the oldest of the lowest rank."""
+"""The most connections at a time; one more replaces the oldest of the lowest rank."""
 IDLE_S = 10.0
-"""A connection without a complete request is closed after this time, in seconds."""
+"""The time after which a connection without a complete request is closed, in seconds."""
 ACCEPTED, QUEUED = 8, 1024
-"""Connections accepted in one turn of the event loop, and the length of the kernel's queue.
+"""The connections accepted in one turn of the event loop, and the length of the kernel's queue.
 
-A request is read some turns after its connection was accepted. Until then MOST other connections
-must not be accepted, or they would end it unread.
+A request is read some turns after its connection is accepted. Until then, MOST further connections
+would close it unread, so fewer are accepted.
 """
 KEEP_S, END_S = 5, 3
-"""Seconds that an idle connection is kept open, and that a request has at the end."""
+"""The seconds that an idle connection is kept open, and those that a request has at shutdown."""
 EXHAUSTED = frozenset((errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM))
 
 
@@ -42,29 +42,29 @@ class Connection:
 
     @property
     def closed(self) -> bool:
-        """True if the connection is over."""
+        """True if the connection is closed."""
         return self._accepted is None or self._accepted.fileno() == -1
 
     def let_in(self, *, commands: bool) -> None:
-        """Note that a token was accepted on it, and whether that token may command."""
+        """Record that a token was accepted on the connection, and whether the token may command."""
         self.rank = 1 + commands
 
     def end(self) -> None:
-        """Shut the connection down; its server then closes it."""
+        """Shut down the connection; its server then closes it."""
         if self._accepted is not None:
             with suppress(OSError):
                 self._accepted.shutdown(socket.SHUT_RDWR)
 
 
 class Listening(socket.socket):
-    """A socket that listens at a port of loopback, and counts its connections.
+    """A socket that listens on a port of loopback and counts its connections.
 
-    It belongs to one event loop, whose servers accept from it. `failed` is called, once, when the
-    system has no room for connections.
+    It belongs to one event loop, whose servers accept from it. `failed` is called once, when the
+    system has no room for more connections.
     """
 
     def __init__(self, port: int) -> None:
-        """Listen at `port`, 0 for a free one; raises OSError."""
+        """Listen on `port`, 0 for a free one; raises OSError."""
         super().__init__(fileno=socket.create_server((ADDRESS, port)).detach())
         self.failed: Callable[[Exception], None] = lambda _error: None
         self._open: dict[Any, Connection] = {}
@@ -72,7 +72,7 @@ class Listening(socket.socket):
         self._reported = False
 
     def accept(self) -> tuple[socket.socket, Any]:
-        """Return a new connection; raises BlockingIOError while there is none."""
+        """Return a new connection; raises BlockingIOError if there is none."""
         try:
             accepted, address = super().accept()
         except OSError as error:
@@ -89,11 +89,11 @@ class Listening(socket.socket):
         return accepted, address
 
     def listen(self, backlog: int = QUEUED, /) -> None:
-        """Listen with a queue of QUEUED; the event loop asks for one as long as what it accepts."""
+        """Listen with a queue of at least QUEUED; the event loop asks for a shorter one."""
         super().listen(max(backlog, QUEUED))
 
     def close(self) -> None:
-        """Listen no more."""
+        """Stop listening."""
         super().close()
         if self._spare >= 0:
             os.close(self._spare)
@@ -101,7 +101,7 @@ class Listening(socket.socket):
 
     @contextmanager
     def request(self, address: object) -> Generator[Connection]:
-        """Yield the connection from `address`; in the context it has a request and is not idle."""
+        """Yield the connection from `address`; in the context, it has a request and is not idle."""
         loop = asyncio.get_running_loop()
         connection = self._open.get(address) or Connection(None, loop.time())
         connection.requests += 1
@@ -112,7 +112,7 @@ class Listening(socket.socket):
             connection.quiet_since = loop.time()
 
     def _make_room(self) -> bool:
-        """End one of the lowest rank if there are too many; return False if none may be ended."""
+        """Make room for one more connection; return False if no other may be ended."""
         self._open = {where: one for where, one in self._open.items() if not one.closed}
         if len(self._open) < MOST:
             return True
@@ -123,7 +123,7 @@ class Listening(socket.socket):
         return True
 
     def _look(self, connection: Connection) -> None:
-        """End a connection that is idle for too long, else check again when that may be."""
+        """End a connection that has been idle for too long; otherwise check again later."""
         loop = asyncio.get_running_loop()
         left = IDLE_S if connection.requests else connection.quiet_since + IDLE_S - loop.time()
         if left <= 0:
@@ -134,7 +134,7 @@ class Listening(socket.socket):
     def _turn_away(self, error: OSError) -> None:
         """Accept a waiting connection with the spare descriptor, and close it.
 
-        The event loop would otherwise call `accept` again at once, without end.
+        Otherwise, the event loop would call `accept` again and again.
         """
         if self._spare < 0:
             raise error
@@ -151,9 +151,9 @@ class Listening(socket.socket):
 
 
 def listen(port: int) -> Listening:
-    """Return a socket that listens at `port` of loopback, 0 for a free one.
+    """Return a socket that listens on `port` of loopback, 0 for a free one.
 
-    Raises ValueError where that cannot be.
+    Raises ValueError if that is not possible.
     """
     try:
         return Listening(port)
@@ -165,7 +165,7 @@ def listen(port: int) -> Listening:
 
 
 class _HttpServer(uvicorn.Server):
-    """One that leaves the process's signals to the session, which has to end in order."""
+    """A server that leaves the process's signals to the session, which must end in order."""
 
     @contextmanager
     def capture_signals(self) -> Generator[None]:
@@ -176,7 +176,7 @@ class _HttpServer(uvicorn.Server):
 async def served_app(
     app: ASGIApp, listening: Listening, lifespan: Literal["on", "off"] = "off"
 ) -> AsyncGenerator[str]:
-    """Serve `app` on the socket while the context lasts; give the address."""
+    """Serve `app` on the socket while the context lasts; yield the address."""
     config = uvicorn.Config(
         app,
         log_config=None,

@@ -1,7 +1,7 @@
-"""The outermost guard of every request: from this machine, to its own name, not too large or often.
+"""The outermost guard of every request: its source, its host name, its size and its rate.
 
 A refused request is answered with problem details (RFC 9457) that name the field and the remedy. An
-error inside becomes a problem without a traceback.
+internal error becomes a problem without a traceback.
 """
 
 import asyncio
@@ -19,6 +19,25 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from pa_console.http.connections import Listening
 
 MEDIA_TYPE = "application/problem+json"
+MOST_BUCKETS = 1024
+CONNECTION = "pa_console.connection"
+"""The key of a request's `Connection` in its scope."""
+MOST_BYTES = 65_536
+"""The longest body of a request, in bytes."""
+BODY_S = 10.0
+"""The time in which a body must arrive, in seconds."""
+NAMES = ("127.0.0.1", "localhost", "[::1]")
+HEADERS = (
+    (b"cache-control", b"no-store"),
+    (b"x-content-type-options", b"nosniff"),
+    (b"referrer-policy", b"same-origin"),
+    (b"x-frame-options", b"DENY"),
+    (
+        b"content-security-policy",
+        b"default-src 'self'; img-src 'self' data:; style-src 'self' 'unsafe-inline'; "
+        b"script-src 'self' 'unsafe-inline'; frame-ancestors 'none'; form-action 'self'",
+    ),
+)
 
 
 class ProblemDetails(BaseModel):
@@ -33,7 +52,7 @@ class ProblemDetails(BaseModel):
 
 
 class ProblemError(Exception):
-    """A request that is refused; `kind` ends its type, and `after_s` is when to try again."""
+    """A refused request; `kind` is the end of its type, `after_s` the wait before another try."""
 
     def __init__(
         self,
@@ -80,18 +99,15 @@ def internal_error() -> ProblemError:
     )
 
 
-MOST_BUCKETS = 1024
-
-
 class RequestRate:
-    """Lets each name have `burst` requests at once, and `per_s` a second after that."""
+    """A limit of requests: each name may make `burst` at once, and `per_s` a second after that."""
 
     def __init__(self, per_s: float, burst: int, clock: Callable[[], float] = monotonic) -> None:
         self._per_s, self._burst, self._clock = per_s, burst, clock
         self._buckets: OrderedDict[str, tuple[float, float]] = OrderedDict()
 
     def take(self, name: str) -> int:
-        """Take one request of `name`; return 0, or after how many seconds there is one again."""
+        """Count one request of `name`; return 0, or the wait in seconds if there are too many."""
         now = self._clock()
         left, since = self._buckets.pop(name, (float(self._burst), now))
         left = min(self._burst, left + (now - since) * self._per_s)
@@ -102,32 +118,12 @@ class RequestRate:
         return wait
 
 
-CONNECTION = "pa_console.connection"
-"""The key of a request's `Connection` in its scope."""
-MOST_BYTES = 65_536
-"""The longest body of a request."""
-BODY_S = 10.0
-"""A body has to be here within this time."""
-NAMES = ("127.0.0.1", "localhost", "[::1]")
-HEADERS = (
-    (b"cache-control", b"no-store"),
-    (b"x-content-type-options", b"nosniff"),
-    (b"referrer-policy", b"same-origin"),
-    (b"x-frame-options", b"DENY"),
-    (
-        b"content-security-policy",
-        b"default-src 'self'; img-src 'self' data:; style-src 'self' 'unsafe-inline'; "
-        b"script-src 'self' 'unsafe-inline'; frame-ancestors 'none'; form-action 'self'",
-    ),
-)
-
-
 class Guard:
-    """Lets requests to `app` pass that come from loopback, for one of this machine's names.
+    """An ASGI wrapper that passes to `app` only requests from loopback to a name of this machine.
 
-    The names are those at the port that is listened at: a page of another site whose name leads
-    here is refused, and so is what a browser sends for a page of another site. `failed` is told of
-    a defect.
+    The name must have the port of the socket. This refuses a page of another site whose name
+    resolves to this machine, and requests that a browser sends for a page of another site. `failed`
+    is called with a defect.
     """
 
     def __init__(
@@ -179,7 +175,7 @@ class Guard:
 
 
 class _GuardedResponse:
-    """Sends an answer with the headers that every one has."""
+    """A response with the headers that every response has."""
 
     def __init__(self, send: Send) -> None:
         self._send, self.begun = send, False
@@ -194,7 +190,7 @@ class _GuardedResponse:
 
 
 class _Body:
-    """Receives a body that is neither too long nor too slow."""
+    """A request body that is neither too long nor too slow."""
 
     def __init__(self, scope: Scope, receive: Receive) -> None:
         self._receive, self._left, self._whole = receive, MOST_BYTES, False

@@ -1,4 +1,4 @@
-"""The interface itself: every path, who may use it, its answers, and serving it on loopback."""
+"""The HTTP interface: every path, its required role, its answers, and its server on loopback."""
 
 import json
 from collections.abc import AsyncGenerator, Callable
@@ -32,10 +32,10 @@ from pa_console.schema.events import event as ev
 from pa_console.views import session_views as views
 
 RATES = {"reads": (50.0, 200), "writes": (5.0, 20), "questions": (2.0, 10), "wrong": (2.0, 20)}
-"""Requests a second and at once: reads, writes and questions of each person, wrong tokens of
-everybody. A question may take rehearsals."""
+"""The requests per second and at once: reads, writes and questions of each person, and wrong tokens
+of all callers together. A question may take rehearsals."""
 MOST_READERS = 8
-"""The number of event streams that one person may have open."""
+"""The most event streams that one person may have open."""
 ABOUT = """\
 The running session of PA Console, for programs of this machine.
 
@@ -62,16 +62,16 @@ Given = Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)]
 
 
 class _Doors:
-    """Lets people in by their tokens, as often as they may come."""
+    """The admission of requests by their tokens, within the limits of rate."""
 
     def __init__(self, tokens: TokenBook) -> None:
         self._tokens = tokens
         self._rates = {name: RequestRate(*limit) for name, limit in RATES.items()}
 
     def enter(self, given: Given, role: TokenRole, rate: str = "") -> Bearer:
-        """Return whose token is `given`, within the limit of `rate` if one is named.
+        """Return the bearer of `given`, within the limit of `rate` if one is named.
 
-        Raises ProblemError for a token that is not known or may not do so much.
+        Raises ProblemError for an unknown token, and for one without the rights of `role`.
         """
         bearer = self._known(given)
         if not bearer.may(role):
@@ -82,7 +82,7 @@ class _Doors:
         return self._count(rate, bearer) if rate else bearer
 
     def lets_read(self, given: Given) -> bool:
-        """Return whether a reader's token is still valid."""
+        """Return whether a token may still read."""
         try:
             self.enter(given, "observer")
         except ProblemError:
@@ -118,7 +118,7 @@ def _doors(request: Request) -> _Doors:
 
 
 def _lets_in(role: TokenRole, rate: str = "") -> Callable[[Request, Given], Bearer]:
-    """Return a dependency that lets in who has `role`, and notes that on the connection."""
+    """Return a dependency that admits `role`, and records the rank on the connection."""
 
     def bearer_of(request: Request, given: Given) -> Bearer:
         bearer = _doors(request).enter(given, role, rate)
@@ -133,8 +133,7 @@ Watching = Annotated[Bearer, Depends(_lets_in("observer", "reads"))]
 Asking = Annotated[Bearer, Depends(_lets_in("observer", "questions"))]
 Commanding = Annotated[Bearer, Depends(_lets_in("operator", "writes"))]
 Stopping = Annotated[Bearer, Depends(_lets_in("operator"))]
-"""The sender of a request, checked for the right to read, to ask, to command, or to stop
-everything."""
+"""The bearer of a request, with the right to read, to ask, to command, or to stop everything."""
 
 
 def make_app(
@@ -142,7 +141,7 @@ def make_app(
 ) -> FastAPI:
     """Return the interface to `session` for the holders of `tokens`.
 
-    `failed` is called with a defect. The guard has to stand before it.
+    `failed` is called with a defect. Requests must pass the Guard first.
     """
     app = FastAPIOffline(
         title="PA Console",
@@ -162,7 +161,7 @@ def make_app(
 
 
 def _add_reads(app: FastAPI, session: ServedSession) -> None:
-    """Add what an observer may read and ask."""
+    """Add the paths on which an observer reads and asks."""
 
     @app.get("/v1/whoami", tags=["session"])
     async def whoami(who: Watching) -> bodies.WhoView:
@@ -171,7 +170,7 @@ def _add_reads(app: FastAPI, session: ServedSession) -> None:
 
     @app.get("/v1/state", tags=["session"])
     async def state(_: Watching) -> views.StateView:
-        """Return the session as it stands: picture, alarms, queue, stop, what waits."""
+        """Return the present state of the session: picture, alarms, queue, stop, waiting plan."""
         return views.state_view(session.state, session.feed.number)
 
     @app.get("/v1/rules", tags=["session"])
@@ -187,12 +186,12 @@ def _add_reads(app: FastAPI, session: ServedSession) -> None:
 
     @app.get("/v1/missions/{id}", tags=["missions"], responses={404: {"model": ProblemDetails}})
     async def mission(_: Watching, name: Annotated[str, Path(alias="id")]) -> views.MissionDetail:
-        """Return a mission with every plan that was made for it, and the findings on each."""
+        """Return a mission with all its plans and the findings on each."""
         return views.mission_detail(session.mission(name))
 
     @app.get("/v1/plans", tags=["plans"])
     async def plans(_: Watching) -> list[views.PlanView]:
-        """Return the plan that waits for a decision, with its SHA-256; none where none waits."""
+        """Return the plan that waits for a decision, with its SHA-256, or an empty list."""
         waiting = session.waiting
         return [views.plan_view(*waiting)] if waiting is not None else []
 
@@ -204,10 +203,10 @@ def _add_reads(app: FastAPI, session: ServedSession) -> None:
             str | None, Query(description="who is to sign; by default whose token it is")
         ] = None,
     ) -> bodies.ToSignView:
-        """Return exactly what a second person signs, where the rules ask two people for the plan.
+        """Return exactly what a second person signs, if the rules require two people for the plan.
 
-        `to_sign` are the bytes; `pa-console keys sign` signs them on the person's own machine, and
-        so does any program that has Ed25519.
+        `to_sign` is the exact text, in ASCII. `pa-console keys sign` signs it on the person's own
+        machine, and so can any program with Ed25519.
         """
         return session.to_sign(request_id, person or who.person)
 
@@ -215,15 +214,16 @@ def _add_reads(app: FastAPI, session: ServedSession) -> None:
     async def ask(_: Asking, body: bodies.QuestionBody) -> ev.QuestionAnswered:
         """Answer a question such as *Why?* or *Why not Robot_T02?* from the record.
 
-        It is about the plan that waits, else about the mission that is worked on or was last. No
-        model is asked, no decision follows, and any other text is refused:
-        no mission is made of it. The answer is logged.
+        The answer is about the waiting plan, otherwise about the active or last mission. No model
+        is asked, and nothing is decided. The answer is logged.
+
+        Any other text is refused, and no mission is made of it.
         """
         return await session.answer(body.text)
 
 
 def _add_stills(app: FastAPI, session: ServedSession) -> None:
-    """Add the pictures of cameras."""
+    """Add the paths of camera stills."""
     missing: dict[int | str, dict[str, Any]] = {
         404: {"model": ProblemDetails},
         200: {"content": {"image/png": {}, "image/jpeg": {}}},
@@ -231,16 +231,16 @@ def _add_stills(app: FastAPI, session: ServedSession) -> None:
 
     @app.get("/v1/tracks/{id}/still", tags=["session"], response_class=Response, responses=missing)
     async def still(_: Asking, name: Annotated[str, Path(alias="id")]) -> Response:
-        """Return what a camera sees of a track now: PNG or JPEG.
+        """Return a still of a track that a camera takes now: PNG or JPEG.
 
-        It is logged and kept, as one is that the operator is shown. It is 409 where no camera has
-        the track in sight, or where the camera gives no picture.
+        It is logged and kept like one that is shown to the operator. The status is 409 if no camera
+        has the track in view, or if the camera returns no picture.
         """
         return _file(session, await session.still_of(name))
 
     @app.get("/v1/stills/{sha256}", tags=["session"], response_class=Response, responses=missing)
     async def kept(_: Watching, sha256: Annotated[str, Path()]) -> Response:
-        """Return a picture of a camera that was shown in this session, by its SHA-256."""
+        """Return a still that was shown in this session, by its SHA-256."""
         return _file(session, session.still(sha256))
 
 
@@ -251,7 +251,7 @@ def _file(session: ServedSession, still: ev.CameraStill) -> Response:
 
 
 def _add_events(app: FastAPI, session: ServedSession) -> None:
-    """Add the stream of events."""
+    """Add the event stream."""
     readers: dict[str, int] = {}
 
     @app.get(
@@ -271,10 +271,10 @@ def _add_events(app: FastAPI, session: ServedSession) -> None:
             str | None, Header(description="go on after this event: SESSION.NUMBER")
         ] = None,
     ) -> StreamingResponse:
-        """Stream the session's events, as its log has them, as server-sent events.
+        """Stream the logged events of the session as server-sent events.
 
-        Each has an id; whoever comes back with it as `Last-Event-ID` misses nothing. Without one,
-        the stream begins with what happens next.
+        Each event has an id. A client that reconnects with it as `Last-Event-ID` misses nothing.
+        Without an id, the stream begins with the next event.
         """
         if readers.get(who.person, 0) >= MOST_READERS:
             raise ProblemError(429, "too-many-streams", f"{MOST_READERS} streams are open already",
@@ -287,23 +287,23 @@ def _add_events(app: FastAPI, session: ServedSession) -> None:
 
 
 def _add_commands(app: FastAPI, session: ServedSession) -> None:
-    """Add what an operator may do."""
+    """Add the paths of an operator."""
 
     @app.post("/v1/missions", tags=["missions"], status_code=201)
     async def submit(_: Commanding, body: bodies.MissionBody) -> views.MissionView:
-        """Give a mission in plain language; it is queued, and its plan will wait for a decision."""
+        """Submit a mission in plain language; it is queued, and its plan waits for a decision."""
         return views.mission_view(session.submit(body.text))
 
     @app.post("/v1/missions/{id}/cancel", tags=["missions"], status_code=204)
     async def cancel(_: Commanding, name: Annotated[str, Path(alias="id")]) -> None:
-        """Cancel a mission: what moves for it goes to safety; a waiting one leaves the queue."""
+        """Cancel a mission: its moving assets go to safety; a waiting one leaves the queue."""
         session.cancel(name)
 
     @app.post("/v1/decisions", tags=["plans"])
     async def decide(who: Commanding, body: bodies.DecisionBody) -> bodies.DecisionView:
-        """Decide about the plan that was shown, in the name of the token's person.
+        """Decide on the plan that was shown, in the name of the token's person.
 
-        It is 409 where another plan waits by now, or this one is not what was shown.
+        The status is 409 if another plan waits by now, or if this plan differs from the one shown.
         """
         return await session.decide(who, body)
 
@@ -311,10 +311,10 @@ def _add_commands(app: FastAPI, session: ServedSession) -> None:
     async def countersign(
         _: Commanding, request_id: Annotated[str, Path()], body: bodies.SignatureBody
     ) -> bodies.DecisionView:
-        """Take in what a second person has signed of the plan that waits.
+        """Accept a second person's signature on the waiting plan.
 
-        It counts for the person whose key has made it, whoever brings it, once, and for this very
-        plan. It is not `accepted` while somebody's approval is lacking: `detail` says whose.
+        It counts once, for this plan only, and for the person whose key made it, whoever submits
+        it. `accepted` is false while an approval is missing; `detail` names the person.
         """
         return await session.countersign(request_id, body)
 
@@ -325,7 +325,7 @@ def _add_commands(app: FastAPI, session: ServedSession) -> None:
         responses={404: {"model": ProblemDetails}},
     )
     async def acknowledge(who: Commanding, name: Annotated[str, Path(alias="id")]) -> None:
-        """Note that the token's person has seen an open alarm; it stays open until it is over."""
+        """Record that the token's person has seen an alarm, which stays open until it clears."""
         session.acknowledge(who, name)
 
     @app.post(
@@ -337,7 +337,7 @@ def _add_commands(app: FastAPI, session: ServedSession) -> None:
     async def change_standing(
         who: Commanding, name: Annotated[str, Path(alias="id")], change: Change
     ) -> None:
-        """Revoke a standing order, let it pause or go on, or let it skip its next moment."""
+        """Revoke, pause or resume a standing order, or skip its next scheduled time."""
         session.change_standing(who, name, change)
 
     @app.post(
@@ -347,7 +347,7 @@ def _add_commands(app: FastAPI, session: ServedSession) -> None:
         responses={404: {"model": ProblemDetails}},
     )
     async def take_manual(who: Commanding, name: Annotated[str, Path(alias="id")]) -> None:
-        """Take manual control of an asset: nothing but a stop's hold is sent to it."""
+        """Take manual control of an asset: only the hold of a stop is still sent to it."""
         session.change_manual(who, name, take=True)
 
     @app.delete(
@@ -357,22 +357,22 @@ def _add_commands(app: FastAPI, session: ServedSession) -> None:
         responses={404: {"model": ProblemDetails}},
     )
     async def end_manual(who: Commanding, name: Annotated[str, Path(alias="id")]) -> None:
-        """Give an asset back; the missions that awaited it are queued, for an approval each."""
+        """Give an asset back; missions that awaited it are queued, and each needs approval."""
         session.change_manual(who, name, take=False)
 
     @app.post("/v1/stop", tags=["stop"], status_code=204)
     async def stop(who: Stopping) -> None:
-        """STOP: every asset is told to hold. It needs no body and is never too often."""
+        """Stop all assets; the request needs no body and has no rate limit."""
         session.stop_all(who)
 
     @app.post("/v1/release", tags=["stop"], status_code=204)
     async def release(who: Commanding) -> None:
-        """Release the stop; no asset moves by that."""
+        """Release the stop, which moves no asset."""
         session.release(who)
 
 
 def _add_problems(app: FastAPI, failed: Callable[[Exception], None]) -> None:
-    """Word everything that can go wrong as problem details."""
+    """Turn every error into problem details."""
 
     @app.exception_handler(ProblemError)
     async def problem(_: Request, error: Exception) -> JSONResponse:
@@ -410,7 +410,7 @@ def _add_problems(app: FastAPI, failed: Callable[[Exception], None]) -> None:
 
 
 def _number(session: ServedSession, last: str | None) -> int:
-    """Return the number of the event to go on after."""
+    """Return the number of the event after which the stream continues."""
     if last is None:
         return session.feed.number
     started = session.state.started
@@ -436,9 +436,9 @@ class _StreamReader:
 async def _stream(
     session: ServedSession, after: int, reader: _StreamReader, readers: dict[str, int]
 ) -> AsyncGenerator[str]:
-    """Yield events as text, and a comment now and then while none comes.
+    """Yield events as text, and a comment from time to time while there are none.
 
-    The stream ends with the session, and as soon as its token does not hold any more.
+    The stream ends with the session, and as soon as its token is no longer valid.
     """
     readers[reader.person] = readers.get(reader.person, 0) + 1
     try:
@@ -470,10 +470,10 @@ async def serving(
     listening: Listening,
     failed: Callable[[Exception], None],
 ) -> AsyncGenerator[str]:
-    """Serve `session` on the socket while the context lasts; give the address.
+    """Serve `session` on the socket while the context lasts; yield the address.
 
-    When it is left, streams of events end, and nothing more is answered. `failed` is told of a
-    defect, and once of a lack of descriptors.
+    When the context ends, event streams end, and no more requests are answered. `failed` is called
+    with a defect, and once if descriptors run out.
     """
     listening.failed = failed
     app = Guard(make_app(session, tokens, failed), listening, failed)

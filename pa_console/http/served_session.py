@@ -1,8 +1,8 @@
-"""A session as its clients use it: read, followed, given missions, decided about and stopped.
+"""A session for its clients, who read and follow it, give missions, decide and stop.
 
-The owner of the station gives every event to `take`; commands go to the station, which checks, logs
-and gates them as it does those of the console. A second person signs the plan that waits with an
-own key that this machine never sees.
+The owner of the station passes every event to `take`. Commands go to the station, which checks,
+logs and gates them like those of the console. A second person signs the waiting plan with a key
+that this machine never receives.
 """
 
 import asyncio
@@ -45,9 +45,12 @@ from pa_console.views.session_views import shown_sha256
 KEPT = 1000
 """The number of recent events kept in memory; older ones are read from the log."""
 PIECE = 200
-"""The number of events read from the log at a time: unwritten ones are in memory."""
+"""The number of events read from the log at a time; events not written yet are in memory."""
 SILENT_S = 15.0
-"""The silence after which a reader gets a sign of life of the session, seconds."""
+"""The silence after which a reader gets a sign of life from the session, in seconds."""
+ANSWERED_S = 10.0
+"""The longest wait for the result of a decision, in seconds."""
+SEE_PLANS = "read /v1/plans and decide about what waits there now"
 
 
 class NumberedEvent(NamedTuple):
@@ -58,21 +61,20 @@ class NumberedEvent(NamedTuple):
 
 
 class EventFeed:
-    """Keeps the events given to `put` for the readers that `follow`.
+    """The logged events of a session, added with `put`, for the readers that `follow`.
 
-    It has the events of the log: transient ones are left out. No reader is waited for: one that
-    falls behind goes on from the log.
+    Transient events are left out. A slow reader delays nothing: it continues from the log.
     """
 
     def __init__(self, log: Callable[[], Path | None], number: int = 0) -> None:
-        """`log` is where the session's log is, None for none; it has `number` events so far."""
+        """Continue after `number` events; `log` returns the path of their log, None for none."""
         self._log, self.number = log, number
         self._last: deque[Event] = deque(maxlen=KEPT)
         self._changed = asyncio.Event()
         self._ended = False
 
     def put(self, event: Event) -> None:
-        """Take one more event, which the log has."""
+        """Add an event that the log has; a transient one is ignored."""
         if event.data.transient:
             return
         self.number += 1
@@ -80,14 +82,14 @@ class EventFeed:
         self._wake()
 
     def end(self) -> None:
-        """Let every reader end that has read all."""
+        """End every reader after it has read all events."""
         self._ended = True
         self._wake()
 
     async def follow(self, after: int) -> AsyncGenerator[NumberedEvent | None]:
-        """Yield every event after the one with the number `after`, and None while none comes.
+        """Yield every event after the number `after`, and None if SILENT_S passes without one.
 
-        Raises LogError when the log, which is read for what is older, cannot be.
+        Raises LogError if the log, which has the older events, cannot be read.
         """
         number = min(after, self.number)
         while True:
@@ -114,7 +116,7 @@ class EventFeed:
         self._changed = asyncio.Event()
 
     async def _from_log(self, after: int, until: int) -> AsyncGenerator[NumberedEvent]:
-        """Yield what the log has between two numbers, the latter included."""
+        """Yield the logged events after the number `after`, up to and including `until`."""
         path = self._log()
         if path is None:
             return
@@ -135,13 +137,8 @@ def _may_not_sign(kind: str, why: str, field: str) -> ProblemError:
     return ProblemError(403, kind, why, field=field, remedy="pa-console keys list says who may")
 
 
-ANSWERED_S = 10.0
-"""The longest wait for the result of a decision, seconds."""
-SEE_PLANS = "read /v1/plans and decide about what waits there now"
-
-
 class ServedSession:
-    """The parts that the clients of one station share: its state, its events, and its commands."""
+    """The state, the events and the commands that the clients of one station share."""
 
     def __init__(
         self,
@@ -152,20 +149,20 @@ class ServedSession:
         told: int = 0,
         authority: StationAuthority | None = None,
     ) -> None:
-        """`state` is folded by its owner; the `log` of the session has `told` events so far.
+        """Use `state`, which its owner updates; the session's `log` has `told` events so far.
 
-        `authority` has the keys with which this station and the person at it sign, None where a
-        site has none: nobody else is made to have approved anything.
+        `authority` has the keys of this station and of the person at it, None for a site without
+        keys. No approval is signed in the name of anybody else.
         """
         self.station, self._authority = station, authority
         self.state = state
         self.feed, self._log = EventFeed(log, told), log
         self._asked: dict[tuple[str, str], asyncio.Future[ev.DecisionMade]] = {}
-        """The clients waiting for a decision, by its request and person."""
+        """The clients that wait for the result of a decision, by its request and person."""
         self._answering = asyncio.Lock()
 
     def take(self, event: ev.Event) -> None:
-        """Take in one event of the session, which the state has."""
+        """Process one event of the session, which the state already has."""
         self.feed.put(event)
         if isinstance(event.data, ev.DecisionMade):
             decision = event.data.decision
@@ -175,19 +172,19 @@ class ServedSession:
                 waits.set_result(event.data)
 
     def end(self) -> None:
-        """Let every client know that the session is over."""
+        """End the event streams and the waits of all clients, because the session is over."""
         self.feed.end()
         for waits in self._asked.values():
             waits.cancel()
 
     @property
     def waiting(self) -> tuple[MissionTrace, ev.ApprovalRequested] | None:
-        """The plan that waits for a decision, and its mission."""
+        """The mission and the request of the plan that waits for a decision; None for none."""
         trace = self.state.current
         return (trace, trace.approval) if trace is not None and trace.approval else None
 
     def mission(self, name: str) -> MissionTrace:
-        """Return the mission with the id `name`; raises ProblemError for none."""
+        """Return the mission with the id `name`; raises ProblemError if there is none."""
         found = self.state.missions.get(name)
         if found is None:
             raise ProblemError(
@@ -197,7 +194,7 @@ class ServedSession:
         return found
 
     async def answer(self, text: str) -> ev.QuestionAnswered:
-        """Answer a question, one at a time; raises ProblemError for a text that is none."""
+        """Answer a question, one at a time; raises ProblemError for any other text."""
         question = self.station.question_in(text)
         if question is None:
             raise ProblemError(
@@ -208,7 +205,7 @@ class ServedSession:
             return await self.station.answer(question)
 
     async def still_of(self, track: str) -> ev.CameraStill:
-        """Take the picture of a track; raises ProblemError where there is none."""
+        """Take a still of a track; raises ProblemError if that is not possible."""
         picture = self.state.picture
         if picture is None or track not in picture.tracks:
             raise ProblemError(404, "no-such-track", f"there is no track {track!r}", field="id",
@@ -220,7 +217,7 @@ class ServedSession:
         return still
 
     def file_of(self, still: ev.CameraStill) -> bytes:
-        """Return the file of a picture that was shown; raises ProblemError where it is none."""
+        """Return the file of a still that was shown; raises ProblemError if it is not kept."""
         content = read_still(self._log(), still)
         if content is None:
             raise ProblemError(404, "no-such-picture", "no such picture is kept beside the log",
@@ -228,7 +225,10 @@ class ServedSession:
         return content
 
     def still(self, sha256: str) -> ev.CameraStill:
-        """Return the picture with this SHA-256 that was shown lately, or with a plan."""
+        """Return the still with this SHA-256 that was shown lately, or with a plan.
+
+        Raises ProblemError if there is none.
+        """
         shown = (still for trace in self.state.missions.values() for still in trace.stills.values())
         for still in chain(self.state.stills.values(), shown):
             if still.sha256 == sha256:
@@ -237,7 +237,7 @@ class ServedSession:
                            field="sha256", remedy="GET /v1/tracks/ID/still takes one")  # fmt: skip
 
     def submit(self, text: str) -> MissionTrace:
-        """Queue a mission and return it as it stands then; a question is none."""
+        """Queue a mission and return its trace; raises ProblemError if it is not accepted."""
         if self.station.question_in(text) is not None:
             raise ProblemError(409, "mission-not-taken", IS_QUESTION, field="text",
                                remedy="POST /v1/questions answers it")  # fmt: skip
@@ -246,7 +246,7 @@ class ServedSession:
         return self.state.missions.get(mission.id) or MissionTrace(mission)
 
     async def decide(self, bearer: Bearer, body: DecisionBody) -> DecisionView:
-        """Decide in the bearer's name about the plan that was shown, and no other."""
+        """Decide in the bearer's name on the plan that was shown, and on no other."""
         request = self._shown(body)
         signer = self._authority.person if self._authority is not None else ""
         if body.kind == "approve" and signer and bearer.person != signer:
@@ -273,7 +273,7 @@ class ServedSession:
         return await self._heard_of(request, bearer.person)
 
     def to_sign(self, request_id: str, person: str) -> ToSignView:
-        """Return what `person` is to sign of the plan that waits as `request_id`."""
+        """Return the text that `person` signs for the waiting plan of `request_id`."""
         _, request = self._waits(request_id)
         authority = self._keys_for(request)
         try:
@@ -284,9 +284,9 @@ class ServedSession:
         return to_sign_view(authority.name, request, unsigned)
 
     async def countersign(self, request_id: str, body: SignatureBody) -> DecisionView:
-        """Take in what a second person has signed of the plan that waits as `request_id`.
+        """Accept a second person's signature on the waiting plan of `request_id`.
 
-        Whoever brings it, it counts for the person whose key has made it.
+        It counts for the person whose key made it, whoever submits it.
         """
         trace, request = self._waits(request_id)
         given = PlanCountersignature(request.request_id, body.person, body.signed)
@@ -301,7 +301,7 @@ class ServedSession:
         given: PlanCountersignature,
         made: Iterable[ev.DecisionMade],
     ) -> None:
-        """Raise ProblemError unless what a person has `given` counts for `request`.
+        """Raise ProblemError unless the signature `given` counts for `request`.
 
         `made` are the decisions of its mission so far.
         """
@@ -323,7 +323,7 @@ class ServedSession:
             )  # fmt: skip
 
     def _keys_for(self, request: ev.ApprovalRequested) -> StationAuthority:
-        """Return the keys of the station if `request` is for others to sign, too."""
+        """Return the station's keys; raises ProblemError unless `request` needs a second person."""
         if self._authority is None:
             raise ProblemError(
                 409, "no-keys", "this site has no keys, so nobody can be the second person",
@@ -339,7 +339,7 @@ class ServedSession:
         return self._authority
 
     async def _heard_of(self, request: ev.ApprovalRequested, by: str) -> DecisionView:
-        """Wait until the session emits the result of the decision that was given just now."""
+        """Wait until the session emits the result of the decision just made."""
         waits = asyncio.get_running_loop().create_future()
         asked = request.request_id, by
         self._asked[asked] = waits
@@ -352,7 +352,7 @@ class ServedSession:
         return DecisionView(accepted=made.accepted, detail=made.detail, by=made.decision.by)
 
     def acknowledge(self, bearer: Bearer, alarm_id: str) -> None:
-        """Note that the bearer has seen an open alarm."""
+        """Record that the bearer has seen an open alarm."""
         if all(item.alarm.id != alarm_id for item in self.state.alarms):
             known = ", ".join(item.alarm.id for item in self.state.alarms) or "none"
             raise ProblemError(
@@ -363,7 +363,7 @@ class ServedSession:
             self.station.acknowledge(alarm_id, bearer.person)
 
     def change_standing(self, bearer: Bearer, name: str, change: Change) -> None:
-        """Change a standing order that is in force, in the bearer's name."""
+        """Change a standing order in force in the bearer's name."""
         found = self.state.standing.get(name)
         if found is None or not found.in_force:
             raise ProblemError(
@@ -374,7 +374,7 @@ class ServedSession:
             self.station.change_standing(name, change, bearer.person)
 
     def change_manual(self, bearer: Bearer, asset: str, *, take: bool) -> None:
-        """Take manual control of an asset in the bearer's name, or give it back."""
+        """Take manual control of an asset, or give it back, in the bearer's name."""
         if asset not in self.station.world.assets:
             raise ProblemError(
                 404, "no-such-asset", f"there is no asset {asset!r}", field="id",
@@ -385,7 +385,7 @@ class ServedSession:
             (manual.take if take else manual.end)(asset, bearer.person)
 
     def cancel(self, name: str) -> None:
-        """Cancel the mission with the id `name`, or take it out of the queue."""
+        """Cancel the mission with the id `name`, or remove it from the queue."""
         self.mission(name)
         with _refused("not-cancelled", "id"):
             if self.station.worked_on == name:
@@ -394,7 +394,7 @@ class ServedSession:
                 self.station.withdraw(name)
 
     def stop_all(self, bearer: Bearer) -> None:
-        """Make every asset hold, in the bearer's name."""
+        """Stop all assets in the bearer's name."""
         with _refused("not-stopped", ""):
             self.station.stop_all(bearer.person)
 
@@ -404,7 +404,7 @@ class ServedSession:
             self.station.release(bearer.person)
 
     def _shown(self, body: DecisionBody) -> ev.ApprovalRequested:
-        """Return the waiting request, if that request was shown."""
+        """Return the waiting request; raises ProblemError unless its plan was shown."""
         _, request = self._waits(body.request_id)
         if shown_sha256(request) != body.shown_sha256:
             raise ProblemError(
@@ -414,7 +414,7 @@ class ServedSession:
         return request
 
     def _waits(self, request_id: str) -> tuple[MissionTrace, ev.ApprovalRequested]:
-        """Return the request that waits, and its mission, if it is the one of that id."""
+        """Return the mission and the request that waits; raises ProblemError for another id."""
         waiting = self.waiting
         if waiting is None:
             raise ProblemError(409, "no-plan-waits", "no plan waits for a decision",
@@ -448,7 +448,7 @@ def _plan(body: DecisionBody) -> Plan | None:
 
 @contextmanager
 def _refused(kind: str, field: str) -> Generator[None]:
-    """Word what the station refuses as a problem of the request."""
+    """Turn a refusal of the station into a problem of the request."""
     try:
         yield
     except ValueError as error:

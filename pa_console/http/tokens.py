@@ -1,4 +1,4 @@
-"""Bearer tokens: who may do what. Of a token that is kept, only its hash is."""
+"""Bearer tokens and their roles; of a stored token, only the hash is kept."""
 
 import hashlib
 import json
@@ -23,24 +23,24 @@ TokenRole = Literal["observer", "proposer", "operator", "commander"]
 TOKEN_ROLES: tuple[TokenRole, ...] = ("observer", "proposer", "operator", "commander")
 
 RoleOf = Callable[[str], Role]
-"""The role of a person by the roster of the site; raises RefusedError for one who has none."""
+"""A function that returns a person's role in the site's roster; raises RefusedError without one."""
 
 
 @dataclass(frozen=True)
 class Bearer:
-    """Whose token it is: a name, and what that person or program may do."""
+    """The owner of a token, a person or program, with a role."""
 
     person: str
     role: TokenRole
 
     def may(self, role: TokenRole) -> bool:
-        """Return whether this person has the rights of `role`."""
+        """Return whether this bearer has the rights of `role`."""
         return TOKEN_ROLES.index(self.role) >= TOKEN_ROLES.index(role)
 
 
 @dataclass(frozen=True)
 class KeptToken:
-    """One token as it is kept: `sha256` is all that is known of it."""
+    """One stored token, of which only the hash `sha256` is kept."""
 
     id: str
     person: str
@@ -50,24 +50,24 @@ class KeptToken:
 
 
 class TokenBook:
-    """The tokens of this machine's user in a file of their own, and one of a session.
+    """The tokens of this machine's user, stored in a private file, and those of one session.
 
-    A token has 256 random bits, so a plain hash of it tells nothing. The file is read anew when it
-    has changed: a token that is revoked is refused from the next request on.
+    A token has 256 random bits, so its plain hash does not reveal it. The file is read again when
+    it has changed, so a revoked token is refused from the next request on.
     """
 
     def __init__(self, path: Path, role_of: RoleOf | None = None) -> None:
-        """`role_of` is the roster's word where a site has one: it limits what a token gives."""
+        """Limit each role to the one that `role_of` returns; None if there is no roster."""
         self.path, self._role_of = path, role_of
         self._own: dict[str, Bearer] = {}
         self._kept: dict[str, KeptToken] = {}
         self._seen: tuple[int, int] | None = None
 
     def find(self, token: str) -> Bearer | None:
-        """Return the bearer of `token`, None if it is unknown.
+        """Return the bearer of `token`; None if the token is unknown.
 
-        Raises RefusedError for a person whom the roster does not let in, ValueError or OSError for
-        a file that cannot be used.
+        Raises RefusedError for a person whom the roster does not admit, ValueError or OSError for a
+        file that cannot be used.
         """
         digest = _hash(token)
         found = self._own.get(digest)
@@ -80,10 +80,10 @@ class TokenBook:
         return self._limited(found)
 
     def make(self, person: str, role: TokenRole, *, keep: bool = True) -> str:
-        """Return a new token, which is shown once; `keep` its hash, or know it in this session.
+        """Return a new token, which is shown once.
 
-        Raises ValueError for what is no name, and where the roster does not let that person in, or
-        not with that role.
+        With `keep`, its hash is stored; otherwise the token is valid in this session only. Raises
+        ValueError for an invalid name, and if the roster does not admit that person with that role.
         """
         if _NAME.fullmatch(person) is None:
             raise ValueError(f"{person!r} is no name: letters, digits, - and _, at most 64")
@@ -106,7 +106,7 @@ class TokenBook:
         return token
 
     def revoke(self, name: str) -> KeptToken:
-        """Forget the token with the id `name`; raises ValueError when there is none."""
+        """Delete the token with the id `name`; raises ValueError if there is none."""
         self._read_changed()
         found = [one for one in self._kept.values() if one.id == name]
         if not found:
@@ -116,14 +116,14 @@ class TokenBook:
         return found[0]
 
     def listed(self) -> list[KeptToken]:
-        """Return the tokens that are kept, oldest first."""
+        """Return the stored tokens, oldest first."""
         self._read_changed()
         return list(self._kept.values())
 
     def _limited(self, bearer: Bearer) -> Bearer:
-        """Return the bearer with no more than the roster gives; raises RefusedError for nobody.
+        """Return the bearer with at most the role of the roster; raises RefusedError without one.
 
-        A program that proposes is no person, and in no roster.
+        A program that proposes is not a person and is in no roster.
         """
         if self._role_of is None or bearer.role == "proposer":
             return bearer

@@ -1,1 +1,1 @@
-"""Lets agents propose missions over the Model Context Protocol; people approve them."""
+"""The Model Context Protocol: agents propose missions, and people approve them."""

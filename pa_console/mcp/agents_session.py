@@ -1,7 +1,7 @@
-"""A session as agents use it: read, asked, examined, proposed to, and stopped.
+"""A session for agents, which read it, ask, examine plans, propose missions, and stop.
 
-The owner of the station gives every event to `take`. Nothing here approves, overrides, releases,
-edits rules or signs: an agent has no way to do so.
+The owner of the station passes every event to `take`. Nothing here approves, overrides, releases,
+edits rules or signs, so an agent cannot do any of these.
 """
 
 from collections.abc import Callable, Sequence
@@ -31,21 +31,21 @@ from pa_console.views.session_views import (
 )
 
 MOST_FOUND = 10
-"""Rules that a search returns at most."""
+"""The most rules that a search returns."""
 Changed = Callable[[str], None]
-"""Receives the address of each resource that has changed."""
+"""A function that receives the address of each resource that has changed."""
 PICTURE, RULES, MISSIONS = "pa://picture", "pa://rules", "pa://missions/"
 
 
 class AssetView(BaseModel):
-    """One asset: its latest report, and the commands that it may be given."""
+    """One asset: its latest report, and the commands that it can carry out."""
 
     report: AssetTelemetry
     commands: tuple[str, ...]
 
 
 class ExaminedPlan(BaseModel):
-    """The checks' findings on a plan in the present picture, and the result of its rehearsal.
+    """The findings on a plan in the present picture, and the result of its rehearsal.
 
     Nothing was queued. The plan of a mission is examined again before anybody may approve it.
     """
@@ -62,7 +62,7 @@ class FoundRules(BaseModel):
 
 
 class AgentsSession:
-    """The parts that the agents of one station share: its state, and what they may do."""
+    """The session state that the agents of one station share, and the functions open to them."""
 
     def __init__(self, station: ControlStation) -> None:
         self._station, self.state = station, SessionState()
@@ -70,7 +70,7 @@ class AgentsSession:
         self._events = 0
 
     def take(self, event: ev.Event) -> None:
-        """Take in one event of the session, which the log has."""
+        """Process one event of the session, which the log has."""
         self.state.apply(event)
         self._events += not event.data.transient
         if isinstance(event.data, ev.TelemetryReceived):
@@ -81,7 +81,7 @@ class AgentsSession:
             self.changed(MISSIONS + event.mission)
 
     def picture(self) -> StateView:
-        """Return the session as it stands: picture, alarms, queue, stop."""
+        """Return the present state of the session: picture, alarms, queue, stop."""
         return state_view(self.state, self._events)
 
     def describe_asset(self, name: str) -> AssetView:
@@ -95,7 +95,7 @@ class AgentsSession:
         return AssetView(report=report, commands=may)
 
     def rules(self, search: str = "", rule_id: str = "") -> FoundRules:
-        """Return the rules in force: one by its id, those that fit a text, or all.
+        """Return the rules in force: one by its id, those that match a text, or all.
 
         Raises ValueError for an unknown id.
         """
@@ -113,7 +113,7 @@ class AgentsSession:
         return FoundRules(rules=tuple(book.get(hit.rule_id) for hit in best))
 
     async def ask(self, text: str) -> ev.QuestionAnswered:
-        """Answer a question from the record; raises ValueError for a text that is none."""
+        """Answer a question from the record; raises ValueError for any other text."""
         question = self._station.question_in(text)
         if question is None:
             raise ValueError(NO_QUESTION)
@@ -122,24 +122,27 @@ class AgentsSession:
     async def examine(
         self, actions: Sequence[Action], purpose: str, *, rehearsed: bool
     ) -> ExaminedPlan:
-        """Check a plan in the present picture; with `rehearsed`, tell how it would go."""
+        """Check a plan in the present picture; with `rehearsed`, return its rehearsal as well."""
         found = await self._station.examine(_plan("", actions), purpose)
         shown = found.rehearsal.timeline if rehearsed and found.rehearsal is not None else None
         return ExaminedPlan(blocked=found.blocked, findings=found.findings, rehearsal=shown)
 
     def unclear(self, text: str) -> Unclear | None:
-        """Return what the words leave open; None if nothing."""
+        """Return the unclear part of a text and its answers; None if the text is clear."""
         return self._station.proposals.unclear(text)
 
     def propose(
         self, agent: str, text: str, actions: Sequence[Action] = (), reason: str = ""
     ) -> MissionView:
-        """Queue a mission that an agent proposes; raises ValueError when it is not taken."""
+        """Queue a mission that an agent proposes; raises ValueError if it is not accepted."""
         plan = _plan(reason, actions) if actions else None
         return mission_view(self._trace(self._station.proposals.propose(agent, text, plan)))
 
     def status(self, mission_id: str) -> MissionDetail:
-        """Return a mission with its plans, findings, decisions, outcome; raises ValueError."""
+        """Return a mission with its plans, findings, decisions and outcome.
+
+        Raises ValueError for an unknown id.
+        """
         found = self.state.missions.get(mission_id)
         if found is None:
             known = ", ".join(list(self.state.missions)[-8:]) or "none"
@@ -147,11 +150,11 @@ class AgentsSession:
         return mission_detail(found)
 
     def withdraw(self, agent: str, mission_id: str) -> None:
-        """Take back an agent's own proposal; raises ValueError for any other mission."""
+        """Withdraw an agent's own proposal; raises ValueError for any other mission."""
         self._station.proposals.withdraw(agent, mission_id)
 
     def stop(self, agent: str) -> None:
-        """Make every asset hold; an agent cannot release that."""
+        """Stop all assets; an agent cannot release the stop."""
         self._station.stop_all(f"agent {agent}")
 
     def _trace(self, mission: Mission) -> MissionTrace:
@@ -159,7 +162,7 @@ class AgentsSession:
 
 
 def _plan(reason: str, actions: Sequence[Action]) -> Plan:
-    """Return the plan of these actions; raises ValueError with one line for what is no plan."""
+    """Return the plan of these actions; raises ValueError with one line if it is invalid."""
     try:
         return Plan(reason=reason, actions=tuple(actions))
     except ValidationError as error:

@@ -1,4 +1,4 @@
-"""The MCP server: its tools and resources, and where it is served, on a port or on stdio."""
+"""The MCP server: its tools and resources, and its connections by port or stdio."""
 
 import asyncio
 from collections.abc import Callable, Generator
@@ -68,10 +68,13 @@ Actions = Annotated[
 Purpose = Annotated[
     str, Field(max_length=MAX_MISSION_TEXT, description="the order that the plan is to serve")
 ]
+PATH = "/mcp"
+MOST_SESSIONS = 16
+"""The most MCP sessions at a time; each takes memory."""
 
 
 class Meant(BaseModel):
-    """What an unclear part of an order means."""
+    """The meaning of an unclear part of an order."""
 
     answer: str = Field(description="one of the choices, or the name of an asset or a place")
 
@@ -79,7 +82,7 @@ class Meant(BaseModel):
 def make_server(
     session: AgentsSession, agent: str = "", verifier: TokenVerifier | None = None
 ) -> MCPServer[Any]:
-    """Return the server; its agent is `agent`, or by each request whom `verifier` lets in."""
+    """Return the server for `agent`, or for the agents whose requests `verifier` admits."""
     bus = InMemorySubscriptionBus()
     # Tokens are made by `serve --make-token`; no authorization server issues them.
     settings = AuthSettings(
@@ -112,18 +115,18 @@ def _add_looking(server: MCPServer[Any], session: AgentsSession) -> None:
 
     @server.tool(annotations=LOOKS)
     async def picture() -> StateView:
-        """The session as it stands: assets, tracks, gates, alarms, the queue, and the stop."""
+        """Return the present state: assets, tracks, gates, alarms, the queue, and the stop."""
         return session.picture()
 
     @server.tool(annotations=LOOKS)
     async def describe_asset(name: str) -> AssetView:
-        """The latest report of an asset, and the commands that it may be given."""
+        """Return the latest report of an asset, and the commands that it can carry out."""
         with _told():
             return session.describe_asset(name)
 
     @server.tool(annotations=LOOKS)
     async def rules(search: str = "", rule_id: str = "") -> FoundRules:
-        """The rules in force: one by its id, the ten that fit a search best, or all."""
+        """Return the rules in force: one by its id, the ten that match a search best, or all."""
         with _told():
             return session.rules(search, rule_id)
 
@@ -141,19 +144,19 @@ def _add_looking(server: MCPServer[Any], session: AgentsSession) -> None:
 
     @server.tool(annotations=LOOKS)
     async def rehearse_plan(actions: Actions, purpose: Purpose = "") -> ExaminedPlan:
-        """Check a plan and tell how its rehearsal goes, gate by gate; nothing is queued."""
+        """Check a plan and return its rehearsal, gate by gate; nothing is queued."""
         with _told():
             return await session.examine(actions, purpose, rehearsed=True)
 
     @server.tool(annotations=LOOKS)
     async def mission_status(mission_id: str) -> MissionDetail:
-        """A mission with its plans, the findings on them, who decided what, and its outcome."""
+        """Return a mission with its plans, their findings, the decisions, and its outcome."""
         with _told():
             return session.status(mission_id)
 
 
 def _add_proposing(server: MCPServer[Any], session: AgentsSession, who: Callable[[], str]) -> None:
-    """Add the tools that propose, take back and stop."""
+    """Add the tools that propose, withdraw and stop."""
 
     def what_is_meant(text: str, ctx: Context[Any, Any]) -> Meant | Elicit[Meant]:
         unclear = session.unclear(text)
@@ -167,9 +170,9 @@ def _add_proposing(server: MCPServer[Any], session: AgentsSession, who: Callable
     async def propose_mission(
         text: Words, meant: Annotated[ElicitationResult[Meant], Resolve(what_is_meant)]
     ) -> MissionView:
-        """Propose a mission in plain words; a person decides about the plan made for it.
+        """Propose a mission in plain words; a person decides on the plan made for it.
 
-        Name assets and places: what others ordered before is not known to your words.
+        Name assets and places: your words are read without the earlier orders of others.
         """
         with _told():
             return session.propose(who(), _clear(session, text, meant))
@@ -180,27 +183,30 @@ def _add_proposing(server: MCPServer[Any], session: AgentsSession, who: Callable
         actions: Actions,
         reason: Annotated[str, Field(max_length=MAX_REASON // 2)] = "",
     ) -> MissionView:
-        """Propose a plan of your own for a purpose; it is checked, judged, and decided about."""
+        """Propose your own plan for a purpose; it is checked and judged, and a person decides."""
         with _told():
             return session.propose(who(), purpose, actions, reason)
 
     @server.tool(annotations=WITHDRAWS)
     async def withdraw(mission_id: str) -> str:
-        """Take back a proposal of yours that nobody has approved yet."""
+        """Withdraw a proposal of yours that has not been approved yet."""
         with _told():
             session.withdraw(who(), mission_id)
         return f"{mission_id} is withdrawn"
 
     @server.tool(annotations=STOPS)
     async def stop() -> str:
-        """STOP: every asset holds at once, and every mission ends; only a person releases it."""
+        """Stop every asset at once and end every mission; only a person releases the stop."""
         with _told():
             session.stop(who())
         return "every asset was told to hold; mission_status and picture show what telemetry says"
 
 
 def _clear(session: AgentsSession, text: str, meant: ElicitationResult[Meant]) -> str:
-    """Return the words with the answer in place of what was unclear; raises ValueError without."""
+    """Return the text with the answer in place of its unclear part.
+
+    Raises ValueError if there is no answer.
+    """
     unclear = session.unclear(text)
     if unclear is None:
         return text
@@ -214,21 +220,21 @@ def _clear(session: AgentsSession, text: str, meant: ElicitationResult[Meant]) -
 
 
 def _add_resources(server: MCPServer[Any], session: AgentsSession) -> None:
-    """Add what can be read, and followed, under an address."""
+    """Add the resources that agents read and follow by address."""
 
     @server.resource(PICTURE, mime_type="application/json")
     async def picture_now() -> str:
-        """The session as it stands."""
+        """Return the present state of the session."""
         return session.picture().model_dump_json()
 
     @server.resource(RULES, mime_type="application/json")
     async def rules_in_force() -> str:
-        """Every rule in force."""
+        """Return every rule in force."""
         return session.rules().model_dump_json()
 
     @server.resource(MISSIONS + "{mission_id}", mime_type="application/json")
     async def mission(mission_id: str) -> str:
-        """A mission as it stands."""
+        """Return the present state of a mission."""
         try:
             return session.status(mission_id).model_dump_json()
         except ValueError as error:
@@ -236,7 +242,7 @@ def _add_resources(server: MCPServer[Any], session: AgentsSession) -> None:
 
 
 class _Updates:
-    """Publishes which resources have changed, each at most once a second."""
+    """Notices of changed resources, published at most once a second for each."""
 
     PERIOD_S = 1.0
 
@@ -262,26 +268,21 @@ class _Updates:
 
 @contextmanager
 def _told() -> Generator[None]:
-    """Tell an agent why something was not done; a defect is told as one by the library."""
+    """Turn a refusal into an error for the agent; the library reports a defect as one."""
     try:
         yield
     except ValueError as error:
         raise ToolError(str(error)) from error
 
 
-PATH = "/mcp"
-MOST_SESSIONS = 16
-"""MCP sessions at a time; each takes memory."""
-
-
 class AgentTokens:
-    """Lets in who has a token of the role proposer, and nobody else: an agent is no operator."""
+    """A verifier that admits only tokens of the role proposer: an agent is not an operator."""
 
     def __init__(self, tokens: TokenBook) -> None:
         self._tokens = tokens
 
     async def verify_token(self, token: str) -> AccessToken | None:
-        """Return whose token it is; None for one that is unknown, or of a person."""
+        """Return the access of an agent's token; None for an unknown token or a person's."""
         try:
             bearer = self._tokens.find(token)
         except (RefusedError, ValueError, OSError):
@@ -292,9 +293,9 @@ class AgentTokens:
 
 
 class AgentsPort:
-    """Serves agents over HTTP on a socket beside a session, as long as that lasts.
+    """A port for agents over HTTP beside a session, open as long as the session lasts.
 
-    `take` is given every event of the session, within its event loop.
+    `take` must be called with every event of the session, in its event loop.
     """
 
     def __init__(
@@ -304,7 +305,7 @@ class AgentsPort:
         listening: Listening,
         failed: Callable[[Exception], None],
     ) -> None:
-        """`failed` is called with a defect, and once when the system has no room."""
+        """Call `failed` with a defect, and once if the system has no room for connections."""
         listening.failed = failed
         app = make_server(session, verifier=AgentTokens(tokens)).streamable_http_app(
             streamable_http_path=PATH, max_request_body_size=MOST_BYTES, max_sessions=MOST_SESSIONS
@@ -315,7 +316,7 @@ class AgentsPort:
         self._work: asyncio.Task[None] | None = None
 
     def take(self, event: ev.Event) -> None:
-        """Begin to serve with the first event, and end with the last."""
+        """Start to serve with the first event, and stop with the last."""
         if self._work is None:
             self._work = asyncio.get_running_loop().create_task(self._serve())
         self._session.take(event)
@@ -331,12 +332,12 @@ class AgentsPort:
 
 
 async def serve_stdio(server: MCPServer[Any]) -> None:
-    """Serve one agent on stdin and stdout, until it closes them."""
+    """Serve one agent on stdin and stdout until it closes them."""
     await server.run_stdio_async()
 
 
 async def bridge(url: str, token: str) -> None:
-    """Carry the messages of an agent on stdin and stdout to the server at `url`, and back."""
+    """Carry messages between an agent on stdin and stdout and the server at `url`."""
     headers = {"Authorization": f"Bearer {token}"}
     async with (
         httpx2.AsyncClient(headers=headers, timeout=None) as client,
@@ -350,7 +351,7 @@ async def bridge(url: str, token: str) -> None:
 
 
 async def _carry(source: Any, target: Any) -> None:
-    """Carry messages until the source ends; what cannot be read as one is left out."""
+    """Carry messages until the source ends; values that are not messages are dropped."""
     with suppress(asyncio.CancelledError):
         async for message in source:
             if isinstance(message, SessionMessage):

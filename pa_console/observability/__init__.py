@@ -1,7 +1,7 @@
 """Observers of a session: missions as traces, numbers as metrics.
 
-They get every event after the log and cannot stop the session.
-An observer that fails is left out. Without observers, their libraries are not loaded.
+They receive every event after the log and cannot stop the session. An observer that fails is left
+out. Without observers, their libraries are not loaded.
 """
 
 from collections.abc import Callable, Generator, Sequence
@@ -12,7 +12,7 @@ from pa_console.resources import install_hint
 from pa_console.schema.events.event import Event
 
 Observer = Callable[[Event], None]
-"""A function that gets the events of a session one by one; an error ends its observing only."""
+"""A function that receives the events of a session one by one; an error ends only its observing."""
 
 
 def unobserved(_: Event) -> None:
@@ -23,9 +23,9 @@ def unobserved(_: Event) -> None:
 class Observing:
     """The choice of a session's observers.
 
-    `traces` is the address of a collector, '' for none, and `metrics_port` a port of this machine,
-    None for none. With `trace_words`, spans have the texts of operator and model. `version` is that
-    of the program.
+    `traces` is the address of a collector, '' for none; `metrics_port` is a port of this machine,
+    None for none. With `trace_words`, spans have the texts of operator and model. `version` is the
+    version of the program.
     """
 
     traces: str = ""
@@ -40,8 +40,8 @@ def observed(
 ) -> Generator[Observer]:
     """Yield a function that passes the events of a session to all observers, `also` included.
 
-    `tell` gets a line about a failed observer, and at the end one about a failed delivery. Raises
-    ValueError for a port that cannot be used, and for a library that is not installed.
+    `tell` is called with a line about a failed observer, and at the end about a failed delivery.
+    Raises ValueError for a port that cannot be used, and for a library that is not installed.
     """
     with ExitStack() as stack:
         observers = list(also)

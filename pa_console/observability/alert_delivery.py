@@ -1,7 +1,7 @@
 """Delivery of alerts by mail, chat and push services, in threads that never delay the session.
 
-It needs the extra `alert`: the library Apprise, which knows the services by their addresses. An
-address holds secrets, so a receiver is named by its number and its service alone.
+It requires the extra `alert`: the library Apprise, which identifies services by their addresses. An
+address holds secrets, so a receiver is named only by its number and its service.
 """
 
 import logging
@@ -18,19 +18,19 @@ from typing import Any, Protocol
 from apprise import Apprise, AppriseAsset
 
 SEND_S = 10.0
-"""The longest time of one try."""
+"""The longest time of one try, in seconds."""
 TRIES_AFTER_S = (0.0, 5.0, 30.0)
 """The seconds before each try to deliver one message."""
 MOST_WAITING = 20
-"""The most messages that wait for a slow receiver; later ones are dropped there."""
+"""The most messages that wait for a slow receiver; later ones are dropped for it."""
 MOST_HANGING = 3
-"""The most attempts that may hang at once; no other is made before one of them ends."""
+"""The most tries that may hang at once; another one starts only after one of them has ended."""
 LEAVE_S = 2.0
-"""The longest wait, at the end of a session, for messages under way."""
+"""The longest wait for messages under way at the end of a session, in seconds."""
 
 _log = logging.getLogger("apprise")
 _log.addHandler(logging.NullHandler())
-_log.propagate = False  # its messages hold addresses
+_log.propagate = False  # the messages of the library contain addresses
 
 
 class Letter(Protocol):
@@ -54,7 +54,7 @@ class Letter(Protocol):
 
 @dataclass
 class Receiver:
-    """One address; `name` is safe to show, and a `later` one only gets reminders."""
+    """One address; `name` is safe to show, and a `later` receiver gets only reminders."""
 
     name: str
     later: bool
@@ -63,7 +63,7 @@ class Receiver:
 
     @classmethod
     def parse(cls, address: str, number: int, *, later: bool = False) -> "Receiver":
-        """Return the receiver at an address; raises ValueError, without that address."""
+        """Return the receiver at an address; raises ValueError, whose text omits the address."""
         service = Apprise(asset=AppriseAsset(async_mode=False, app_id="PA Console"))
         if not service.add(address):
             scheme = re.match(r"[a-z]{2,12}(?=://)", address)
@@ -76,7 +76,7 @@ class Receiver:
         return cls(f"receiver {number} ({plugin.service_name!s})", later, service)
 
     def try_once(self, letter: Letter, limit_s: float = SEND_S) -> str:
-        """Deliver a message within `limit_s` seconds; return why it could not be, '' if it was."""
+        """Deliver a message within `limit_s` seconds; return why that failed, '' if it did not."""
         self._hanging = [thread for thread in self._hanging if thread.is_alive()]
         if len(self._hanging) >= MOST_HANGING:
             return f"{MOST_HANGING} earlier tries still hang"
@@ -86,7 +86,7 @@ class Receiver:
             try:
                 sent: Any = self.service.notify(title=letter.title, body=letter.body)
                 result.append(bool(sent))
-            except Exception:  # a service of the library may raise anything; its text has secrets
+            except Exception:  # a service may raise anything, and the text contains secrets
                 result.append(False)
 
         thread = Thread(target=send, name="alert-try", daemon=True)
@@ -99,7 +99,7 @@ class Receiver:
 
 
 def receivers(now: Sequence[str], later: Sequence[str] = ()) -> list[Receiver]:
-    """Return the receivers at these addresses; raises ValueError for one that is none."""
+    """Return the receivers at these addresses; raises ValueError for an invalid address."""
     return [
         Receiver.parse(address, number, later=number > len(now))
         for number, address in enumerate([*now, *later], 1)
@@ -107,14 +107,14 @@ def receivers(now: Sequence[str], later: Sequence[str] = ()) -> list[Receiver]:
 
 
 def try_all(to: Sequence[Receiver], letter: Letter) -> dict[str, str]:
-    """Deliver a message to all at once; return by name why it could not be, '' where it was."""
+    """Deliver a message to all at once; return the reason of each failure by name, '' for none."""
     with ThreadPoolExecutor(len(to)) as trying:
         tries = {receiver.name: trying.submit(receiver.try_once, letter) for receiver in to}
     return {name: tried.result() for name, tried in tries.items()}
 
 
 class AlertDelivery:
-    """Delivery to several receivers, each in a thread of its own so that none waits for another.
+    """Delivery to several receivers, each in its own thread so that none waits for another.
 
     `give` and `news` return at once.
     """
@@ -137,7 +137,7 @@ class AlertDelivery:
             thread.start()
 
     def give(self, message: Letter) -> None:
-        """Have a message delivered; returns at once."""
+        """Start the delivery of a message; returns at once."""
         for receiver, queue in self._queues:
             if message.later or not receiver.later:
                 try:
@@ -146,7 +146,7 @@ class AlertDelivery:
                     self._news.append(f"{receiver.name} not told: too many alerts wait for it")
 
     def news(self) -> Sequence[str]:
-        """Return what became of messages since the last call, a line each."""
+        """Return the results of deliveries since the last call, one line each."""
         return [self._news.popleft() for _ in range(len(self._news))]
 
     def close(self, wait_s: float = LEAVE_S) -> None:

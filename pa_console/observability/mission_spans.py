@@ -1,7 +1,7 @@
 """OpenTelemetry spans of a session's events: one trace for a mission, one span for a step.
 
 A span has the times of its events, so it is as exact as the log even if it is made later. Only
-`opentelemetry-api` is needed here.
+`opentelemetry-api` is required here.
 """
 
 from collections import OrderedDict
@@ -33,8 +33,8 @@ Step = Literal[
     "outcome",
     "report",
 ]
-"""The eight steps: 1 intake, 2 retrieve, 3 picture, 4 prompt, 5 plan, 6 rehearse to decide,
-7 execute to outcome, 8 report."""
+"""The steps of a mission, which belong to the eight steps of the paper: 1 intake, 2 retrieve, 3
+picture, 4 prompt, 5 plan, 6 rehearse to decide, 7 execute to outcome, 8 report."""
 
 NUMBERS: dict[Step, int] = {
     "intake": 1,
@@ -52,7 +52,7 @@ NUMBERS: dict[Step, int] = {
     "outcome": 7,
     "report": 8,
 }
-"""The number of each step among the eight."""
+"""The number of the paper's step for each step."""
 
 MISSION = "mission"
 """The name of the span of a whole mission."""
@@ -73,10 +73,10 @@ class _MissionSpan:
 
 
 class MissionSpans:
-    """The spans of a session's missions, made by `tracer`; `take` gets every event, in order.
+    """The spans of a session's missions, made by `tracer`; `take` must get every event, in order.
 
-    Attributes are numbers and names of rules, assets and frames. Texts of operators and models and
-    the names of people are left out without `words`.
+    Attributes are numbers and the names of rules, assets and frames. Without `words`, texts of
+    operators and models and the names of people are left out.
     """
 
     def __init__(self, tracer: Tracer, *, words: bool = False) -> None:
@@ -85,7 +85,7 @@ class MissionSpans:
         self._missions: OrderedDict[str, _MissionSpan] = OrderedDict()
 
     def take(self, event: ev.Event) -> None:
-        """Apply one event; one of an unknown mission makes no span."""
+        """Process one event; an event of an unknown mission makes no span."""
         match event.data:
             case ev.SessionStarted():
                 self._begin_session(event.data)
@@ -114,7 +114,7 @@ class MissionSpans:
         }
 
     def _receive(self, name: str, received: ev.MissionReceived, t: datetime) -> None:
-        """Begin the trace of a mission, which waits in the queue, with step 1."""
+        """Begin the trace of a mission that waits in the queue, with step 1."""
         mission = received.mission
         about: dict[str, AttributeValue] = {
             **self._session,
@@ -135,7 +135,7 @@ class MissionSpans:
             self._missions.popitem(last=False)
 
     def _prepare(self, traced: _MissionSpan, event: ev.Event) -> None:
-        """Apply an event of steps 1 to 5: queue, rules, picture, prompt and plan."""
+        """Process an event of steps 1 to 5: queue, rules, picture, prompt and plan."""
         t = event.t
         match event.data:
             case ev.MissionStarted():
@@ -170,7 +170,7 @@ class MissionSpans:
                 pass
 
     def _examine(self, traced: _MissionSpan, event: ev.Event) -> None:
-        """Apply an event of the automatic part of step 6."""
+        """Process an event of the automatic part of step 6."""
         t = event.t
         match event.data:
             case ev.PlanRehearsed(attempt=attempt, seconds=seconds):
@@ -196,7 +196,7 @@ class MissionSpans:
                 pass
 
     def _decide(self, traced: _MissionSpan, event: ev.Event) -> None:
-        """Apply an event of the operator's part of step 6."""
+        """Process an event of the operator's part of step 6."""
         t = event.t
         match event.data:
             case ev.ApprovalRequested():
@@ -231,7 +231,7 @@ class MissionSpans:
                 pass
 
     def _execute(self, traced: _MissionSpan, event: ev.Event) -> None:
-        """Apply an event of steps 7 and 8."""
+        """Process an event of steps 7 and 8."""
         t = event.t
         match event.data:
             case ev.CommandSent(command=command):
@@ -273,7 +273,7 @@ class MissionSpans:
     def _asked(
         self, traced: _MissionSpan, step: Step, t: datetime, usage: Usage, about: Attributes
     ) -> None:
-        """Add the span of a step of a model, with its tokens."""
+        """Add the span of a step in which a model was used, with its tokens."""
         tokens: dict[str, AttributeValue] = {
             "gen_ai.usage.input_tokens": usage.prompt_tokens,
             "gen_ai.usage.output_tokens": usage.completion_tokens,

@@ -1,4 +1,4 @@
-"""Metrics of a session, folded from its events, and the server for Prometheus to scrape them."""
+"""Metrics of a session, folded from its events, and the server from which Prometheus reads them."""
 
 from collections import Counter as Counts
 from collections.abc import Iterable
@@ -26,15 +26,19 @@ if TYPE_CHECKING:
     from wsgiref.types import StartResponse, WSGIApplication, WSGIEnvironment
 
 DECISION_S = (1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0)
-"""The buckets of a person's decision time, in seconds."""
+"""The buckets for a person's decision time, in seconds."""
 STEP_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0)
-"""The buckets of a step's time, in seconds."""
+"""The buckets for the duration of a step, in seconds."""
 READY = ("ready", "unconfined", "slow")
-"""The states of a worker that answers."""
+"""The states of a worker that is ready to answer."""
+ADDRESS = "127.0.0.1"
+LISTEN_S = 5.0
+"""The longest wait for a client's request, in seconds."""
+CLOSES_WITHIN_S = 0.1
 
 
 class SessionMetrics:
-    """The metrics of one session, in a `registry` of their own; `take` gets every event.
+    """The metrics of one session, in their own `registry`; `take` must get every event.
 
     Labels are rules, kinds and outcomes, never a text of the operator, so their number is bounded.
     """
@@ -85,7 +89,7 @@ class SessionMetrics:
             self._open.labels(priority).set(0)
 
     def take(self, event: ev.Event) -> None:
-        """Apply one event."""
+        """Process one event."""
         self._take_session(event.data)
         self._take_alarm(event.data)
         self._take_step(event.data)
@@ -157,7 +161,7 @@ class SessionMetrics:
 
 
 def _taken(data: ev.EventPayload) -> tuple[Step, float] | None:
-    """Return the step that `data` ends, and its seconds; None for other events."""
+    """Return the step that `data` ends, and its duration in seconds; None for other events."""
     taken: tuple[Step, float] | None = None
     match data:
         case ev.RulesRetrieved(seconds=seconds):
@@ -185,21 +189,15 @@ def _taken(data: ev.EventPayload) -> tuple[Step, float] | None:
     return taken
 
 
-ADDRESS = "127.0.0.1"
-LISTEN_S = 5.0
-"""The longest wait for a client's request."""
-CLOSES_WITHIN_S = 0.1
-
-
 class MetricsServer:
-    """A server of `registry` as Prometheus text at `/metrics`, on this machine alone.
+    """A server of `registry` as Prometheus text at `/metrics`, only for this machine.
 
-    It listens on loopback and answers requests to loopback's names only, so that a web page whose
+    It listens on loopback and answers only requests to loopback's names, so that a web page whose
     host name resolves to this machine cannot read the metrics.
     """
 
     def __init__(self, registry: CollectorRegistry, port: int) -> None:
-        """`port` 0 takes a free one; raise ValueError if the port cannot be used."""
+        """Listen on `port`, 0 for a free one; raise ValueError if the port cannot be used."""
         try:
             self._server = _MetricsServer((ADDRESS, port), _Handler)
         except OSError as error:
@@ -227,7 +225,7 @@ class _MetricsServer(ThreadingMixIn, WSGIServer):
     block_on_close = False
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Ignore a lost client: no message may disturb the operator's screen."""
+        """Ignore a lost client, because no message may disturb the operator's screen."""
 
     def server_bind(self) -> None:
         """Bind without a name lookup for the address."""
@@ -244,7 +242,7 @@ class _Handler(WSGIRequestHandler):
 
 
 def _answering(registry: CollectorRegistry, port: int) -> "WSGIApplication":
-    """Return the application that answers `/metrics` under loopback's names."""
+    """Return the application that answers `/metrics` for requests to loopback's names."""
     names = {f"{name}:{port}" for name in (ADDRESS, "localhost")}
 
     def answer(environ: "WSGIEnvironment", start: "StartResponse") -> Iterable[bytes]:

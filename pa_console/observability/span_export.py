@@ -1,6 +1,6 @@
 """Export of spans to a collector over OTLP, in a thread that never delays the session.
 
-It needs the extra `telemetry`: the OpenTelemetry SDK and its exporter.
+It requires the extra `telemetry`: the OpenTelemetry SDK and its exporter.
 """
 
 import logging
@@ -15,9 +15,9 @@ from opentelemetry.sdk.trace.export import BatchSpanProcessor, SpanExporter
 from opentelemetry.trace import Tracer
 
 SEND_S = 3.0
-"""The longest time of one delivery, with its retries."""
+"""The longest time of one delivery with its retries, in seconds."""
 LEAVE_S = 2.0
-"""The longest wait for the last spans at the end of a session."""
+"""The longest wait for the last spans at the end of a session, in seconds."""
 PATH = "/v1/traces"
 _LIBRARY = "opentelemetry"
 
@@ -25,12 +25,12 @@ _LIBRARY = "opentelemetry"
 class SpanExport:
     """A `tracer` whose spans go to the collector at `endpoint` while the context lasts.
 
-    A slow or absent collector loses spans but takes no time from the session: a full queue drops
-    spans, and `problem` reports it.
+    With a slow or absent collector, spans are lost but the session is not delayed: a full queue
+    drops spans, and `problem` reports it.
     """
 
     def __init__(self, endpoint: str, version: str, exporter: SpanExporter | None = None) -> None:
-        """`endpoint` is a base address or a whole one, `version` the program's.
+        """Export to `endpoint`, a base address or a complete one; `version` is the program's.
 
         An `exporter` replaces OTLP.
         """
@@ -63,7 +63,7 @@ class SpanExport:
         leaving = Thread(target=self._provider.shutdown, name="last-spans", daemon=True)
         leaving.start()
         leaving.join(LEAVE_S)
-        if leaving.is_alive():  # the handler stays: later messages must not reach the screen
+        if leaving.is_alive():  # keep the handler: later messages must not reach the screen
             self._log.last = self._log.last or "the last spans were not taken in time"
             return
         library = logging.getLogger(_LIBRARY)
@@ -72,7 +72,7 @@ class SpanExport:
 
 
 class _LastProblem(logging.Handler):
-    """A handler that keeps the library's messages off the screen; `last` is the last one."""
+    """A handler that keeps the library's messages off the screen; `last` is the latest one."""
 
     def __init__(self) -> None:
         super().__init__(logging.WARNING)

@@ -1,1 +1,1 @@
-"""The loop around missions: queue, clock, alarms, answers, and consoles that join."""
+"""The loop around missions: queue, clock, alarms, answers, and joined consoles."""

@@ -1,7 +1,7 @@
-"""Proposals of agents: their admission, rate, number and fate.
+"""Proposals of agents: admission, limits, and withdrawal.
 
-An agent is a program that proposes over MCP; a person decides. What an agent may never do is no
-matter of this module: it has no way to approve, release or sign.
+An agent is a program that proposes missions over MCP; a person decides on them. Agents have no way
+to approve, release or sign, so this module limits only their proposals.
 """
 
 import re
@@ -23,14 +23,14 @@ from pa_console.station.intake import IS_STOPPED, ReadText
 from pa_console.station.worker import MissionWorker, StationParts
 
 MOST_A_MINUTE = 6
-"""Proposals that one agent may make in a minute."""
+"""The most proposals that one agent may make in a minute."""
 MOST_OF_ONE, MOST_OF_ALL = 3, 8
-"""Proposals of one agent, and of all together, that may be open at a time."""
+"""The most open proposals of one agent, and of all agents together."""
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
 
 class AgentDesk:
-    """Admits proposals, except those of muted agents."""
+    """An admission check for proposals: muted agents, rate, and number of open proposals."""
 
     def __init__(self, muted: Collection[str] = (), clock: Callable[[], float] = monotonic) -> None:
         self.muted = set(muted)
@@ -40,7 +40,7 @@ class AgentDesk:
     def admit(self, agent: str, open_missions: Collection[Mission]) -> None:
         """Count one proposal of `agent`; raises ValueError if it may not make one now.
 
-        `open_missions` are its waiting and active missions.
+        `open_missions` are the waiting and active missions of the station.
         """
         if _NAME.fullmatch(agent) is None:
             raise ValueError(f"{agent!r} is no name: letters, digits, - and _, at most 64")
@@ -63,7 +63,10 @@ class AgentDesk:
 
 
 def require_plain(*texts: str) -> None:
-    """Raise ValueError for a text with signs that do not show, or that turn others round."""
+    """Raise ValueError if a text has invisible characters or ones that change the text direction.
+
+    Line breaks and tabs are allowed.
+    """
     for text in texts:
         for sign in text:
             if category(sign).startswith("C") and sign not in "\n\r\t":
@@ -71,12 +74,12 @@ def require_plain(*texts: str) -> None:
 
 
 def proposed_plan(agent: str, plan: Plan) -> Plan:
-    """Return `plan` with a reason that names the agent and can be read as no order."""
+    """Return `plan` with a reason that names the agent, so that it cannot be read as an order."""
     return plan.model_copy(update={"reason": f"agent {agent}: {plan.reason}"[:MAX_REASON]})
 
 
 class AgentProposals:
-    """The proposals of the agents at one station; the station's worker works on them."""
+    """The proposals of agents at one station, which the station's worker carries out."""
 
     def __init__(  # noqa: PLR0917
         self,
@@ -87,16 +90,16 @@ class AgentProposals:
         require_writable: Callable[[], None],
         muted: Collection[str] = (),
     ) -> None:
-        """`read` reads a text as the station does; `muted` agents may propose nothing."""
+        """Read texts with `read`, as the station does; agents in `muted` may not propose."""
         self._intake, self._emit, self._worker = parts.intake, parts.emit, worker
         self._services, self._read, self._require_writable = services, read, require_writable
         self._desk = AgentDesk(muted)
 
     def propose(self, agent: str, text: str, plan: Plan | None = None) -> Mission:
-        """Queue a mission that an agent proposes, with a plan of its own if it gives one.
+        """Queue a mission that an agent proposes, with its own `plan` if it has one.
 
-        The words are read like an operator's, and a person decides about the plan. Raises
-        ValueError when it is not taken.
+        The text is read like an operator's, and a person decides on the plan. Raises ValueError if
+        the proposal is refused.
         """
         self._require_writable()
         services = self._services()
@@ -121,7 +124,7 @@ class AgentProposals:
         return mission
 
     def withdraw(self, agent: str, mission_id: str) -> None:
-        """Withdraw an agent's own unapproved proposal; raises ValueError for any other."""
+        """Withdraw an agent's own unapproved proposal; raises ValueError for any other mission."""
         self._require_writable()
         reason = f"withdrawn by agent {agent}"
         active = self._worker.active
@@ -139,9 +142,9 @@ class AgentProposals:
         self._worker.queue_changed()
 
     def mute(self, agent: str, *, muted: bool = True, by: str = "operator") -> None:
-        """Mute an agent, or let it propose again; its undecided proposals end when it is muted.
+        """Mute an agent or, with `muted=False`, let it propose again.
 
-        Raises ValueError where that changes nothing.
+        Muting cancels the agent's undecided proposals. Raises ValueError if nothing would change.
         """
         self._require_writable()
         known = self._desk.muted
@@ -159,7 +162,7 @@ class AgentProposals:
         self._worker.queue_changed()
 
     def unclear(self, text: str) -> Unclear | None:
-        """Return the unclear part of an agent's words and its answers; None if it is clear."""
+        """Return the unclear part of an agent's text and its answers; None if the text is clear."""
         scene = replace(self._services().scene, past=(), pointer="")
         found = resolve(scene, self._read(text).text, {})
         return found if isinstance(found, Unclear) else None

@@ -1,4 +1,4 @@
-"""The alarms of a site: raised once for one cause, kept open through noise, cleared with it."""
+"""Alarms of a site: raised once per cause, kept open through noise, cleared with the cause."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -19,15 +19,26 @@ AlarmTopic = Literal["threat", "track", "way", "cover", "asset", "battery", "cam
 OF_TRACKS: tuple[AlarmTopic, ...] = ("threat", "track", "way")
 """The topics of alarms about contacts; a sensor may report any number of contacts."""
 BATTERY_MARGIN_PCT = 3.0
-"""A battery alarm stays open until the battery is so much above the limit, or on its way home."""
+"""The charge above the limit at which an open battery alarm may clear, in percent. It may also
+clear when the asset returns to base or charges."""
+MOST_MINOR = 12
+"""The most medium and low alarms of one kind that are open at a time; the others wait."""
+MOST_ALIKE = 8
+"""The most emergency and high alarms of one kind about contacts of the same sensors, and the most
+medium and low ones. One more alarm names the sensors and counts the other contacts, so a sensor
+with false reports cannot hide the contacts of other sensors."""
+MOST_IDS = 1024
+"""The most subjects whose alarm ids are kept, the latest ones; the number of tracks is
+unlimited."""
 
 
 @dataclass(frozen=True)
 class Cause:
-    """One reason for an alarm; those of one topic and subject are the same alarm.
+    """One reason for an alarm; causes with the same topic and subject share one alarm.
 
-    It must have shown for `settle_s` before it raises an alarm, and be gone for `linger_s` before
-    the alarm clears, in simulated seconds. One that is not `raises` only keeps an alarm open.
+    A cause must be present for `settle_s` before it raises an alarm, and absent for `linger_s`
+    before the alarm clears, in simulated seconds. A cause with `raises` False only keeps an alarm
+    open.
     """
 
     topic: AlarmTopic
@@ -42,19 +53,19 @@ class Cause:
     linger_s: float = 3.0
     raises: bool = True
     sensors: tuple[str, ...] = ()
-    """The sensors that detect its track."""
+    """The sensors that detect the track."""
 
     @property
     def key(self) -> tuple[AlarmTopic, str]:
-        """The identity of its alarm: causes of the same key are one alarm."""
+        """The key of the alarm: causes with the same key share one alarm."""
         return self.topic, " ".join(self.sensors) if self.topic == "sensor" else self.subject
 
 
 def causes(picture: Picture, world: World, guards: Mapping[str, tuple[str, ...]]) -> list[Cause]:
     """Return every cause that `picture` shows.
 
-    `guards` are the assets that last covered each gate for certain: when one of them is lost, its
-    gate's alarm names it and carries the response, the asset's own alarm carries none.
+    `guards` are the assets last known for certain to cover each gate. If one of them is lost, the
+    gate's alarm names it and has the command in response; the asset's own alarm has none.
     """
     found = [cause for track in picture.tracks.values() if (cause := _track(track)) is not None]
     found.extend(_ways(picture, world))
@@ -70,7 +81,10 @@ def causes(picture: Picture, world: World, guards: Mapping[str, tuple[str, ...]]
 
 
 def _track(track: Track) -> Cause | None:
-    """Return why a track matters; one that leaves or is authorized does not."""
+    """Return the cause of an alarm about `track`; None if no alarm is needed.
+
+    A leaving track needs none, and neither does an authorized one unless it is hostile or defiant.
+    """
     if track.status == "leaving":
         return None
     known = "" if track.identity == "unknown" else f"{track.identity} "
@@ -106,9 +120,9 @@ def _track(track: Track) -> Cause | None:
 
 
 def _ways(picture: Picture, world: World) -> Iterator[Cause]:
-    """Yield the tracks whose way our own assets block though nothing may (ROE-12, ROE-13).
+    """Yield a cause for each track that our assets block although it must pass (ROE-12, ROE-13).
 
-    It may have come about after the plan: a block ends only with another order.
+    The situation may arise after the plan was checked, and only another order ends a block.
     """
     blockers = {
         asset.at: asset.id
@@ -134,9 +148,9 @@ def _ways(picture: Picture, world: World) -> Iterator[Cause]:
 
 
 def many_contacts(sensors: tuple[str, ...], held: Sequence[Cause], opened: int) -> Cause:
-    """Return one cause in place of the causes `held`, for which no alarm is opened.
+    """Return one cause that replaces the causes `held`, which get no alarms of their own.
 
-    They are sorted, the most urgent first. Beside them `opened` alarms are open about contacts of
+    `held` is sorted, the most urgent first. `opened` is the number of open alarms about contacts of
     the same `sensors`.
     """
     needs, number = "contacts that need a response", opened + len(held)
@@ -157,9 +171,10 @@ def many_contacts(sensors: tuple[str, ...], held: Sequence[Cause], opened: int) 
 def _cover(
     picture: Picture, world: World, gate: str, cover: GateCover, guards: tuple[str, ...]
 ) -> Cause:
-    """Return why a gate needs an asset; a hand-over may take half the grace time (WF-03).
+    """Return the cause of an alarm about a gate without certain cover.
 
-    If the guard is known to be lost, there is no hand-over, and every second counts.
+    A hand-over may take half the grace time (WF-03). If the guard is known to be lost, there is no
+    hand-over, so the alarm is raised after one second.
     """
     if cover.unknown:
         unsure = [picture.assets[name] for name in cover.unsure if name in picture.assets]
@@ -189,7 +204,7 @@ def _cover(
 
 
 def _asset(asset: AssetTelemetry, alone_at: str | None, time_s: float) -> Iterator[Cause]:
-    """Yield the causes of an asset: the worst of failed, silent and suspect; its battery."""
+    """Yield the cause of an asset: the worst of failed, silent and suspect, or its battery."""
     place = alone_at or (asset.at if asset.at == asset.post else None)
     priority: AlarmPriority = "high" if alone_at else "medium"
     name = f"{asset.id} at {place}" if place else asset.id
@@ -222,7 +237,7 @@ def _asset(asset: AssetTelemetry, alone_at: str | None, time_s: float) -> Iterat
 
 
 def almost_low(picture: Picture, world: World) -> Iterator[tuple[AlarmTopic, str]]:
-    """Yield the batteries near their limit: an open alarm of one of them does not clear."""
+    """Yield the keys of batteries near their limit, whose open alarms must not clear."""
     for asset in picture.assets.values():
         near = asset.battery_pct < world.low_battery_pct + BATTERY_MARGIN_PCT
         if near and asset.task not in ("returning", "charging") and asset.status != "failed":
@@ -249,23 +264,14 @@ def _an(words: str) -> str:
 Key = tuple[AlarmTopic, str]
 AlarmChange = AlarmRaised | AlarmCleared
 Sensors = tuple[str, ...]
-MOST_MINOR = 12
-"""Most medium and low alarms of one kind that are open at a time; the rest wait for room."""
-
-MOST_ALIKE = 8
-"""Most emergency and high alarms of one kind that are open about contacts of the same sensors, and
-most medium and low ones. One alarm names the sensors and counts the rest: a sensor that lies hides
-no contact of the others behind its own."""
-
-MOST_IDS = 1024
-"""Most subjects that keep their ids, the latest ones: tracks come and go without end."""
 
 
 @dataclass
 class _WatchedCause:
-    """A cause under observation: since when it shows in its present kind, when it last did.
+    """A cause under observation.
 
-    Both are simulated seconds. `sensors` have ever detected the track that it is about.
+    It has had its present kind since `since_s` and was last present at `seen_s`, both in simulated
+    seconds. `sensors` are all sensors that have detected its track.
     """
 
     cause: Cause
@@ -275,7 +281,7 @@ class _WatchedCause:
     sensors: Sensors = ()
 
     def counts_as(self, kind: AlarmKind, priority: AlarmPriority) -> "_Alike | None":
-        """Return the group that an alarm about it would count in; None where no limit holds."""
+        """Return the limited group of an alarm with these values; None if it has no limit."""
         minor = priority in ("medium", "low")
         if self.cause.topic in OF_TRACKS:
             return _Alike(kind, minor, self.sensors)
@@ -283,7 +289,7 @@ class _WatchedCause:
 
 
 class _Alike(NamedTuple):
-    """A group of alarms with a limit: of one kind, minor or not, about contacts of `sensors`."""
+    """A group of alarms with a limit: same kind, minor or not, and for contacts same sensors."""
 
     kind: AlarmKind
     minor: bool
@@ -297,11 +303,12 @@ class _Alike(NamedTuple):
 
 @dataclass
 class AlarmBook:
-    """Turns successive pictures into alarms (paper, Section IV-C); equal pictures, equal alarms.
+    """The alarms derived from successive pictures (paper, Section IV-C).
 
-    An alarm keeps its id for as long as its subject exists, so one that comes back is the same
-    alarm. When it changes its kind, or grows in priority, it is raised again under its id; a track
-    that turns into a threat gets a new alarm, which supersedes the other.
+    Equal pictures give equal alarms. An alarm keeps its id as long as its subject exists, so an
+    alarm that returns has the same id. If its kind changes or its priority rises, it is raised
+    again under that id. A track that becomes a threat gets a new alarm, which supersedes the old
+    one.
     """
 
     world: World
@@ -313,7 +320,7 @@ class AlarmBook:
 
     @property
     def open(self) -> tuple[Alarm, ...]:
-        """The open alarms: the worst first, then the nearest, then the oldest."""
+        """The open alarms: the highest priority first, then the nearest, then the oldest."""
         alarms = [entry.alarm for entry in self._watched.values() if entry.alarm is not None]
         return tuple(sorted(alarms, key=_open_order))
 
@@ -327,7 +334,7 @@ class AlarmBook:
         }
 
     def acknowledge(self, alarm_id: str, by: str) -> AlarmAcknowledged:
-        """Note that `by` has seen an open alarm; raises ValueError when it is not open."""
+        """Record that `by` has seen an open alarm; raises ValueError if it is not open."""
         known = [alarm.id for alarm in self.open]
         if alarm_id not in known:
             raise ValueError(f"no alarm {alarm_id!r} is open; open: {', '.join(known) or 'none'}")
@@ -335,7 +342,7 @@ class AlarmBook:
         return AlarmAcknowledged(alarm_id=alarm_id, by=by)
 
     def look(self, picture: Picture) -> list[AlarmChange]:
-        """Take in a new picture; return what it changed: clears, then raises, most urgent first."""
+        """Process a new picture; return the cleared alarms, then the raised ones by priority."""
         self._remember_guards(picture)
         shown = {cause.key: cause for cause in causes(picture, self.world, self._guards)}
         self._observe(shown, picture)
@@ -344,7 +351,7 @@ class AlarmBook:
         return [*cleared, *raised]
 
     def _remember_guards(self, picture: Picture) -> None:
-        """Keep the assets that last covered each gate for certain, until they leave it."""
+        """Record the assets last known for certain to cover each gate, until they leave it."""
         for gate, cover in picture.gates.items():
             if cover.covered:
                 self._guards[gate] = cover.by
@@ -385,7 +392,7 @@ class AlarmBook:
                 entry.seen_s = now_s
 
     def _raise(self, now_s: float) -> list[AlarmRaised]:
-        """Open every settled cause and raise again what changed its kind or grew worse."""
+        """Raise alarms for settled causes, and again for a new kind or a higher priority."""
         due = [
             entry
             for entry in self._watched.values()
@@ -417,7 +424,7 @@ class AlarmBook:
     def _sum_up(
         self, held: Mapping[Sensors, Sequence[Cause]], opened: Counter[_Alike | None], now_s: float
     ) -> list[AlarmRaised]:
-        """Keep one alarm open for all those of the same sensors that are not opened."""
+        """Keep one alarm open for each group of sensors whose further contacts get no alarms."""
         raised: list[AlarmRaised] = []
         for sensors, rest in held.items():
             beside = sum(
@@ -436,7 +443,7 @@ class AlarmBook:
         return raised
 
     def _opened(self) -> Counter[_Alike | None]:
-        """Return how many alarms that are alike are open."""
+        """Return the number of open alarms in each group."""
         return Counter(
             entry.counts_as(entry.alarm.kind, entry.alarm.priority)
             for entry in self._watched.values()
@@ -444,7 +451,7 @@ class AlarmBook:
         )
 
     def _clear(self, now_s: float, raised: Iterable[AlarmRaised]) -> list[AlarmCleared]:
-        """Close alarms whose cause is long gone or superseded; forget causes that never raised."""
+        """Clear alarms whose cause is gone or superseded; forget causes that raised no alarm."""
         threats = {r.alarm.subject: r.alarm.id for r in raised if r.alarm.priority == "emergency"}
         cleared: list[AlarmCleared] = []
         for key, entry in list(self._watched.items()):
@@ -482,7 +489,7 @@ class AlarmBook:
         return threat is not None
 
     def _id_of(self, key: Key) -> str:
-        """Return the id of the alarm about a subject, the same as before if it had one lately."""
+        """Return the id of the alarm about a subject, the earlier one if it is still recorded."""
         known = self._ids.pop(key, "")
         if not known:
             self._numbered += 1
@@ -498,13 +505,13 @@ def _settled(entry: _WatchedCause) -> bool:
 
 
 def _changed(alarm: Alarm, cause: Cause) -> bool:
-    """Return whether the alarm is another one now; a return to a lower priority is no change."""
+    """Return whether the alarm must be raised again: its kind is new or its priority is higher."""
     worse = ALARM_PRIORITIES.index(cause.priority) < ALARM_PRIORITIES.index(alarm.priority)
     return cause.kind != alarm.kind or worse
 
 
 def _both(some: Sensors, others: Sensors) -> Sensors:
-    """Return the sensors that are among `some` or `others`, sorted."""
+    """Return the union of two groups of sensors, sorted."""
     return tuple(sorted({*some, *others}))
 
 

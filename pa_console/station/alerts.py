@@ -1,7 +1,7 @@
-"""Alerts beyond the screen: rules for what is sent and repeated, and a thread that sends it.
+"""Alerts beyond the screen: rules for sending and repeating them, and a thread that sends.
 
 An alarm is sent once when it is raised. An alarm or plan that waits too long is sent again, and to
-more people. The station hands its events over and never waits.
+more people. The station passes on its events and never waits.
 """
 
 import math
@@ -20,17 +20,17 @@ from pa_console.session.state import SessionState
 from pa_console.station.waits import Wait, is_answered, what_waits
 
 AGAIN_S = 600.0
-"""Seconds in which an alarm that clears and returns is not sent again."""
+"""The time for which an alarm that clears and returns is not sent again, in seconds."""
 MOST_SENT, SENT_WITHIN_S = 10, 600.0
-"""The most messages in that many seconds; only emergencies are exempt. The rest goes into the next
-message."""
+"""The most messages in one period, and its seconds. Emergencies are exempt; other items wait for
+the next message."""
 MOST_LINES = 8
-"""The lines of a message; the rest is counted."""
+"""The most lines of a message; the others are counted."""
 
 
 @dataclass(frozen=True)
 class Message:
-    """One message: its title, its lines, and whether it also goes to the later addresses."""
+    """One message with a title and lines; `later` sends it to the later addresses as well."""
 
     title: str
     body: str
@@ -40,7 +40,7 @@ class Message:
 
 @dataclass
 class _Waiting:
-    """An item that waits: since when, the number of reminders, and the time of the next."""
+    """An item that waits: its start, the number of reminders, and the time of the next one."""
 
     wait: Wait
     since_s: float
@@ -49,10 +49,10 @@ class _Waiting:
 
 
 class AlertRules:
-    """Decides what to send; times are seconds of any clock that only goes forward."""
+    """The rules for what to send; times are seconds of any clock that only goes forward."""
 
     def __init__(self, lowest: AlarmPriority, after_s: float) -> None:
-        """Send alarms from priority `lowest` up, and again after `after_s`; 0 for never again."""
+        """Send alarms of priority `lowest` or higher, and again after `after_s`; 0 means never."""
         self._told_of = ALARM_PRIORITIES[: ALARM_PRIORITIES.index(lowest) + 1]
         self._after_s = after_s
         self._state = SessionState()
@@ -63,7 +63,7 @@ class AlertRules:
         self._sent: deque[float] = deque(maxlen=MOST_SENT)
 
     def take(self, event: ev.Event, now_s: float) -> None:
-        """Apply one event of the session."""
+        """Process one event of the session."""
         state = self._state
         state.apply(event)
         if isinstance(event.data, ev.MissionFinished):
@@ -89,7 +89,7 @@ class AlertRules:
                     self._pending.append((wait, ""))
 
     def due(self, now_s: float) -> list[Message]:
-        """Return the messages that are due: one for new items, one for unanswered ones."""
+        """Return the messages that are due: one for new items, one for reminders."""
         self._told = {key: at for key, at in self._told.items() if now_s - at < AGAIN_S}
         for waiting in self._waits.values():
             if self._after_s and now_s >= waiting.next_s:
@@ -103,7 +103,7 @@ class AlertRules:
         ]
 
     def next_s(self, now_s: float) -> float:
-        """Return the seconds until something may be due without another event."""
+        """Return the seconds until a message may be due without another event."""
         at = [waiting.next_s for waiting in self._waits.values()] if self._after_s else []
         if self._pending or self._late:
             at.append(self._sent[0] + SENT_WITHIN_S if self._sent else now_s)
@@ -112,7 +112,7 @@ class AlertRules:
     def _message(
         self, about: list[tuple[Wait, str]], now_s: float, *, later: bool
     ) -> Sequence[Message]:
-        """Return one message about all of this, none while too many were sent."""
+        """Return one message about all these items; none while too many have been sent."""
         if not about:
             return ()
         worst = min(about, key=lambda each: _rank(each[0].priority))[0]
@@ -134,19 +134,19 @@ def _rank(priority: AlarmPriority | None) -> int:
 
 
 class Delivery(Protocol):
-    """Sends messages to people."""
+    """A sender of messages to people."""
 
     def give(self, message: Message) -> None:
-        """Have a message delivered; returns at once."""
+        """Start the delivery of a message; returns at once."""
         ...
 
     def news(self) -> Sequence[str]:
-        """Return what became of messages since the last call, a line each."""
+        """Return the results of deliveries since the last call, one line each."""
         ...
 
 
 class Alerting:
-    """Alerts about a session while the context lasts: `take` gets its events, `news` reports."""
+    """The alerts about a session while the context lasts; `take` is given its events."""
 
     def __init__(
         self, rules: AlertRules, delivery: Delivery, clock: Callable[[], float] = time.monotonic
@@ -157,11 +157,11 @@ class Alerting:
         self._problem: list[str] = []
 
     def take(self, event: ev.Event) -> None:
-        """Hand one event over; returns at once."""
+        """Pass one event to the thread; returns at once."""
         self._events.put(event)
 
     def news(self) -> Sequence[ev.OutsideReport]:
-        """Return notices about messages that were sent and that could not be sent."""
+        """Return notices about messages that were sent or could not be sent."""
         return [
             ev.Noticed(
                 level="warning" if "not told" in line else "info", subject="alert", text=line
@@ -184,7 +184,7 @@ class Alerting:
     def _run(self) -> None:
         try:
             self._watch()
-        except Exception as error:  # alerts that end must not end the session, nor go unnoticed
+        except Exception as error:  # a failure must neither end the session nor go unnoticed
             self._problem = [f"people are not told any more: {type(error).__name__}: {error}"]
 
     def _watch(self) -> None:

@@ -1,6 +1,6 @@
-"""Puts a station together from the names of a world, a rule file and a model.
+"""Assembly of a station from the names of a world, a rule file and a model.
 
-For a recorded session, its world and rules are found by the hashes in its log.
+The world and rules of a recorded session are found by the hashes in its log.
 """
 
 import hashlib
@@ -44,11 +44,12 @@ if TYPE_CHECKING:
     from pa_console.fleets.station_authority import StationAuthority
 
 PINNED_PACKAGES = ("llama-cpp-python", "llguidance", "pymunk", "common-expression-language")
+WORLD_FILE = "world.yaml"
 
 
 @dataclass(frozen=True)
 class Site:
-    """A world and the rules in force there, with their files; rules of no file have no path."""
+    """A world and the rules in force there, with their files; rules without a file have no path."""
 
     world: World
     world_path: Path
@@ -62,11 +63,11 @@ class Site:
 
     @cached_property
     def retriever(self) -> Retriever:
-        """Finds rules by the default method; indexed once for all stations of the site."""
+        """The retriever with the default method, indexed once for all stations of the site."""
         return Retriever(self.rulebook.rules)
 
     def retriever_by(self, method: str) -> Retriever:
-        """Return what finds rules by `method`; raises ValueError for an unknown one."""
+        """Return a retriever that uses `method`; raises ValueError for an unknown method."""
         if method == DEFAULT_METHOD:
             return self.retriever
         return Retriever(self.rulebook.rules, method)
@@ -80,11 +81,12 @@ def open_rules(
     accept: bool = False,
     deadline_s: float = DEADLINE_S,
 ) -> tuple[Rulebook, Path]:
-    """Load rules by installed name or path, with their file; raises DocumentError.
+    """Load rules by installed name or path; return them with the path of their file.
 
-    Rules altered since they were signed raise AlteredRulesError, unless `unsigned`. With `pins`,
-    rules weaker than those used before raise RefusedRulesError, unless the operator does `accept`
-    them. The core rules are always in force; a check may take `deadline_s`.
+    Raises DocumentError if they cannot be read. Rules that were altered after signing raise
+    AlteredRulesError, unless `unsigned`. With `pins`, rules weaker than the earlier ones raise
+    RefusedRulesError, unless the operator chose to `accept` them. The core rules are always in
+    force. A check may take `deadline_s` at most.
     """
     path = existing_data("rules", name, "rules.yaml")
     rulebook = load_rules(path, deadline_s)
@@ -105,7 +107,7 @@ def load_site(
     accept: bool = False,
     deadline_s: float = DEADLINE_S,
 ) -> Site:
-    """Load a world and rules by installed name or path, as `open_world` and `open_rules` do."""
+    """Load a world and rules by installed name or path, like `open_world` and `open_rules`."""
     loaded, world_path = open_world(world)
     rulebook, rules_path = open_rules(
         rules, unsigned=unsigned, pins=pins, accept=accept, deadline_s=deadline_s
@@ -139,14 +141,14 @@ def open_station(
     """Return a station on `site` whose planner and judge are two roles on `engine`.
 
     The engine is closed with the session unless `keep_engine`. With `respond`, alarms become
-    missions by themselves. Without a `fleet` of the caller's, the station gets a simulated one of
-    its own, that begins with `seed` and in `scenario`. An evaluation may give a `variant` of the
-    pipeline. A console may `watch` its rule file. Without `read_unasked`, the model reads nothing
-    before it is asked for, as where the picture is about to change. A `resumed` session goes on
-    with its own fleet, seed and scenario. With an `authority`, what is approved and sent is signed;
-    vehicles that are simulated here check it, a `fleet` of the caller's gets its tokens from it.
-    Models on `servers` are asked before the engine's, which takes over when they do not answer.
-    Raises ValueError for a `scenario` in a fleet that is not simulated.
+    missions automatically. Without a `fleet`, the station has a simulated one of its own, which
+    begins with `seed` and `scenario`. An evaluation may pass a `variant` of the pipeline. With
+    `watch`, a changed rule file is loaded. Without `read_unasked`, the model reads ahead only while
+    an operator types, for example because the picture is about to change. A `resumed` session
+    continues with its own fleet, seed and scenario. With an `authority`, approvals and commands are
+    signed: simulated vehicles verify the signatures, and a `fleet` of the caller gets its tokens
+    from the authority. Models on `servers` are asked before the engine's model, which takes over if
+    they do not answer. Raises ValueError for a `scenario` in a fleet that is not simulated.
     """
     now = time.time
     if resumed is not None:
@@ -218,9 +220,9 @@ def open_station(
 
 
 def _use_keys(fleet: SimulatedFleet, authority: "StationAuthority") -> Callable[[], float]:
-    """Let simulated vehicles check what they are sent; return their clock, and the station's.
+    """Make simulated vehicles verify their commands; return the clock of vehicles and station.
 
-    It goes with the simulation: a token is good for as long, however fast that is.
+    The clock follows the simulation, so a token is valid for the same simulated time at any rate.
     """
     from pa_console.fleets.station_authority import Vehicles  # noqa: PLC0415 - only with keys
 
@@ -235,23 +237,24 @@ def _use_keys(fleet: SimulatedFleet, authority: "StationAuthority") -> Callable[
     return now
 
 
-WORLD_FILE = "world.yaml"
-
-
 def has_rules_of(started: SessionStarted, book: Rulebook) -> bool:
-    """Return whether `book` has the very rules of a session, by its file or by their content."""
+    """Return whether `book` has exactly the rules of a session, by file hash or by content hash."""
     content = started.rules_seal.content_sha256 if started.rules_seal is not None else None
     return book.sha256 == started.rules_sha256 or book.seal.content_sha256 == content
 
 
 class SessionSites:
-    """Searches given files, installed ones, and the worlds beside a log.
+    """The worlds and rules of recorded sessions, found by their hashes.
 
-    An evaluation's folder holds `logs` and `worlds`: there the worlds of its logs are found.
+    Given files, installed ones and the worlds beside a log are searched. In the folder of an
+    evaluation, which holds `logs` and `worlds`, the worlds of its logs are found.
     """
 
     def __init__(self, worlds: Iterable[str] = (), rules: Iterable[str] = ()) -> None:
-        """`worlds` and `rules` are paths or installed names; a folder of worlds is searched."""
+        """Search `worlds` and `rules`, which are paths or installed names.
+
+        A folder of worlds is searched as well.
+        """
         self._given = tuple(worlds)
         self._rules = tuple(rules)
         self._hashes: dict[Path, str] = {}
@@ -259,9 +262,9 @@ class SessionSites:
         self._books: dict[Path, Rulebook] = {}
 
     def world_of(self, started: SessionStarted, log: Path) -> World:
-        """Return the world of a session; raises ValueError when none here has its hash.
+        """Return the world of a session; raises ValueError if no file found has its hash.
 
-        Raises DocumentError when the file cannot be used any more.
+        Raises DocumentError if the file can no longer be loaded.
         """
         if started.world_sha256 not in self._worlds:
             path = self.world_file(started, log)
@@ -274,12 +277,12 @@ class SessionSites:
         return self._worlds[started.world_sha256]
 
     def world_file(self, started: SessionStarted, log: Path) -> Path | None:
-        """Return the file of a session's world, None when none here has its hash."""
+        """Return the file of a session's world; None if no file found has its hash."""
         files = self._files(started, log)
         return next((path for path in files if self._hash(path) == started.world_sha256), None)
 
     def rules_of(self, started: SessionStarted) -> Rulebook | None:
-        """Return the rules of a session, None when none here are what they were."""
+        """Return the rules of a session; None if no unchanged rules are found."""
         for name in (*self._rules, started.rules):
             path = find_data("rules", name, "rules.yaml")
             if not path.is_file():
@@ -298,7 +301,7 @@ class SessionSites:
         yield from _world_files(log.parent.parent / "worlds")
 
     def _hash(self, path: Path) -> str:
-        """Return the SHA-256 of a file, empty for one that no world can be read from."""
+        """Return the SHA-256 of a file; '' if the file cannot be read."""
         if path not in self._hashes:
             self._hashes[path] = ""
             with suppress(DocumentError):

@@ -1,8 +1,8 @@
-"""Takes the pictures that an operator is shown of a track, and emits that it has.
+"""Camera stills of tracks for the operator.
 
-While a plan waits that concerns a track in a camera's sight, its picture is taken, and again every
-RETAKE_S. It is for the operator's eyes alone: nothing here is read by the planner, a rule, a
-rehearsal or the judge, and no plan waits for it.
+While a plan waits that concerns a track in view of a camera, a still is taken every RETAKE_S
+seconds. Stills are for the operator only: the planner, the rules, the rehearsal and the judge do
+not read them, and no plan waits for them.
 """
 
 import asyncio
@@ -21,22 +21,23 @@ from pa_console.schema.telemetry import Picture, Track
 from pa_console.session.stills import keep_still
 
 RETAKE_S, MOST_TAKEN = 10.0, 12
-"""Seconds between two pictures for one plan, and the most that are taken for it."""
+"""The seconds between two stills for one plan, and the most stills that are taken for it."""
 FRESH_S = 3.0
-"""The age up to which a picture is shown again where another one is asked for."""
+"""The age up to which an existing still is shown instead of a new one, in seconds."""
 
 
 def _ends(payload: ev.EventPayload) -> bool:
-    """Return whether a plan waits no longer after an event of its mission."""
+    """Return whether an event of a mission ends the wait of its plan."""
     if isinstance(payload, ev.DecisionMade):
         return payload.accepted
     return isinstance(payload, ev.PlanVoided | ev.MissionPreempted | ev.MissionFinished)
 
 
 def tracks_of(request: ev.ApprovalRequested, mission: Mission, picture: Picture) -> list[Track]:
-    """Return the tracks that a plan concerns: the mission's, those it names, or at its gates.
+    """Return the tracks that a plan concerns, the nearest to its gate first.
 
-    The nearest to its gate comes first.
+    These are the track of the mission, otherwise the tracks named in its texts, otherwise the
+    tracks at its gates.
     """
     if mission.subject in picture.tracks:
         return [picture.tracks[mission.subject]]
@@ -49,10 +50,10 @@ def tracks_of(request: ev.ApprovalRequested, mission: Mission, picture: Picture)
 
 
 def camera_of(fleet: Fleet, picture: Picture, track: Track) -> str | None:
-    """Return the nearest camera that has `track` in sight, None for none.
+    """Return the nearest camera that has `track` in view; None if there is none.
 
-    It is one that has an address and looks there. Where the fleet makes pictures, others count too,
-    as long as they work and detect the track now.
+    A camera counts if it has a snapshot address and covers or detects the track. If the fleet
+    renders stills, a working camera that detects the track counts as well.
     """
     cameras, drawn = fleet.world.cameras, isinstance(fleet, Filmed)
 
@@ -69,10 +70,10 @@ def camera_of(fleet: Fleet, picture: Picture, track: Track) -> str | None:
 
 
 class CameraStills:
-    """Takes stills of one session and keeps them beside its log."""
+    """The stills of one session, kept beside its log."""
 
     def __init__(self, fleet: Fleet, log: Path, emit: Callable[..., None]) -> None:
-        """`emit` takes a still, and the id of its mission if it is for one."""
+        """Pass each still to `emit`, with the id of its mission if it has one."""
         self._fleet, self._log, self._emit = fleet, log, emit
         self._watched = ""
         self._watching: asyncio.Task[None] | None = None
@@ -80,7 +81,7 @@ class CameraStills:
         self._over = False
 
     def see(self, payload: ev.EventPayload, mission: Mission | None) -> None:
-        """Begin to take pictures for a plan of `mission` that waits, or end it."""
+        """Begin to take stills for a waiting plan of `mission`, or stop when the wait ends."""
         if isinstance(payload, ev.ApprovalRequested) and mission is not None:
             self._stop()
             self._watched = mission.id
@@ -109,14 +110,14 @@ class CameraStills:
             await asyncio.sleep(RETAKE_S)
 
     async def take(self, track: str) -> ev.CameraStill | None:
-        """Return the picture of a track, one of lately or a new one; None if no camera sees it."""
+        """Return a recent or new still of a track; None if no camera has the track in view."""
         taken_at, last = self._last.get(track, (0.0, None))
         if last is not None and monotonic() - taken_at < FRESH_S:
             return last
         return await self._take(track, None)
 
     async def _take(self, track: str, mission: str | None) -> ev.CameraStill | None:
-        """Take, keep and emit a picture; whatever goes wrong with it is told in its place."""
+        """Take, keep and emit a still; if that fails, the emitted still has the problem instead."""
         picture = self._fleet.picture()
         known = picture.tracks.get(track)
         camera = camera_of(self._fleet, picture, known) if known is not None else None
@@ -141,7 +142,7 @@ class CameraStills:
         return still
 
     async def _picture(self, camera: str, track: str) -> bytes:
-        """Return a picture of the camera; nothing waits for it but this task."""
+        """Return a picture from the camera; only this task waits for it."""
         url = self._fleet.world.cameras[camera].snapshot
         if url is not None:
             return await fetch_snapshot(url)

@@ -1,4 +1,4 @@
-"""Moves the world on at the clock's pace, and takes in its telemetry."""
+"""The clocks of a session, and the loop that steps the fleet and processes telemetry."""
 
 import asyncio
 from collections.abc import Callable, Generator
@@ -17,33 +17,36 @@ from pa_console.station.worker import MissionWorker, StationParts
 MAX_STEPS_AT_ONCE = 20
 IDLE_S = 0.005
 LATE_S = 2.0
-"""The delay from which a mission counts as late, seconds."""
+"""The delay from which a mission counts as late, in seconds."""
 OVER = "its last moment has passed"
 FAULT_AGAIN_S = 10.0
-"""An internal error that recurs is reported this often."""
+"""The interval at which a recurring internal error is reported, in seconds."""
 
 
 class Clock(Protocol):
-    """Decides how many steps to take now."""
+    """A clock that determines how many steps to take now."""
 
     waits: bool
     """True if the world stands still while the model is asked."""
 
     @property
     def rate(self) -> float:
-        """Seconds on the fleet's clock a second."""
+        """Seconds on the fleet's clock per second."""
         ...
 
     @rate.setter
     def rate(self, rate: float) -> None: ...
 
     async def due(self, dt_s: float, waiting: Callable[[], bool]) -> int:
-        """Wait until steps are due and return their number; `waiting`: someone needs a step."""
+        """Wait until steps are due and return their number.
+
+        `waiting` returns True if something needs a step.
+        """
         ...
 
 
 class RealTimeClock:
-    """`rate` simulated seconds a second; after a hold-up it does not race to catch up."""
+    """A clock with `rate` simulated seconds per second, which does not catch up after a delay."""
 
     waits = False
 
@@ -53,7 +56,7 @@ class RealTimeClock:
         self._last = perf_counter()
 
     async def due(self, dt_s: float, waiting: Callable[[], bool]) -> int:  # noqa: ARG002
-        """Sleep about one step; `waiting` makes no difference."""
+        """Sleep for about one step and return the number of steps due; `waiting` has no effect."""
         await asyncio.sleep(dt_s / max(self.rate, 1.0))
         now = perf_counter()
         self._owed += (now - self._last) * self.rate / dt_s
@@ -64,7 +67,7 @@ class RealTimeClock:
 
 
 class DevicesClock:
-    """The real time of devices; `rate` stays as it is."""
+    """The real time of devices; its rate cannot be changed."""
 
     waits = False
 
@@ -73,26 +76,26 @@ class DevicesClock:
 
     @property
     def rate(self) -> float:
-        """Seconds on the devices' clock a second."""
+        """Seconds on the devices' clock per second."""
         return self._clock.rate
 
     @rate.setter
     def rate(self, rate: float) -> None:
-        """Leave it as it is."""
+        """Ignore the new rate."""
 
     async def due(self, dt_s: float, waiting: Callable[[], bool]) -> int:
-        """Sleep about one step; return how many have passed."""
+        """Sleep for about one step and return the number of steps due."""
         return await self._clock.due(dt_s, waiting)
 
 
 class SteppedClock:
-    """Steps as fast as possible while a follower waits, and else not at all."""
+    """A clock that steps as fast as possible while a follower waits, and otherwise not at all."""
 
     rate = 1.0
     waits = True
 
     async def due(self, dt_s: float, waiting: Callable[[], bool]) -> int:  # noqa: ARG002
-        """Return one step as soon as someone waits for it."""
+        """Return 1 if a follower waits for a step, 0 otherwise."""
         await asyncio.sleep(0.0)
         if not waiting():
             await asyncio.sleep(IDLE_S)
@@ -100,7 +103,7 @@ class SteppedClock:
 
 
 class Ticking:
-    """Steps one fleet and emits everything that happens in it."""
+    """The loop that steps one fleet and emits everything that happens in it."""
 
     def __init__(
         self,
@@ -110,23 +113,22 @@ class Ticking:
         stop: Callable[[str], None],
         manual: ManualAssets,
     ) -> None:
-        """Process the first picture; `stop` stops the assets that it is called for."""
+        """Process the first picture; `stop` is called with the source of a stop request."""
         self._stop, self._manual = stop, manual
         self._services, self._feed, self._intake = parts.services, parts.feed, parts.intake
         self._emergency_stop, self._emit = parts.emergency_stop, parts.emit
         self._clock, self._worker, self._fleet = clock, worker, parts.services.fleet
         self.first = self._fleet.picture()
-        """The picture that the session begins with."""
+        """The first picture of the session."""
         self._noticer, self._taken = Noticer(self.first), frozenset[str]()
         self._see_manual(self.first)
         self._refusal, self._fault = "", ("", 0.0)
         self._services.sightings.look(self.first)
 
     async def run(self) -> None:
-        """Move the world on at the clock's pace, and report telemetry at its own period.
+        """Step the world at the clock's pace, and process telemetry at its own period.
 
-        A clock that lets the world wait for the mission does so only while the mission is thought
-        about.
+        A stepped clock stands still while a mission is being planned or waits for a decision.
         """
         world = self._fleet.world
         every = max(1, round(world.telemetry_period_s / world.dt_s))
@@ -138,7 +140,7 @@ class Ticking:
                     self.look()
 
     def _step(self) -> None:
-        """Move the world on by one step; a stop goes before everything else that came in."""
+        """Step the world once; a stop request is handled before other received messages."""
         self._services.journal.commit()
         received = self._fleet.step()
         if received.stop_asked:
@@ -153,7 +155,7 @@ class Ticking:
 
     @contextmanager
     def _kept_going(self) -> Generator[None]:
-        """Report an error and continue, because a session that has ended cannot stop any asset."""
+        """Report an error and continue, because an ended session cannot stop any asset."""
         try:
             yield
         except Exception as error:
@@ -166,17 +168,17 @@ class Ticking:
             self._emit(ev.Noticed(level="alarm", subject="station", text=text), None)
 
     def happened(self, told: ev.IncidentHappened | ev.Noticed) -> None:
-        """Emit an event of the fleet; an incident that strikes the model does so here."""
+        """Emit an event of the fleet; a `worker` incident also ends the model's process."""
         self._emit(told, None)
         if isinstance(told, ev.IncidentHappened) and told.incident.kind == "worker":
             self._services.engine.kill_worker()
 
     def _wanted(self) -> bool:
-        """Return whether a follower waits for a step, and no mission is thought about."""
+        """Return whether a follower waits for a step and no mission is being planned."""
         return (self._feed.wanted or self._emergency_stop.waiting) and not self._worker.thinking
 
     def look(self) -> None:
-        """Take in the picture; an error in that is reported, and the session goes on."""
+        """Process the present picture; an error is reported, and the session continues."""
         with self._kept_going():
             self._look()
 
@@ -212,7 +214,7 @@ class Ticking:
         self._taken = taken
 
     def _start_standing(self, picture: Picture, *, stopped: bool) -> None:
-        """Queue the missions that standing orders start now, and emit the withheld ones."""
+        """Queue the missions that standing orders start now; emit withheld and ended orders."""
         standing = self._services.standing
         standing.time.take(picture.time_s, self._clock.rate, stepped=self._clock.waits)
         busy = self._worker.handled | self._intake.subjects

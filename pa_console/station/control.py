@@ -18,11 +18,12 @@ from pa_console.station.worker import EmitFor, MissionWorker, StationParts
 
 
 class ManualAssets:
-    """Takes assets under manual control for an operator, and gives them back.
+    """The assets under manual control.
 
-    Taking one is never asked about and needs no log: it only keeps commands back. A plan under way
-    that needs the asset is halted by the picture, and planned anew for the others, which is asked
-    about. Giving one back sends nothing: the missions that awaited it are queued again.
+    Taking an asset requires neither approval nor a log, because it only withholds commands. The
+    next picture halts a running plan that needs the asset; the mission is planned again with the
+    other assets, and the new plan requires approval. Giving an asset back sends nothing: the
+    missions that awaited it are queued again.
     """
 
     def __init__(
@@ -32,7 +33,7 @@ class ManualAssets:
         look: Callable[[], None],
         queue_changed: Callable[[], None],
     ) -> None:
-        """`look` takes in the picture at once; `queue_changed` lets the next mission begin."""
+        """Process the picture with `look`, and let the next mission begin with `queue_changed`."""
         self._gate: CommandGate = parts.services.gate
         self._intake: Intake = parts.intake
         self._emit: EmitFor = parts.emit
@@ -40,16 +41,17 @@ class ManualAssets:
         self._queue_changed = queue_changed
 
     def take(self, asset: str, by: str = "operator") -> None:
-        """Take manual control of `asset`; ValueError for an unknown one, or one that is taken."""
+        """Take manual control of `asset`; raises ValueError if it is unknown or already taken."""
         self._require_writable()
         self._gate.take_manual(asset, by)
         self._emit(ev.ManualControlTaken(asset=asset, by=by), None)
         self._look()
 
     def end(self, asset: str, by: str = "operator") -> None:
-        """Return `asset` from manual control; raises ValueError if it is not taken or not loggable.
+        """Return `asset` from manual control.
 
-        Missions that awaited it are queued again, during a stop only after the release.
+        Raises ValueError if it is not taken, or if the change cannot be logged. Missions that
+        awaited the asset are queued again; during a stop, only after the release.
         """
         self._require_writable()
         self._gate.end_manual(asset)
@@ -57,9 +59,9 @@ class ManualAssets:
         self._look()
 
     def change(self, words: ManualWords, by: str = "operator") -> str:
-        """Carry out an operator's words, and return the change; raises ValueError as they do.
+        """Carry out an operator's words and return the change.
 
-        Of several assets none is changed unless all can be.
+        Either all named assets change or none. Raises ValueError as `take` and `end` do.
         """
         manual = self._gate.manual
         for asset in words.assets:
@@ -73,13 +75,13 @@ class ManualAssets:
     def take_up(
         self, taken: Iterable[tuple[str, str]], awaiting: Iterable[tuple[Mission, Collection[str]]]
     ) -> None:
-        """Restore manual control from an earlier session, and the missions that await it."""
+        """Restore manual control from an earlier session, with the missions that await assets."""
         for asset, by in taken:
             self._gate.take_manual(asset, by)
         self._gate.manual.take_up(awaiting)
 
     def queue_returned(self) -> None:
-        """Queue the missions whose assets are all back, unless everything is stopped."""
+        """Queue the missions whose assets are all back, unless the stop is in force."""
         if self._gate.stopped:
             return
         for back in self._gate.manual.come_back():
@@ -91,9 +93,9 @@ class ManualAssets:
 
 
 class StandingControl:
-    """Revokes standing orders, lets them pause and go on, and skips their moments.
+    """The control of standing orders: revoke, pause, resume, or skip the next scheduled time.
 
-    An order in steps that is worked on changes with the standing order that started it.
+    An order in steps that is under way changes with the standing order that started it.
     """
 
     def __init__(
@@ -104,11 +106,11 @@ class StandingControl:
         self._worker, self._require_writable = worker, require_writable
 
     def read(self, text: str) -> OrderChange | Unclear | None:
-        """Return what a text changes in the orders in force; None if it changes nothing."""
+        """Return the change that a text makes to the orders in force; None if it makes none."""
         return read_change(text, (*self._standing.orders, *self._under_way()))
 
     def _under_way(self) -> tuple[OrderUnderWay, ...]:
-        """Return the order in steps that is worked on, unless a standing order has started it."""
+        """Return the order in steps that is under way, unless a standing order started it."""
         run = self._worker.active
         if run is None or not run.in_steps or self._standing.find(run.mission.standing or ""):
             return ()
@@ -116,7 +118,7 @@ class StandingControl:
         return (OrderUnderWay(mission.id, mission.said, "steps patrol", mission.text),)
 
     def carry_out(self, change: OrderChange) -> str:
-        """Carry out what an operator's words change, and return the change.
+        """Carry out a change by an operator and return it in words.
 
         Raises ValueError as `change` does.
         """
@@ -130,10 +132,10 @@ class StandingControl:
         return f"{change.done}: {', '.join(change.orders)}"
 
     def change(self, order_id: str, change: Change, by: str = "operator") -> None:
-        """Revoke a standing order, let it pause or go on, or skip its next moment.
+        """Revoke, pause or resume a standing order, or skip its next scheduled time.
 
-        Revoking takes the order's waiting missions out of the queue; one that has begun goes on.
-        Raises ValueError when the order is not in force, or where that changes nothing.
+        Revoking removes the order's waiting missions from the queue; one that has begun continues.
+        Raises ValueError if the order is not in force or nothing would change.
         """
         self._require_writable()
         match change:
@@ -156,9 +158,10 @@ class StandingControl:
         self._worker.queue_changed()
 
     def mission_ended(self, mission: str, payload: ev.MissionFinished) -> None:
-        """Report the end of a mission to the standing order that started it.
+        """Record the end of a mission for the standing order that started it.
 
-        No person watches a timed mission, so an alarm is raised if it is held.
+        Nobody watches a timed mission, so a notice is emitted at alarm level if it was not carried
+        out.
         """
         ended = self._standing.ended(mission, self._fleet.time_s, self._fleet.world.base)
         if ended is None:

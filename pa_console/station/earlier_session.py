@@ -1,14 +1,14 @@
-"""The open parts of an earlier session, after its console was killed or relieved of command.
+"""The open parts of an earlier session whose console was killed or relieved of command.
 
 A session that was not closed continues here. Its log has everything that determines the world:
 seed, scenario, incidents and commands. The fleet is simulated again from the beginning to the last
-record, and must then show the picture in the log.
+record, and its picture must then equal the one in the log.
 
 For a relieved station's session, a mission that has not moved any asset is queued again with its
-original text, planned with present reports, and needs approval like any mission. A mission that has
-sent a command is only reported, because its plan was approved for another station. The picture
-raises alarms and their missions again. Standing orders do not continue: they were approved at that
-station only.
+original text. It is planned with present reports and needs approval like any mission. A mission
+that has sent a command is only reported, because its plan was approved for another station. The
+picture raises alarms and their missions again. Standing orders do not continue, because they were
+approved at that station only.
 """
 
 from collections.abc import Iterator
@@ -31,15 +31,20 @@ from pa_console.session.state import SessionState, begun_missions, waiting_entri
 from pa_console.session.wording import order_in_words
 from pa_console.station.alarms import AlarmBook
 
+OTHERWISE = "its world did not come out again as the log tells of it"
+LOOKED_AT = 30
+"""The number of logs, the newest first, that are searched for the last session of a world."""
+
 
 @dataclass(frozen=True)
 class LeftMissions:
-    """The remains of a relieved station's session.
+    """The missions and orders that a relieved station's session left open.
 
-    `manual` maps the assets under manual control, which stay so, to the people who took them.
-    `again` are the missions that moved no asset, the one that was being planned first; `under_way`
-    those that did; `standing` the ids of the standing orders in force there; `awaiting` the ended
-    missions that await assets under manual control; `stopped` is whether all assets were stopped.
+    `manual` are the assets under manual control, which remain so, each with the person who took it.
+    `again` are the missions that have not moved any asset, the one that was being planned first;
+    `under_way` are those that have. `standing` are the ids of the standing orders in force there.
+    `awaiting` are the ended missions that await assets under manual control. `stopped` is True if
+    all assets were stopped.
     """
 
     manual: tuple[tuple[str, str], ...] = ()
@@ -51,7 +56,7 @@ class LeftMissions:
 
     @classmethod
     def of(cls, state: SessionState) -> "LeftMissions":
-        """Return what the session `state` leaves as it stands; of one that has ended nothing."""
+        """Return the missions and orders left open in `state`; none if the session has ended."""
         if state.ended:
             return cls()
         begun = begun_missions(state)
@@ -69,7 +74,7 @@ class LeftMissions:
         )
 
     def notices(self, station: str) -> Iterator[str]:
-        """Yield lines about it for the operator; `station` is the relieved one."""
+        """Yield notices about these for the operator; `station` is the relieved station."""
         for trace in self.under_way:
             sent = "; ".join(
                 f"{one.command.agent} {order_in_words(one.command)}"
@@ -98,18 +103,13 @@ def _awaiting(state: SessionState) -> Iterator[MissionTrace]:
     return (state.missions[name] for name in state.awaiting if name in state.missions)
 
 
-OTHERWISE = "its world did not come out again as the log tells of it"
-LOOKED_AT = 30
-"""The number of logs, the newest first, that are searched for the last session of a world."""
-
-
 class NotResumableError(ValueError):
-    """A session that cannot be resumed; the text has the reason."""
+    """An error for a session that cannot be resumed; the text is the reason."""
 
 
 @dataclass(frozen=True)
 class UnclosedSession:
-    """The last session of a world, whose console ended without closing it, as its log has it."""
+    """The last session of a world, read from its log, if the console ended without closing it."""
 
     log: Path
     state: SessionState
@@ -122,24 +122,24 @@ class UnclosedSession:
 
     @property
     def waiting(self) -> tuple[QueueEntry, ...]:
-        """The missions that waited and had not begun."""
+        """The missions that waited and had not begun, except those of standing orders."""
         return tuple(entry for entry in waiting_entries(self.state) if not entry.mission.standing)
 
     @property
     def started_by_standing(self) -> tuple[str, ...]:
-        """The missions that wait which standing orders had started."""
+        """The ids of the waiting missions that standing orders had started."""
         return tuple(
             entry.mission.id for entry in waiting_entries(self.state) if entry.mission.standing
         )
 
     @property
     def manual(self) -> Iterator[tuple[str, str]]:
-        """Assets under manual control, each with the person who took it."""
+        """The assets under manual control, each with the person who took it."""
         return ((name, one.by) for name, one in self.state.manual.items())
 
     @property
     def awaiting(self) -> Iterator[tuple[Mission, tuple[str, ...]]]:
-        """The missions that await assets under manual control, with those."""
+        """The missions that await assets under manual control, each with these assets."""
         for trace in _awaiting(self.state):
             yield trace.mission, self.state.awaiting[trace.mission.id]
 
@@ -158,11 +158,11 @@ class UnclosedSession:
 
 @dataclass(frozen=True)
 class ResumedSession:
-    """A session restored to its last record: its world and its picture.
+    """A session restored to its last record, with its world and its picture.
 
-    `stops` counts the stops so far, with one that a killed console may have sent before its log had
-    it: a stop waits for no disk, and a vehicle ignores a command id that it has seen. Standing
-    orders do not continue.
+    `stops` counts the stops so far, and one more that a killed console may have sent before it was
+    logged: a stop does not wait for the disk, and a vehicle ignores a command id that it has
+    already received. Standing orders do not continue.
     """
 
     before: UnclosedSession
@@ -174,10 +174,10 @@ class ResumedSession:
 
 
 class PursuitHistory:
-    """The pursuits of a session by its log: assets that were sent after tracks (ROE-14).
+    """The pursuits in a session's log: assets that were sent after tracks (ROE-14).
 
-    An order lasts until its mission ends, as for the monitor of a running mission. An order that
-    was answered as done is not a pursuit.
+    An order lasts until its mission ends, as in the monitor of a running mission. An order that was
+    reported as done is not a pursuit.
     """
 
     def __init__(self, world: World) -> None:
@@ -186,7 +186,7 @@ class PursuitHistory:
         """The latest command of each agent and its id, by mission."""
 
     def take(self, event: ev.Event) -> None:
-        """Take in the next event of the log."""
+        """Process the next event of the log."""
         match event.data:
             case ev.CommandSent(command=command) if event.mission is not None:
                 order = OrderMoment(
@@ -214,9 +214,10 @@ class PursuitHistory:
 
 
 def find_unclosed(folder: Path, world_sha256: str) -> UnclosedSession | None:
-    """Return the last session of the world whose log is in `folder`, if it was never closed.
+    """Return the last session of the world with a log in `folder`, if it was never closed.
 
-    None where it was closed, goes on in another console, or its log cannot be relied on.
+    The result is None if the session was closed or continues in another console. Logs that cannot
+    be read are skipped.
     """
     for log in newest_logs(folder)[:LOOKED_AT]:
         try:
@@ -235,7 +236,7 @@ def find_unclosed(folder: Path, world_sha256: str) -> UnclosedSession | None:
 
 
 def _events(log: Path) -> Iterator[ev.Event]:
-    """Yield the events of a log without a last line that was cut short; raises LogError."""
+    """Yield the events of a log, without an incomplete last line; raises LogError."""
     try:
         yield from read_log(log)
     except LogError as error:
@@ -244,7 +245,7 @@ def _events(log: Path) -> Iterator[ev.Event]:
 
 
 def resume(found: UnclosedSession, world: World, scenario: Scenario | None) -> ResumedSession:
-    """Bring back the session `found` in `world`, which is its own, and its `scenario`.
+    """Restore the session `found` in its own `world` and `scenario`.
 
     Raises NotResumableError if the simulated world differs from the log, LogError if the log cannot
     be read.

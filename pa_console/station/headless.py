@@ -1,4 +1,4 @@
-"""Runs missions without a screen: one station, one mission after another, a given approver."""
+"""Missions without a screen: one station, one mission after another, a given approver."""
 
 import asyncio
 from collections.abc import Awaitable, Callable, Sequence
@@ -11,9 +11,9 @@ from pa_console.session.state import MissionTrace, SessionState
 from pa_console.station.station import ControlStation
 
 Approver = Callable[[ev.ApprovalRequested], Decision | Awaitable[Decision]]
-"""Decides about one plan at a time, as an operator does (paper, Step 6).
+"""A function that decides on one plan at a time, as an operator does (paper, Step 6).
 
-The session goes on while it takes its time over that.
+The session continues while it decides.
 """
 Sink = Callable[[ev.Event, SessionState], None]
 SETUP_SETTLE_S = 2.0
@@ -34,11 +34,11 @@ async def run_missions(  # noqa: PLR0917
 
     A text that is a question about the record is answered without a mission. The session lasts
     until all missions are over, including those from alarms, and at least `duration_s` simulated
-    seconds; it ends earlier if `decided` returns True after the missions. `sink` receives every
-    event and the state after it, in order. After a stop, the remaining `texts` are not given, even
-    if the stop is released. With `read_ahead`, the model has read the picture and all but the last
-    word before a mission is given, as while an operator types. Raises ValueError for a set-up or a
-    mission that the station does not accept.
+    seconds. It ends earlier if `decided` returns True after the missions. `sink` receives every
+    event and the state after it, in order. After a stop, the remaining `texts` are not submitted,
+    even if the stop is released. With `read_ahead`, the model reads the picture and all but the
+    last word of a mission before it is submitted, as it does while an operator types. Raises
+    ValueError for a set-up or a mission that the station does not accept.
     """
     state = SessionState()
     waiting, all_given = list(texts), asyncio.Event()
@@ -48,7 +48,7 @@ async def run_missions(  # noqa: PLR0917
     begun = False
 
     async def submit() -> str | None:
-        """Give the next mission, if there is one more."""
+        """Submit the next mission and return its id; None if there is none."""
         while waiting and (question := station.question_in(waiting[0])) is not None:
             waiting.pop(0)
             await station.answer(question)
@@ -94,7 +94,7 @@ async def run_missions(  # noqa: PLR0917
 
 
 class _Answers:
-    """Gives the approver's decision on each plan that waits."""
+    """The approver's decisions on the plans that wait."""
 
     def __init__(self, station: ControlStation, approver: Approver) -> None:
         self._station, self._approver = station, approver
@@ -102,15 +102,15 @@ class _Answers:
         self._given: Decision | None = None
 
     async def decide(self, asked: ev.ApprovalRequested) -> None:
-        """Decide about `asked` and no other plan, unless none waits any more."""
+        """Pass on the approver's decision on `asked`, unless no plan waits any more."""
         self._asked = asked
         if self._station.awaits_decision:
             self._give(await self._decision(asked))
 
     async def decide_again(self, problem: str) -> None:
-        """Decide anew, for the last decision was not accepted.
+        """Decide again, because the last decision was not accepted.
 
-        The same once more would go on for ever: the plan is rejected instead.
+        The same decision would be refused forever, so the plan is rejected instead.
         """
         if self._asked is None or not self._station.awaits_decision:
             return
@@ -127,7 +127,7 @@ class _Answers:
         return decision.model_copy(update={"request_id": asked.request_id})
 
     def _give(self, decision: Decision) -> None:
-        """Give a decision, unless the plan stopped waiting while it was thought about."""
+        """Pass on a decision, unless the plan has stopped waiting in the meantime."""
         if self._station.awaits_decision:
             self._given = decision
             self._station.decide(decision)
@@ -139,7 +139,7 @@ async def _end(
     all_given: asyncio.Event,
     decided: Callable[[], bool],
 ) -> None:
-    """Close the session after the last mission and its time, or when `decided` returns True."""
+    """Close the session after the last mission and `duration_s`, or once `decided` returns True."""
     if duration_s > 0.0:
         over = asyncio.create_task(_missions_over(station, all_given))
         try:
@@ -161,7 +161,7 @@ async def _watched(
     over: asyncio.Task[None],
     decided: Callable[[], bool],
 ) -> None:
-    """Wait until `duration_s` have passed, or the missions are `over` and that `decided` it."""
+    """Wait until `duration_s` has passed, or the missions are `over` and `decided` returns True."""
     watching = asyncio.create_task(station.advance(duration_s))
     try:
         await asyncio.wait((over, watching), return_when=asyncio.FIRST_COMPLETED)
@@ -183,9 +183,9 @@ EXIT_CODES: dict[MissionStatus, int] = {
 
 
 def exit_code(statuses: Sequence[MissionStatus | None]) -> int:
-    """Return the exit code for missions that ended so: the worst one's, 0 for none.
+    """Return the exit code for the missions' final statuses: the worst one's, 0 for none.
 
-    An internal failure is worse than a plan not verified, and that than one not executed.
+    An internal failure is worse than an unverified plan, which is worse than an unexecuted one.
     """
     codes = [EXIT_CODES[status] if status is not None else 1 for status in statuses]
     return next((code for code in (1, 4, 3) if code in codes), 0)

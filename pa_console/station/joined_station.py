@@ -1,9 +1,9 @@
-"""A console that has joined another station's session: it watches, and a second person signs.
+"""A console that has joined another station's session, where a second person can sign.
 
-Nothing is commanded from here but a stop, which that station carries out. What a person signs goes
-to the station whose session it is, which counts it, and from there to the vehicle, which checks it
-again. What a person asks is answered here, with this console's copy of world and rules. A commander
-may take command: this station's own session follows then.
+The console commands nothing but a stop, which the other station carries out. A signature is sent to
+the station of the session, which counts it, and from there to the vehicle, which verifies it again.
+Questions are answered here, with this console's copy of world and rules. After a commander takes
+command, this station's own session begins.
 """
 
 import asyncio
@@ -52,7 +52,7 @@ from pa_console.station.intake import read_text
 from pa_console.station.shared_log import LOOK_S, SharedLog
 
 REHEARSED: frozenset[QuestionTopic] = frozenset({"other_asset", "alternatives"})
-"""The notice that an answer here comes from new checks and rehearsals, not from the record."""
+"""The topics whose answers come from new checks and rehearsals, not from the record."""
 
 OTHER_RULES = "the rules in force there are not those that this console has"
 
@@ -62,23 +62,23 @@ NO_PICTURE = "no picture has come from there yet"
 
 SILENT_S = 5.0
 STOP_AGAIN_S = 0.5
-"""A stop is asked for so often, until the station's log has it."""
+"""The interval at which a stop is requested until the station's log has it, in seconds."""
 
 SUBJECT = "joined"
 
 
 @dataclass(frozen=True)
 class Signatory:
-    """The person at a console that has joined, with the key for signing."""
+    """The person at a joined console, with the key for signing."""
 
     name: str
     key: Ed25519PrivateKey
 
 
 class JoinedStation:
-    """A joined session as its console shows it; a second person may sign there.
+    """A joined session as its console shows it; a second person can sign there.
 
-    It has a copy of the session's world and rules, with which questions are answered here.
+    Questions are answered with a copy of the session's world and rules.
     """
 
     rate = 1.0
@@ -91,14 +91,14 @@ class JoinedStation:
         world: World,
         rules: Rulebook,
     ) -> None:
-        """`before` is what has happened so far; `world` and `rules` are the session's."""
+        """Start with the events `before`; `world` and `rules` are the session's."""
         self._log, self._before, self._rules = log, before, rules
         self.fleet, self.variant = ShownPicture(world), Variant()
         self.rulebook, self.retriever = with_core(rules), Retriever(rules.rules)
         self._signatory, self._state = signatory, SessionState()
         self._news, self._pointer = _ConnectionNews(log), ""
         self._answered = deque[ev.Event]()
-        """The answers given here: they are shown here, and are in no log."""
+        """The answers given here, which are shown here and are in no log."""
         self._closing = False
         self._stop_asked: _StopAsked | None = None
         for event in before:
@@ -106,12 +106,12 @@ class JoinedStation:
 
     @property
     def station(self) -> str:
-        """The name of the station whose session it is."""
+        """The name of the station that runs the session."""
         return self._log.stream.station
 
     @property
     def signer(self) -> str:
-        """The name of the person here if that person may sign; '' for an observer."""
+        """The name of the person here; '' if that person may not sign."""
         try:
             self._log.trust.approver(self._signatory.name)
         except RefusedError:
@@ -124,14 +124,14 @@ class JoinedStation:
         return self._state.started
 
     def take_before(self) -> list[ev.Event]:
-        """Return what had happened when this console joined; `run` then begins with what comes."""
+        """Return the events before this console joined; `run` then yields only later ones."""
         before, self._before = self._before, ()
         return _without_old_pictures(before)
 
     async def run(self) -> AsyncGenerator[ev.Event]:
-        """Yield every event of the session, the connection's news, and the answers given here.
+        """Yield the events of the session, notices about the connection, and answers given here.
 
-        It ends with the session, or with `close`; the caller that opened the connection closes it.
+        It ends with the session, or after `close`; the caller closes the connection.
         """
         for event in self.take_before():
             yield event
@@ -151,7 +151,7 @@ class JoinedStation:
     def decide(self, decision: Decision) -> None:
         """Sign the plan that waits for a second person, and send the signature to its station.
 
-        Raises ValueError for every other decision, and when nothing can be signed or sent.
+        Raises ValueError for any other decision, and if nothing can be signed or sent.
         """
         log, name, started = self._log, self._signatory.name, self._state.started
         request = self._to_sign(decision)
@@ -174,7 +174,7 @@ class JoinedStation:
             raise ValueError(f"nothing reaches the broker: {log.link.problem}")
 
     def _to_sign(self, decision: Decision) -> ev.ApprovalRequested:
-        """Return the request that `decision` approves; raises ValueError unless it may here."""
+        """Return the request that `decision` approves; raises ValueError if it cannot be signed."""
         trace = self._state.current
         request = trace.approval if trace is not None else None
         if decision.kind != "approve":
@@ -194,9 +194,9 @@ class JoinedStation:
         return request
 
     def stop_all(self) -> None:
-        """Ask the station to stop all assets, and again until its log has the stop.
+        """Request a stop of all assets from the station, repeatedly until its log has the stop.
 
-        Raises ValueError when nothing can be sent.
+        Raises ValueError if nothing can be sent.
         """
         self._ask_to_stop()
         now_s = monotonic()
@@ -211,7 +211,7 @@ class JoinedStation:
             raise ValueError(f"nothing reaches the broker: {log.link.problem}")
 
     def _follow_stop(self) -> Iterator[ev.Noticed]:
-        """Ask again for a stop that the station has not logged; report when that takes long."""
+        """Repeat a stop request that is not logged yet; yield a notice if that takes long."""
         asked, now_s = self._stop_asked, monotonic()
         if asked is None:
             return
@@ -230,33 +230,33 @@ class JoinedStation:
             yield ev.Noticed(level="alarm", subject="stop", text=text)
 
     async def close(self, reason: str = "") -> None:  # noqa: ARG002 - the session goes on
-        """Leave; the session goes on without this console."""
+        """Leave the session, which continues without this console."""
         self._closing = True
 
     async def look_at(self, mission: Mission, asked: str) -> RehearsedReading | None:
-        """Rehearse another reading of a mission here; None if this console cannot."""
+        """Rehearse another reading of a mission here; None if that is not possible."""
         self.fleet.show(self._state.picture)
         return None if self._unfit() else await rehearse_reading(self, mission, asked)
 
     async def examine(self, _plan: Plan, _text: str = "") -> Examination:
-        """Raise ValueError: plans are changed where they are decided on."""
+        """Raise ValueError: a plan is changed only at the station that decides on it."""
         raise ValueError("a plan is changed at the station that decides on it")
 
     async def foresee(self, _text: str) -> str:
-        """Return nothing: the models are those of the other station."""
+        """Return '', because only the other station has models."""
         return ""
 
     async def other_ways(
         self, mission: Mission, asked: str, but: Plan
     ) -> AsyncGenerator[RehearsedReading]:
-        """Rehearse here what else would serve a reading of a mission than the plan `but`."""
+        """Rehearse here other plans than `but` for the same reading of a mission."""
         self.fleet.show(self._state.picture)
         if not self._unfit():
             async for found in rehearse_other_ways(self, mission, asked, but):
                 yield found
 
     def _unfit(self) -> str:
-        """Return why nothing can be rehearsed here as it would be there, '' where it can."""
+        """Return why a rehearsal here would differ from one at the station; '' if it would not."""
         if self._state.picture is None:
             return NO_PICTURE
         if self.started is None or not has_rules_of(self.started, self._rules):
@@ -264,9 +264,9 @@ class JoinedStation:
         return ""
 
     def question_in(self, text: str) -> Question | None:
-        """Return what `text` asks about the session, for `answer`; None for anything else.
+        """Return the question about the session in `text`, for `answer`; None for any other text.
 
-        Without a picture, words have nothing to refer to, so nothing is a question.
+        Without a picture, words have nothing to refer to, so no text is a question.
         """
         picture = self._state.picture
         if picture is None:
@@ -302,21 +302,21 @@ class JoinedStation:
         return told
 
     async def still_of(self, _track: str) -> ev.CameraStill | None:
-        """Return None: pictures are taken and kept at the station whose session it is."""
+        """Return None: only the station of the session takes and keeps stills."""
         return None
 
     def read_live(self, show: Callable[[str, str], None] | None) -> None:
-        """Read nothing: orders are given at the station itself."""
+        """Do nothing, because orders are given at the station itself."""
 
     def typing(self, text: str) -> None:
-        """Take no notice."""
+        """Do nothing, because orders are given at the station itself."""
 
     def point(self, name: str) -> None:
-        """Note the mark on the screen, "" for none: *this one* means it in a question."""
+        """Record the name marked on the screen, '' for none; *this one* in a question means it."""
         self._pointer = name
 
     def command_question(self, epoch: int, own: str) -> str:
-        """Return what taking command for the station `own` would do, for a commander to confirm."""
+        """Return the consequences of taking command for the station `own`, for confirmation."""
         station, left = self.station, LeftMissions.of(self._state)
         moved = ", ".join(trace.mission.id for trace in left.under_way)
         waits = ", ".join(mission.id for mission in left.again)
@@ -337,7 +337,7 @@ class JoinedStation:
         )
 
     def left_missions(self, last: Sequence[ev.Event]) -> LeftMissions:
-        """Return what the session leaves, whose `last` events this console has not shown."""
+        """Apply the session's `last` events, not shown here, and return its open missions."""
         for event in last:
             self._state.apply(event)
         return LeftMissions.of(self._state)
@@ -348,7 +348,7 @@ class JoinedStation:
     async def _refuse_rules(self) -> NoReturn:
         self._refuse()
 
-    # Only the station whose session it is can do these: each raises ValueError.
+    # Only the station of the session can do these; here each raises ValueError.
     submit = cancel = release = acknowledge = move = defer = withdraw = inject = _refuse
     change_standing = mute_agent = let_next_go_first = _refuse
     reload_rules = accept_rules = _refuse_rules
@@ -357,7 +357,7 @@ class JoinedStation:
 
 @dataclass
 class _StopAsked:
-    """A stop asked for here, in this machine's seconds, until the station has logged it."""
+    """A stop requested here and not logged by the station yet, in this machine's seconds."""
 
     pressed_s: float
     sent_s: float
@@ -365,7 +365,7 @@ class _StopAsked:
 
 
 class _ConnectionNews:
-    """Reports each change of the connection, and of the station in command, once."""
+    """Notices about the connection and the station in command, one for each change."""
 
     def __init__(self, log: SharedLog) -> None:
         self._log, self._told = log, Notices()
@@ -410,42 +410,42 @@ class _ConnectionNews:
 
 
 def _without_old_pictures(events: Sequence[ev.Event]) -> list[ev.Event]:
-    """Return `events` with the last picture alone: what came before it is shown no more."""
+    """Return `events` without any picture but the last, because earlier ones are not shown."""
     pictures = [n for n, event in enumerate(events) if event.data.kind == "telemetry"]
     old = frozenset(pictures[:-1])
     return [event for number, event in enumerate(events) if number not in old]
 
 
 OwnStation = Callable[[], StationAuthority]
-"""Return the keys of the station of this machine; raises ValueError where it cannot command."""
+"""A function that returns the keys of this machine's station; it may raise ValueError."""
 
 
 class Succession:
-    """Takes command from the station whose session was joined, in the name of the person here.
+    """The takeover of command from the joined session's station by the person here.
 
-    Everything that can fail comes before `take`: from then on vehicles accept nothing from the
+    Everything that can fail comes before `take`. From then on, vehicles accept nothing from the
     other station, and nothing from this one before its session begins.
     """
 
     def __init__(self, log: SharedLog, signatory: Signatory, own: OwnStation) -> None:
         self._log, self._signatory, self._own = log, signatory, own
         self.authority: StationAuthority | None = None
-        """The keys that this station commands with, once it was found that it may."""
+        """The keys that this station commands with; None before `prepare` succeeds."""
         self.taken: CommandTaken | None = None
-        """Command as it was taken, None before."""
+        """The event of the takeover; None before it."""
         self.last: tuple[Event, ...] = ()
-        """The events of the other session after its console had closed, until command was taken."""
+        """The events of the other session after the last one shown here, up to the takeover."""
 
     @property
     def possible(self) -> bool:
-        """True if the person here is a commander, and may take command at all."""
+        """True if the person here is a commander, who alone may take command."""
         try:
             return self._log.trust.person(self._signatory.name).role == "commander"
         except RefusedError:
             return False
 
     def prepare(self, started: SessionStarted | None) -> StationAuthority:
-        """Return the keys of this station, which may command a session like the one joined.
+        """Return the keys of this station if it may command a session like the joined one.
 
         Raises ValueError with the reason if command cannot be taken from here.
         """
@@ -469,9 +469,9 @@ class Succession:
         return authority
 
     def take(self, publish: Callable[[], object]) -> CommandTaken:
-        """Take command now, let `publish` announce it, and return the log's first event.
+        """Take command, announce it with `publish`, and return the first event for the new log.
 
-        Raises ValueError when command cannot be taken; nothing has changed then.
+        Raises ValueError if command cannot be taken; nothing has changed then.
         """
         authority, stream = self.authority, self._log.stream
         if authority is None:

@@ -1,4 +1,4 @@
-"""The last session of a world: one line about it, and the standing orders that were in force."""
+"""The last session of a world: a summary line, and the standing orders in force at its end."""
 
 from collections.abc import Sequence
 from datetime import datetime
@@ -13,37 +13,40 @@ from pa_console.session.state import SessionState
 from pa_console.station.earlier_session import LOOKED_AT
 
 ENDED = "the session has ended"
-"""The end of a standing order that was in force to the end of its session."""
+"""The reason for the end of a standing order that was in force until its session ended."""
 
 
 class LastSession:
-    """The last closed or broken-off session of a world whose log is in a folder.
+    """The last session of a world whose log is in a folder and not in use.
 
-    The first call of `news` starts the search, in a thread because a log may be long; a later one
-    reports it.
+    The first call of `news` starts the search, in a thread because a log may be long. A later call
+    returns the summary.
     """
 
     def __init__(self, folder: Path, world_sha256: str, key: str, offered: str = "") -> None:
-        """`key` takes its orders up again; the world's own order, `offered` anyway, is left out."""
+        """Name `key` in the summary as the key that takes the standing orders up again.
+
+        `offered`, the world's own standing order, is left out because it is offered anyway.
+        """
         self._folder, self._world, self._key, self._offered = folder, world_sha256, key, offered
         self._told: list[ev.OutsideReport] = []
         self.orders: tuple[str, ...] = ()
-        """The texts of the orders that were in force and were not taken up again."""
+        """The texts of the orders that were in force and have not been taken up again."""
         self._looking = Thread(target=self._look, name="last-session", daemon=True)
 
     def news(self) -> Sequence[ev.OutsideReport]:
-        """Return the line about it, once."""
+        """Return the summary line once it is found; later calls return nothing."""
         if self._looking.ident is None:
             self._looking.start()
         told, self._told = self._told, []
         return told
 
     def wait(self) -> None:
-        """Wait for the end of the search."""
+        """Wait until the search has ended."""
         self._looking.join()
 
     def take_up(self) -> tuple[str, ...]:
-        """Return the orders to give again, and forget them."""
+        """Return the orders to submit again, and forget them."""
         orders, self.orders = self.orders, ()
         return orders
 

@@ -1,15 +1,15 @@
-"""Reads ahead of a mission: known parts of its prompt, and the order while it is typed.
+"""Reading ahead of a mission: known parts of its prompt, and the order while it is typed.
 
-Read ahead are the fixed parts, the present picture, and for a mission that is being typed the rules
-that concern its words so far, and these words. The second reader is started by the first words that
-are typed and reads them after the planner and the judge. While a plan is carried out whose workflow
-goes on, the picture that its rehearsal foresees is read for the next plan.
+The model reads ahead the fixed parts of prompts and the present picture. While a mission is typed,
+it also reads the words so far and the rules that concern them. The second reader is started by the
+first typed words and reads them after the planner and the judge. While a plan is carried out whose
+workflow continues, the picture that its rehearsal predicts is read for the next plan.
 
-In a pause a draft of the mission goes through the same steps as one that was sent, up to its
-approval. Its events are kept here and logged nowhere, no command passes its gate, and no other
-front end or station sees it. The answers of the models are kept (`llm.early_answers`): once the
-same order is sent, its mission takes every step anew, and a model whose prompt is the same has
-answered already.
+During a pause in typing, a draft of the mission goes through the same steps as a submitted one, up
+to its approval. Its events are kept here and logged nowhere, no command passes its gate, and no
+other front end or station sees it. The answers of the models are kept (`llm.early_answers`). When
+the same order is submitted, its mission repeats every step, and a model with the same prompt
+returns the answer that it has already given.
 """
 
 import asyncio
@@ -43,39 +43,40 @@ from pa_console.station.intake import ReadText
 from pa_console.views.waiting import reading_line
 
 PAUSE_S = 0.3
-"""The time without a key after which an order is read, seconds."""
+"""The time without a key after which an order is read, in seconds."""
 
 ENDS = (".", "!", "?")
-"""The signs that end an order: it is read without a pause."""
+"""The characters that end an order, which is then read without a pause."""
 
 LEAST_WORDS = 3
-"""A shorter text is hardly an order yet."""
+"""The fewest words that are read; a shorter text is hardly an order yet."""
 
 DRAFT = "draft"
-"""The id of a mission that was not sent."""
+"""The id of a mission that has not been submitted."""
 
 _MEASURED = re.compile(r"\b\d+ [ms]\b")
 
 ShowReading = Callable[[str, str], None]
-"""Takes a text and the line about its reading; two empty texts withdraw the last line."""
+"""A function that shows a text and the line about its reading; two empty texts withdraw the
+line."""
 
 
 class _Situation(NamedTuple):
-    """Everything beside its words that the reading of an order depends on."""
+    """Everything besides its words that the reading of an order depends on."""
 
     rulebook: Rulebook
     digest: Digest
-    """The picture in prompts, without constantly changing metres and seconds."""
+    """The picture in prompts, without metres and seconds, because they change constantly."""
     past: int
     pointer: str
 
 
 class _DraftReadError(Exception):
-    """Ends a draft where a mission would wait for its operator."""
+    """The end of a draft, at the point where a mission would wait for its operator."""
 
 
 class LiveReading:
-    """Reads the order that is being typed; whatever is really asked for goes first."""
+    """The reading of the order that is being typed; submitted work goes first."""
 
     def __init__(
         self,
@@ -83,27 +84,27 @@ class LiveReading:
         read: Callable[[str], ReadText | None],
         free: Callable[[], bool],
     ) -> None:
-        """`read` returns the station's reading of a text, None if it is no mission.
+        """Read texts with `read`, which returns None for a text that is not a mission.
 
-        `free` is True if no mission needs the models.
+        `free` returns True if no mission needs the models.
         """
         self._services, self._read_text, self._free = services, read, free
         self._show: ShowReading | None = None
         self._text = ""
         self._read_in: _Situation | None = None
-        """The situation in which the text was read, or is."""
+        """The situation in which the text was read, or is being read."""
         self._shown = False
         self._timer: asyncio.TimerHandle | None = None
         self._draft: asyncio.Task[None] | None = None
         self._idle_s: float | None = None
 
     def show_in(self, show: ShowReading | None) -> None:
-        """Give readings to `show` from now on; None: read nothing."""
+        """Pass readings to `show` from now on; None stops reading."""
         self._stop()
         self._show = show
 
     def typing(self, text: str) -> None:
-        """Note that the text in the prompt is `text`; the reading of another one is withdrawn."""
+        """Record the text in the prompt; the reading of an earlier text is withdrawn."""
         words = " ".join(text.split())
         if words != self._text:
             self._stop()
@@ -111,12 +112,12 @@ class LiveReading:
             self._wait()
 
     def see(self, payload: ev.EventPayload) -> None:
-        """Give way to what happens, and read again in a situation that has changed."""
+        """Stop for an event that needs the models; read again if the situation has changed."""
         if not self._text:
             return
         match payload:
             case ev.MissionReceived(mission=mission) if mission.said == self._text:
-                # What the models are writing for the draft is what the mission asks for next.
+                # Keep the answers that the models are writing: the mission asks for them next.
                 self._stop(answers=False)
                 self._text = ""
             case ev.MissionReceived() | ev.AllStopped() | ev.RulesReplaced() | ev.CommandTaken():
@@ -129,16 +130,16 @@ class LiveReading:
                 pass
 
     def give_way(self) -> None:
-        """Stop reading: the models, or the cores, are needed."""
+        """Stop reading, because the models or the cores are needed."""
         self._stop()
 
     def close(self) -> None:
-        """Stop for good."""
+        """Stop reading for the rest of the session."""
         self._stop()
         self._show = None
 
     def _stop(self, *, answers: bool = True) -> None:
-        """Withdraw the reading and end the draft, and the `answers` that it waits for."""
+        """Withdraw the reading and end the draft; with `answers`, also end the models' answers."""
         if self._timer is not None:
             self._timer.cancel()
         if self._draft is not None:
@@ -151,17 +152,17 @@ class LiveReading:
         self._shown = False
 
     def _wait(self) -> None:
-        """Read the text unless another key comes soon; one that has ended is read at once."""
+        """Read the text unless another key comes soon; read a complete sentence at once."""
         if self._show is None or len(self._text.split()) < LEAST_WORDS:
             return
         slow = self._services().engine.state == "slow"
         self._idle_s = idle_seconds() if slow else None
-        # On a busy machine the pause shows whether a core is idle.
+        # On a slow machine, the pause is long enough to measure whether a core is idle.
         pause_s = 0.0 if self._text.endswith(ENDS) and not slow else PAUSE_S
         self._timer = asyncio.get_running_loop().call_later(pause_s, self._begin)
 
     def _begin(self) -> None:
-        """Begin a draft, unless something else needs the models or the cores; it is tried again."""
+        """Begin a draft if models and cores are free; otherwise a later picture tries again."""
         self._timer = None
         services = self._services()
         if self._free() and not services.servers.by_use and self._has_cores(services.engine):
@@ -169,7 +170,7 @@ class LiveReading:
             self._draft = asyncio.create_task(self._read(self._text), name="live reading")
 
     def _has_cores(self, engine: Engine) -> bool:
-        """Return whether the models get cores of their own, or one was idle during the pause."""
+        """Return whether the models have cores of their own, or one was idle during the pause."""
         if engine.state != "slow":
             return True
         idle_s = idle_seconds()
@@ -185,7 +186,7 @@ class LiveReading:
         return _Situation(services.rulebook, digest, len(past.missions), past.pointer)
 
     async def _read(self, text: str) -> None:
-        """Plan `text` like a mission, and show its reading."""
+        """Plan `text` like a mission and show its reading."""
         try:
             line = await self.line(text)
         except Exception:  # a defect shows once the order is sent; a draft reports none
@@ -195,7 +196,7 @@ class LiveReading:
             self._show(text, line)
 
     async def line(self, text: str) -> str:
-        """Return how `text` would be read and planned now, '' if it is no mission."""
+        """Return the line on how `text` is read and planned now; '' if it is not a mission."""
         order = self._read_text(text)
         return await self._line(order) if order is not None else ""
 
@@ -225,7 +226,7 @@ async def _not_decided() -> Decision:
 
 
 def _no_verdicts() -> OutcomeVerdicts:
-    """Return the verdicts of a mission that is never carried out."""
+    """Return outcome verdicts for a mission that is never carried out."""
 
     def start(_: object) -> NoReturn:
         raise _DraftReadError
@@ -238,29 +239,29 @@ TYPING_ROLES: tuple[Role, ...] = ("planner", "judge")
 
 
 class ReadAhead:
-    """Reads the beginning of coming prompts ahead; a real prompt interrupts it."""
+    """The reading of the beginnings of coming prompts; a real prompt interrupts it."""
 
     def __init__(self, services: Services, *, unasked: bool = True) -> None:
-        """`unasked`: also read ahead without a typed order.
+        """Read ahead for `services`; with `unasked`, also while no order is typed.
 
-        This happens when a session or a mission begins, and while a plan is carried out.
+        This happens when a session begins, between missions, and while a plan is carried out.
         """
         self._services, self._unasked = services, unasked
         self._read: dict[tuple[Engine, Role], tuple[Digest | None, str]] = {}
         self._typed = ""
         self._rehearsals: dict[int, Rehearsal] = {}
-        """The rehearsal of each plan of the mission, by its number."""
+        """The rehearsal of each plan of the mission, by the number of the attempt."""
         self._foreseen: Picture | None = None
         self._wanted = asyncio.Event()
         self._turn = asyncio.Lock()
 
     def use(self, services: Services) -> None:
-        """Use these services from now on, and read everything again."""
+        """Use `services` from now on, and read everything again."""
         self._services = services
         self._read.clear()
 
     async def load(self) -> None:
-        """Load model, dictionary and patterns and, `unasked`, read how every prompt begins."""
+        """Load model, dictionary and patterns; with `unasked`, read the beginnings of prompts."""
         async with self._turn:
             with suppress(EngineError):  # the engine's state reports it; so does the next prompt
                 await self._services.engine.start()
@@ -270,15 +271,15 @@ class ReadAhead:
                     await self._warm(self._services.engine, role)
 
     def typing(self, text: str) -> None:
-        """Note that a mission is being typed and is `text` so far."""
+        """Record the text of the mission that is being typed."""
         self._typed = text
         self._wanted.set()
 
     def see(self, payload: ev.EventPayload) -> None:
-        """Let the model read the expected picture of a mission's next plan.
+        """Let the model read the picture that is expected for a mission's next plan.
 
-        That picture exists once a plan is approved that ends with a contact identified but not yet
-        warned: it is the one at the end of the rehearsal.
+        A next plan is expected after a plan is approved that ends with a contact identified but not
+        yet warned. Its picture is the one at the end of the rehearsal.
         """
         match payload:
             case ev.MissionStarted():
@@ -296,7 +297,7 @@ class ReadAhead:
                 pass
 
     async def serve(self) -> None:
-        """Read what is typed, or foreseen, whenever that changes, until cancelled."""
+        """Read the typed text or the expected picture whenever it changes, until cancelled."""
         while True:
             await self._wanted.wait()
             self._wanted.clear()
@@ -309,9 +310,9 @@ class ReadAhead:
                         await self._warm(self._services.engine, role, picture=foreseen)
 
     async def read_now(self, text: str = "") -> None:
-        """Read the picture as it is, and all of `text` but its last word, which may not be whole.
+        """Read the present picture and all of `text` but its last word, which may be incomplete.
 
-        When this returns, a mission that begins so finds it read.
+        A mission that then begins with this text finds it already read.
         """
         async with self._turn:
             services = self._services
@@ -328,11 +329,10 @@ class ReadAhead:
     async def _warm(
         self, engine: Engine, role: Role, words: str = "", picture: Picture | None = None
     ) -> None:
-        """Let `engine` read the beginning of a prompt for `role`, unless it has.
+        """Let `engine` read the beginning of a prompt for `role`, unless it has read it already.
 
-        The `picture` is by default the present one.
-
-        In a large world, the part of the picture in the prompt depends on the mission.
+        `picture` is by default the present one. In a large world, the part of the picture in the
+        prompt depends on the mission, so no picture is read.
         """
         services = self._services
         fleet = services.fleet

@@ -1,7 +1,7 @@
-"""Turns successive pictures into lines for the operator's event list, and stays quiet in noise.
+"""Notices for the operator's event list, derived from successive pictures.
 
 A change is shown once it has lasted; the same change of many assets at once is one line. Reports
-from outside the site's sensors are shown too, and have no other effect.
+from outside the site's sensors are shown as well and have no other effect.
 """
 
 import asyncio
@@ -20,14 +20,16 @@ MANUAL = "manual control"
 GONE_S = 3.0
 Value = str | bool
 Key = tuple[str, str]
-"""A subject and which of its properties it is about."""
+"""A subject and one of its properties."""
+LOOK_S = 0.5
+"""The interval between two requests for reports, in seconds of wall time."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Fact:
     """One property of one subject now; `text` is empty if a change to it needs no line.
 
-    It is shown after it has differed from the last shown value for `settle_s` simulated seconds;
+    A value is shown after it has differed from the last shown one for `settle_s` simulated seconds.
     `at_first` is the assumed last value of a new subject.
     """
 
@@ -41,10 +43,10 @@ class _Fact:
 
 
 class Noticer:
-    """Remembers the notices given so far; equal pictures give equal notices."""
+    """The notices given so far; equal pictures give equal notices."""
 
     def __init__(self, picture: Picture) -> None:
-        """Treat everything in `picture` as reported."""
+        """Treat everything in `picture` as already reported."""
         self._told: dict[Key, Value | None] = {
             (fact.subject, fact.topic): fact.value for fact in _facts(picture)
         }
@@ -52,11 +54,11 @@ class Noticer:
         self._tracks: dict[str, float] = dict.fromkeys(picture.tracks, picture.time_s)
 
     def knows_manual(self, asset: str, *, manual: bool) -> None:
-        """Treat it as reported that `asset` is under manual control, or is not any more."""
+        """Treat the manual control of `asset`, or its end, as already reported."""
         self._told[asset, MANUAL] = manual
 
     def look(self, picture: Picture) -> list[Noticed]:
-        """Return the changes that an operator would want to know now."""
+        """Return the changes that the operator should see now."""
         now_s = picture.time_s
         news = [fact for fact in _facts(picture) if self._is_news(fact, now_s)]
         told = [fact for fact in news if fact.text]
@@ -78,7 +80,7 @@ class Noticer:
         return True
 
     def _gone(self, picture: Picture) -> Iterator[Noticed]:
-        """Yield the tracks that have been out of the picture for a while, and forget them."""
+        """Yield the tracks that have been absent from the picture for a while, and forget them."""
         self._tracks.update(dict.fromkeys(picture.tracks, picture.time_s))
         for name, seen_s in list(self._tracks.items()):
             if name not in picture.tracks and picture.time_s - seen_s >= GONE_S:
@@ -119,7 +121,7 @@ def _gate(picture: Picture, gate: str, cover: GateCover) -> _Fact:
 
 
 def _asset(picture: Picture, asset: AssetTelemetry) -> Iterator[_Fact]:
-    """Yield an asset's condition: whether it works, its battery, its link, its soundness."""
+    """Yield an asset's condition: its status, battery, manual control, link and integrity."""
     name, status = asset.id, asset.status
     if status == "degraded" and (asset.low_battery or asset.comms != "ok"):
         status = "ok"  # the reason has its own notice
@@ -176,7 +178,7 @@ def _track(picture: Picture, track: Track) -> Iterator[_Fact]:
 
 
 def _grouped(facts: list[_Fact]) -> Iterator[Noticed]:
-    """Yield one line a fact, or one for all subjects to which the same happens at once."""
+    """Yield one line for each fact, or one for many subjects with the same change."""
 
     def kind(fact: _Fact) -> tuple[str, str]:
         return fact.topic, str(fact.value)
@@ -194,10 +196,6 @@ def _grouped(facts: list[_Fact]) -> Iterator[Noticed]:
         yield Noticed(level=first.level, subject=first.subject, text=text)
 
 
-LOOK_S = 0.5
-"""The interval between two requests for reports, wall seconds."""
-
-
 _ADMITTED = get_args(ev.OutsideReport)
 
 
@@ -205,14 +203,14 @@ class Outside(Protocol):
     """A source of reports."""
 
     def news(self) -> Sequence[ev.OutsideReport]:
-        """Return the new reports since the last call; at once, and never many."""
+        """Return the reports since the last call; must return at once, and never many."""
         ...
 
 
 async def pass_on(outside: Outside, emit: Callable[[ev.OutsideReport], None]) -> None:
-    """Emit the reports of a source for as long as the session lasts; only reports are let in.
+    """Emit the reports of a source until the session ends; values of other types are dropped.
 
-    A source that fails is reported and left out: the session goes on without it.
+    If a source fails, that is reported, and the session continues without the source.
     """
     while True:
         try:

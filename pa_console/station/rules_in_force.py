@@ -1,6 +1,7 @@
-"""Watches the rule file in force, and puts a changed one in force; a broken one changes nothing.
+"""The rule file in force, which is loaded again when it changes.
 
-Nor does one that is less than what was used before, until the operator accepts it.
+An invalid file changes nothing. Rules weaker than the earlier ones take effect only after the
+operator accepts them.
 """
 
 import asyncio
@@ -22,10 +23,13 @@ from pa_console.station.live_reading import ReadAhead
 from pa_console.station.worker import EmitFor, MissionWorker
 
 Stamp = tuple[tuple[int, int, int] | None, ...]
+LOOK_S = 1.0
+"""The interval between two looks at the file, in seconds of wall time."""
+MOST_NAMED = 4
 
 
 class RulesWatch:
-    """Compares the file and its signature with the version loaded last."""
+    """A watch on the rule file and its signature for changes since the last load."""
 
     def __init__(
         self,
@@ -35,32 +39,33 @@ class RulesWatch:
         pins: RulesPins | None = None,
         deadline_s: float = DEADLINE_S,
     ) -> None:
-        """The file at `path` has just been loaded; `unsigned` takes an altered signed set too.
+        """Watch the file at `path`, which has just been loaded.
 
-        Without `pins` a set is held against the one in force, and nothing is kept of it.
+        With `unsigned`, a signed set that was altered is loaded as well. Without `pins`, a set is
+        compared with the one in force, and nothing about it is stored.
         """
         self.path = path
         self._unsigned, self._pins, self._deadline_s = unsigned, pins, deadline_s
         self._loaded = self._seen = self._stamp()
 
     def look(self) -> bool:
-        """Return whether the file is another than was loaded, and as it was at the last look."""
+        """Return whether the file differs from the loaded version and no longer changes."""
         now = self._stamp()
         before, self._seen = self._seen, now
         return now == before and now != self._loaded
 
     async def load(self) -> Rulebook:
-        """Return the rules that the file holds now, read beside the event loop.
+        """Load the rules from the file in a thread, and return them.
 
-        Raises ValueError with file, place and problem when they cannot be in force.
+        Raises ValueError with file, place and problem if they cannot be in force.
         """
         self._loaded = self._stamp()
         return await asyncio.to_thread(self._load)
 
     def refusal(self, old: Rulebook, new: Rulebook) -> str:
-        """Return why `new` is less than the earlier rules, "" when it is taken.
+        """Return why `new` is weaker than the earlier rules; '' if it is accepted.
 
-        Raises RefusedRulesError when that cannot be determined.
+        Raises RefusedRulesError if that cannot be determined.
         """
         if self._unsigned and new.seal.altered:
             return ""
@@ -69,9 +74,10 @@ class RulesWatch:
         return downgrade(pin_of(old.name, old.seal), pin_of(new.name, new.seal))
 
     def admit(self, new: Rulebook, why: str) -> Rulebook:
-        """Return `new` as it goes in force, pinned; `why` is why the operator had to accept it.
+        """Pin `new` and return it with the core rules, ready to be put in force.
 
-        Raises RefusedRulesError, and OSError when nothing can be pinned.
+        `why` is the reason why the operator had to accept it, '' if there was none. Raises
+        RefusedRulesError, and OSError if nothing can be pinned.
         """
         seal = new.seal.model_copy(update={"accepted": why})
         if self._pins is not None:
@@ -100,14 +106,8 @@ def _stamp(path: Path) -> tuple[int, int, int] | None:
     return found.st_ino, found.st_size, found.st_mtime_ns
 
 
-LOOK_S = 1.0
-"""The interval between two looks at the file, wall seconds."""
-
-MOST_NAMED = 4
-
-
 class RulesReload:
-    """Emits every change of the rules, and why one could not be made."""
+    """The reload of changed rules, which emits every change and every refusal."""
 
     def __init__(
         self,
@@ -117,13 +117,13 @@ class RulesReload:
         worker: MissionWorker,
         ahead: ReadAhead,
     ) -> None:
-        """Leave the rules as they are if there is no `watch`."""
+        """Reload the rules that `watch` finds changed; None leaves them as they are."""
         self._services, self._watch, self._emit = services, watch, emit
         self._worker, self._ahead = worker, ahead
         self._turn = asyncio.Lock()
         self._offered: Rulebook | None = None
         self.offered = ""
-        """The reason why the rules in the file wait for the operator to accept them, "" if they do
+        """The reason why the rules in the file wait for the operator's acceptance; '' if they do
         not."""
 
     @property
@@ -132,14 +132,14 @@ class RulesReload:
         return self._services
 
     async def serve(self) -> None:
-        """Take every change of the file, for ever."""
+        """Load every change of the file until cancelled."""
         while self._watch is not None:
             await asyncio.sleep(LOOK_S)
             if self._watch.look():
                 await self.now()
 
     async def now(self) -> None:
-        """Take the rules as the file has them now."""
+        """Load the rules from the file now."""
         if self._watch is None:
             return
         async with self._turn:
@@ -157,7 +157,7 @@ class RulesReload:
                 await self._take(rulebook, "")
 
     async def accept(self) -> None:
-        """Take the waiting rules on the operator's decision; raises ValueError without any."""
+        """Accept the waiting rules and put them in force; raises ValueError if none wait."""
         async with self._turn:
             rulebook, why = self._offered, self.offered
             if rulebook is None:
@@ -171,9 +171,10 @@ class RulesReload:
         self._tell("alarm", f"the changed rules were not taken, {kept}: {problem}")
 
     async def _take(self, rulebook: Rulebook, why: str) -> None:
-        """Put `rulebook` in force; the world goes on while its rules are indexed.
+        """Put `rulebook` in force; the session continues while its rules are indexed.
 
-        `why` is why the operator had to accept it, "" for a set that is taken by itself.
+        `why` is the reason why the operator had to accept it, '' for a set that needs no
+        acceptance.
         """
         old = self._services.rulebook
         before, after = old.rule_set, rulebook.rule_set

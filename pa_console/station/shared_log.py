@@ -1,4 +1,4 @@
-"""Follows the session that a station shares on a bus, and requests missing records."""
+"""The session log that a station shares on a bus, received with requests for missing records."""
 
 import time
 from collections.abc import Callable
@@ -21,23 +21,28 @@ from pa_console.fleets.vda5050.wire import Header, Identity, Numbers, Topic, Unr
 from pa_console.schema.events.event import Event
 from pa_console.session.log.chain import LogRecord, link_problem, parse
 
+LOOK_S = 0.1
+ASK_AGAIN_S = 1.0
+FOUND_S = 10.0
+"""The longest wait for the first records of a session when joining, in seconds."""
+
 
 class NotBelievedError(ValueError):
-    """Records of another session, or without a valid signature; the text is the reason."""
+    """An error for records of another session or without a valid signature, with the reason."""
 
 
 class RecordStream:
-    """Takes the records of one session in, in order and without a gap.
+    """The records of one session, received in order and without gaps.
 
-    It follows the first session that the station in command vouches for. Each message is signed by
-    that station, and each record holds the hash of the one before.
+    The stream follows the first session that the station in command signs for. Each message is
+    signed by that station, and each record holds the hash of the one before.
     """
 
     def __init__(self, trust: Trust, now: Callable[[], float]) -> None:
-        """`trust` is the site's; `now` is in seconds since 1970."""
+        """Verify records with the site's `trust`; `now` returns seconds since 1970."""
         self._trust, self._now = trust, now
         self.station, self.session = "", ""
-        """The name of the station in the roster, and the id of its session; "" before the first."""
+        """The station's name in the roster, and the id of its session; '' before the first."""
         self._last: LogRecord | None = None
         self.seen = 0
         """The number of the last record announced by the station."""
@@ -49,18 +54,19 @@ class RecordStream:
 
     @property
     def head(self) -> str:
-        """The hash of the last record that is here, '' before the first."""
+        """The hash of the last record received; '' before the first."""
         return self._last.hash if self._last is not None else ""
 
     @property
     def missing(self) -> int:
-        """The number of announced records that are missing here."""
+        """The number of announced records that have not been received."""
         return max(self.seen - self.wanted + 1, 0)
 
     def take(self, station: str, message: SessionRecords) -> list[Event]:
-        """Return the events of the records that come next; none when one before them is missing.
+        """Return the events of the records that come next; none if an earlier record is missing.
 
-        Raises NotBelievedError, and takes nothing, for what is not the log of this session.
+        Raises NotBelievedError, and accepts nothing, for records that are not from this session's
+        log.
         """
         try:
             vouched = self._trust.records(station, message.signature, self._now())
@@ -87,7 +93,7 @@ class RecordStream:
         self.station, self.session = station, session
 
     def _chained(self, message: SessionRecords, head: str) -> list[Event]:
-        """Return the events of a message whose hashes lead from the last record to `head`."""
+        """Return the events of a message; its hashes must lead from the last record to `head`."""
         last, events = self._last, list[Event]()
         try:
             lines = message.lines()
@@ -113,17 +119,13 @@ class RecordStream:
 
 
 HEARD = (SessionRecords, *SIGNED)
-LOOK_S = 0.1
-ASK_AGAIN_S = 1.0
-FOUND_S = 10.0
-"""The longest wait for the first records of a session when joining, seconds."""
 
 
 class SharedLog:
-    """The log of a session as far as it has come; `problem` is what was not believed last."""
+    """The part of a session's log received so far; `problem` is the reason of the last refusal."""
 
     def __init__(self, link: StationLink, trust: Trust, keep: Callable[[str], object]) -> None:
-        """`keep` is given every newer roster, revocation and takeover that is taken."""
+        """Pass every newer roster, revocation and takeover that is accepted to `keep`."""
         self.link, self.trust, self._keep = link, trust, keep
         self.stream = RecordStream(trust, time.time)
         self.problem = ""
@@ -131,7 +133,7 @@ class SharedLog:
         self._asked, self._asked_at = 0, 0.0
 
     def take(self) -> list[Event]:
-        """Return what has happened in the session since the last call, in order."""
+        """Return the events of the session since the last call, in order."""
         events: list[Event] = []
         for delivery in self.link.take():
             events += self._events_of(delivery)
@@ -171,7 +173,7 @@ class SharedLog:
         return []
 
     def _ask(self) -> None:
-        """Request the missing records, again when they do not come."""
+        """Request the missing records, and again if they do not arrive."""
         wanted, now = self.stream.wanted, monotonic()
         if self.stream.missing and (wanted != self._asked or now - self._asked_at > ASK_AGAIN_S):
             self._asked, self._asked_at = wanted, now
@@ -182,7 +184,8 @@ class SharedLog:
 def read_so_far(log: SharedLog, progress: Callable[[int, int], object]) -> list[Event]:
     """Wait for the shared session and return its events so far.
 
-    `progress` gets the number of records received and of all. Raises ValueError if none arrives.
+    `progress` is called with the number of records received and the number of all records. Raises
+    ValueError if none arrives.
     """
     events: list[Event] = []
     until = monotonic() + FOUND_S

@@ -1,4 +1,4 @@
-"""The control station: one fleet, one mission queue, one stream of everything that happens."""
+"""The control station: one fleet, one mission queue, one stream of events."""
 
 import asyncio
 from collections.abc import AsyncGenerator, Callable
@@ -51,7 +51,7 @@ NOT_KEPT = "a standing order ends with its console; give it again if it is still
 
 
 class ControlStation:
-    """Owns the fleet, alarms and queue; both front ends use only this."""
+    """The owner of the fleet, the alarms and the queue; front ends use only this class."""
 
     def __init__(
         self,
@@ -66,7 +66,7 @@ class ControlStation:
         read_unasked: bool = True,
         resumed: ResumedSession | None = None,
     ) -> None:
-        """`started` is the session's first event; `clock` determines when the world moves on.
+        """Begin a session with the event `started`; `clock` determines when the world is stepped.
 
         The engine is closed with the session unless `keep_engine`. With `respond`, alarms become
         missions automatically. With `watch`, a changed rule file is loaded at once. Without
@@ -115,7 +115,7 @@ class ControlStation:
         self._stills: CameraStills | None = None
         self._record = RecentRecord(deepcopy(resumed.before.state) if resumed else SessionState())
         self._again: list[tuple[ev.EventPayload, str]] = []
-        """The missions that open alarms become once more."""
+        """The events with which missions of open alarms begin again, each with its mission."""
         if resumed is not None:
             before = resumed.before
             missions = before.state.missions.values()
@@ -129,7 +129,7 @@ class ControlStation:
         self._last_read: tuple[tuple[str, ReferenceScene, Rulebook], ReadText] | None = None
         self._ending: asyncio.Task[None] | None = None
         self.failure = ""
-        """The internal error that ended the session, '' for none."""
+        """The internal error that ended the session; '' for none."""
 
     @property
     def session(self) -> str:
@@ -148,7 +148,7 @@ class ControlStation:
 
     @property
     def rulebook(self) -> Rulebook:
-        """The rules that are in force now."""
+        """The rules in force now."""
         return self._reload.services.rulebook
 
     @property
@@ -161,7 +161,7 @@ class ControlStation:
         self._clock.rate = rate
 
     def limit_times(self, limits: TimingLimits) -> None:
-        """Set how late a timed order may start, and how often; before `run`."""
+        """Set how late a timed order may start, and how often; call this before `run`."""
         self._services.standing.limits = limits
 
     @property
@@ -171,7 +171,7 @@ class ControlStation:
 
     @property
     def worked_on(self) -> str:
-        """The id of the mission that is being worked on, empty when none is."""
+        """The id of the active mission; '' if there is none."""
         return self._worker.worked_on
 
     @property
@@ -182,35 +182,36 @@ class ControlStation:
     def write_to(self, log: LogWriter) -> None:
         """Write every event of the session to `log` before any other part receives it.
 
-        While that is not possible, nothing is dispatched but stops and ways to safety.
+        While the log cannot be written, only stops and ways to safety are dispatched.
         """
         self._journal.open(log, self._emit)
 
     def take_stills(self, log: Path) -> None:
-        """Take the pictures that an operator is shown from now on, and keep them beside `log`."""
+        """Take stills for the operator from now on, and keep them beside `log`."""
         self._stills = self._stills or CameraStills(self._fleet, log, self._emit)
 
     async def still_of(self, track: str) -> ev.CameraStill | None:
-        """Take a picture of a track; None if no camera has it in sight, or none are taken here."""
+        """Return a still of a track; None if no camera has it in view, or no stills are taken."""
         if self._stills is None or self._closed:
             return None
         return await self._stills.take(track)
 
     def listen_to(self, outside: Outside | None) -> None:
-        """Emit the reports of `outside`, too, in the session, None for none; before `run`."""
+        """Emit the reports of `outside`, if any, in the session as well; call this before `run`."""
         self._outside += [outside] if outside is not None else []
 
     def succeed(self, taken: ev.CommandTaken, left: LeftMissions) -> None:
-        """Let the log begin with whose command this session has taken over; before `run`.
+        """Record the takeover with which this session begins; call this before `run`.
 
-        What that session `left` unsent waits here again; nothing is dispatched by that.
+        Undispatched missions that the other session `left` are queued here; that dispatches
+        nothing.
         """
         self._taken, self._left = taken, left
 
     async def run(self) -> AsyncGenerator[ev.Event]:
         """Yield every event of the session until `close`; stopping the iteration closes it too.
 
-        However it stops, the log ends with the end of the session.
+        In either case, the log ends with the end of the session.
         """
         if self._resumed is None:
             self._emit(self._started)
@@ -252,7 +253,7 @@ class ControlStation:
                 await self._services.engine.close()
 
     def offer_at_start(self, policy: str) -> None:
-        """Put a standing order of the world to the operator when a new session begins."""
+        """Offer a standing order of the world to the operator when a new session begins."""
         self._policy = policy
 
     def _offer(self, policy: str) -> None:
@@ -261,7 +262,7 @@ class ControlStation:
         self._worker.queue_changed()
 
     def _go_on(self, before: UnclosedSession) -> None:
-        """Emit that the session goes on, and take up waiting missions; nothing is dispatched."""
+        """Emit that the session continues and queue its waiting missions; nothing is dispatched."""
         interrupted = tuple(trace.mission.id for trace in before.interrupted)
         given = [each.order.id for each in before.state.standing.values() if each.in_force]
         started = before.started_by_standing
@@ -299,45 +300,45 @@ class ControlStation:
 
     @property
     def rules_offered(self) -> str:
-        """The reason why the rules in their file wait for acceptance, "" if they do not."""
+        """The reason why the rules in their file wait for acceptance; '' if they do not."""
         return self._reload.offered
 
     async def accept_rules(self) -> None:
-        """Take refused rules on the operator's decision; raises ValueError without any."""
+        """Accept the refused rules and put them in force; raises ValueError if none wait."""
         self._writable()
         await self._reload.accept()
 
     def typing(self, text: str) -> None:
-        """Note that the operator types a mission, `text` so far; the model reads meanwhile."""
+        """Record the text of a mission that is being typed; the model reads it meanwhile."""
         if text.strip():
             self._ahead.typing(text)
         self._live.typing(text)
 
     def read_live(self, show: ShowReading | None) -> None:
-        """Read the order that is being typed, and give its reading to `show`; None: read nothing.
+        """Read the order that is being typed and pass its reading to `show`; None stops reading.
 
-        Nothing is logged, and no asset moves by it.
+        Nothing is logged, and no asset moves.
         """
         self._live.show_in(show)
 
     def _order_in(self, text: str) -> ReadText | None:
-        """Return `text` as it is read; None for a question, and for what is changed at once."""
+        """Return `text` as it is read; None for a question or a change that is made at once."""
         order = self._read(text)
         return order if order.question is None and self._change_in(order) is None else None
 
     def _may_read_live(self) -> bool:
-        """Return whether a mission would be worked on at once, and the models are idle."""
+        """Return whether a new mission would begin at once and the models are idle."""
         taken = not (self.readonly or self.stopped or self._closed)
         return taken and self._worker.idle.is_set() and not self._worker.thinking
 
     def point(self, name: str) -> None:
-        """Note what the operator has marked on the screen, "" for nothing: *this one* means it."""
+        """Record the name marked on the screen, '' for none; *this one* in an order means it."""
         self._services.past.pointer = name
 
     async def read_ahead(self, text: str) -> None:
         """Wait until the model has read the present picture and all but the last word of `text`.
 
-        So it has for an operator who types.
+        This simulates an operator who types.
         """
         await self._ahead.read_now(text)
 
@@ -346,9 +347,9 @@ class ControlStation:
         return self._read(text).question
 
     def _read(self, text: str) -> ReadText:
-        """Return a text as it is read; the last one is not read again in the same situation.
+        """Return a text as it is read; the last result is reused in the same situation.
 
-        A front end asks whether it is a question, and then submits it.
+        A front end asks whether a text is a question, and then submits it.
         """
         services = self._reload.services
         now = (text, services.scene, services.rulebook)
@@ -361,8 +362,8 @@ class ControlStation:
     ) -> ev.QuestionAnswered:
         """Answer a question from the record of this session.
 
-        Other plans are checked and rehearsed for it; each is given to `found` as soon as it is
-        ready. No decision follows, and no asset moves by it.
+        Other plans are checked and rehearsed if the question asks for them; each is passed to
+        `found` as soon as it is ready. Nothing is decided, and no asset moves.
         """
         self._live.give_way()
         given = await answer(self._reload.services, question, self._record.state, found)
@@ -371,9 +372,10 @@ class ControlStation:
         return given.told
 
     def submit(self, text: str) -> Mission:
-        """Step 1: queue a mission; raises ValueError when it cannot be taken.
+        """Queue a mission (paper, Step 1); raises ValueError if it is not accepted.
 
-        A question about what is on record is no mission.
+        A question about the record is not accepted. A change that takes effect at once is carried
+        out and recorded as a mission.
         """
         self._writable()
         order = self._read(text)
@@ -397,23 +399,23 @@ class ControlStation:
         return mission
 
     def _corrected(self, order: ReadText) -> str:
-        """Return how `order` corrects the operator's own plan that waits; '' where it does not."""
+        """Return how `order` corrects the operator's own waiting plan; '' if it does not."""
         active = self._worker.active
         if active is None or not self._worker.awaits_decision or not active.proposes:
             return ""
         return corrects(order.text) if active.mission.source == "operator" else ""
 
     def _change_in(self, order: ReadText) -> OrderChange | ManualWords | Unclear | None:
-        """Return what a text changes at once: a standing order, or manual control."""
+        """Return the change of a standing order or of manual control in a text; None for none."""
         change = self._standing.read(order.text)
         if change is not None or order.question is not None:
             return change
         return read_manual(self._services.scene, order.text, self._gate.manual.taken)
 
     def _change(self, order: ReadText, change: OrderChange | ManualWords) -> Mission:
-        """Carry out an operator's words at once, and record them as a mission.
+        """Carry out an operator's change at once and record it as a mission.
 
-        Raises ValueError for what cannot be changed so.
+        Raises ValueError if the change is not possible.
         """
         if isinstance(change, OrderChange):
             reason = self._standing.carry_out(change)
@@ -422,7 +424,7 @@ class ControlStation:
         return self._done_at_once(order, reason)
 
     def _done_at_once(self, order: ReadText, reason: str) -> Mission:
-        """Record words that were carried out at once as a mission."""
+        """Record an order that was carried out at once as a finished mission."""
         mission, received = self._intake.submit(order, active=False, waits=False)
         self._emit(received, mission.id)
         ended = ev.MissionFinished(status="verified", reason=reason, metrics=Metrics())
@@ -430,9 +432,9 @@ class ControlStation:
         return mission
 
     async def examine(self, plan: Plan, text: str = "") -> Examination:
-        """Check and rehearse a plan in the present picture; nothing is queued or decided by that.
+        """Check and rehearse a plan in the present picture, without queuing or deciding anything.
 
-        `text` is the order that it is to serve.
+        `text` is the order that the plan should serve.
         """
         task = Mission(id="examined", text=text or "Examine this plan.", created=datetime.now(UTC))
         services = self._reload.services
@@ -467,62 +469,62 @@ class ControlStation:
         return await rehearse_reading(self._reload.services, mission, asked)
 
     async def foresee(self, text: str) -> str:
-        """Return how an order would be read and planned now; nothing is logged or decided."""
+        """Return the line on how an order is read and planned now; nothing is logged or decided."""
         return await self._live.line(text)
 
     def other_ways(
         self, mission: Mission, asked: str, but: Plan
     ) -> AsyncGenerator[RehearsedReading]:
-        """Rehearse what else would serve a reading of a mission than the plan `but`.
+        """Rehearse other plans than `but` for the same reading of a mission.
 
-        No model is asked, and nothing is decided by that.
+        No model is asked, and nothing is decided.
         """
         return rehearse_other_ways(self._reload.services, mission, asked, but)
 
     def cancel(self) -> None:
-        """Cancel the mission being worked on; assets under way for it go to a safe state.
+        """Cancel the active mission; assets under way for it go to a safe state.
 
-        Raises ValueError when no mission is active.
+        Raises ValueError if no mission is active.
         """
         self._writable()
         self._worker.cancel()
 
     def acknowledge(self, alarm_id: str, by: str = "operator") -> None:
-        """Note that `by` has seen an alarm; raises ValueError for an unknown one."""
+        """Record that `by` has seen an alarm; raises ValueError for an unknown one."""
         self._writable()
         self._emit(self._intake.alarms.acknowledge(alarm_id, by))
 
     def move(self, mission_id: str, by: int) -> None:
-        """Move a waiting mission by `by` places in the queue; ValueError when it does not wait."""
+        """Move a waiting mission by `by` places in the queue; ValueError if it does not wait."""
         self._reorder(lambda: self._intake.move(mission_id, by))
 
     def let_next_go_first(self) -> None:
-        """Let the next mission go before the active one, of which the operator is asked something.
+        """Move the next mission ahead of the active one, which then waits again.
 
-        That one waits again. Raises ValueError when none waits, or an asset is moving already.
+        Raises ValueError if no mission waits, or an asset is already moving for the active one.
         """
         self._writable()
         self._worker.let_next_go_first()
 
     def defer(self, mission_id: str) -> None:
-        """Let everything else go before a waiting mission; ValueError when it does not wait."""
+        """Move a waiting mission behind all others; raises ValueError if it does not wait."""
         self._reorder(lambda: self._intake.queue.defer(mission_id))
 
     def withdraw(self, mission_id: str) -> None:
-        """Cancel a waiting mission; raises ValueError when it does not wait."""
+        """Cancel a waiting mission; raises ValueError if it does not wait."""
         reason = "withdrawn by the operator"
         self._reorder(lambda: self._worker.drop(self._intake.queue.remove(mission_id), reason))
 
     def _stop_for(self, by: str) -> None:
-        """Stop all assets for a request from another station, unless they are stopped."""
+        """Stop all assets at the request of another station, unless they are already stopped."""
         if not self.readonly and not self._gate.stopped:
             self.stop_all(by)
 
     def stop_all(self, by: str = "operator") -> None:
-        """Send every asset a hold, cancel the active mission, empty the queue.
+        """Send a hold to every asset, cancel the active mission and empty the queue.
 
-        The stop is latched: until `release` no other command leaves the station, no mission is
-        taken, and no alarm becomes one. The holds go out before anything else is done.
+        The stop is latched: until `release`, no other command leaves the station, no mission is
+        accepted, and no alarm becomes one. The holds are sent before anything else is done.
         """
         self._writable()
         holds = self._emergency_stop.hold_all()
@@ -537,9 +539,9 @@ class ControlStation:
         self._worker.queue_changed()
 
     def release(self, by: str = "operator") -> None:
-        """Release the stop: missions are taken again, and open alarms become missions.
+        """Release the stop: missions are accepted again, and open alarms become missions.
 
-        No asset moves by that alone. Raises ValueError when nothing is stopped.
+        The release alone moves no asset. Raises ValueError if nothing is stopped.
         """
         self._writable()
         self._gate.release()
@@ -551,9 +553,9 @@ class ControlStation:
         self._worker.queue_changed()
 
     def inject(self, incident: Incident) -> None:
-        """Let something happen in a simulated fleet; raises ValueError for an unknown name.
+        """Make an incident happen in a simulated fleet.
 
-        Raises ValueError too when the fleet is not a simulated one.
+        Raises ValueError for an unknown name, and for a fleet that is not simulated.
         """
         self._writable()
         if not isinstance(self._fleet, Simulated):
@@ -570,29 +572,29 @@ class ControlStation:
                     return
 
     async def settled(self) -> None:
-        """Wait until no mission is worked on, none waits, and every outcome is judged."""
+        """Wait until no mission is active, none waits, and every outcome is judged."""
         while not (self._worker.idle.is_set() and self._verdicts.all_told.is_set()):
             await self._worker.idle.wait()
             await self._verdicts.all_told.wait()
 
     def worker_changed(self, state: ev.WorkerState, detail: str) -> None:
-        """Pass a change of the LLM worker on to the event stream."""
+        """Emit a change in the state of the LLM worker."""
         self._emit(ev.WorkerChanged(state=state, detail=detail))
 
     def _server_changed(
         self, server: str, serves: tuple[ev.ServerUse, ...], state: ev.ServerState, detail: str
     ) -> None:
-        """Pass a change of a model's server on to the event stream."""
+        """Emit a change in the state of a model's server."""
         self._emit(ev.ServerChanged(server=server, serves=serves, state=state, detail=detail))
 
     async def close(
         self, reason: str = "closed by the operator", *, judge_outcomes: bool = False
     ) -> None:
-        """Bring assets under way to safety and end the stream after a last event.
+        """Bring assets under way to safety and end the stream with a last event.
 
         With `judge_outcomes`, wait for the outstanding verdicts on outcomes; otherwise events
-        report that there are none. Safe to call twice and to cancel: all events are emitted in any
-        case.
+        report that there are none. The call may be repeated or cancelled: all events are emitted in
+        any case.
         """
         if self._closed:
             return
@@ -608,12 +610,12 @@ class ControlStation:
             self._events.put_nowait(None)
 
     async def _between(self) -> None:
-        """Use the model between two missions: for what is outstanding, then for reading ahead."""
+        """Use the model between two missions: for outstanding verdicts, then for reading ahead."""
         if await self._verdicts.work():
             await self._ahead.load()
 
     def _look_now(self) -> None:
-        """Take in the picture without waiting for the next telemetry."""
+        """Process the picture without waiting for the next telemetry."""
         self._ticking.look()
 
     def _writable(self) -> None:
@@ -639,6 +641,6 @@ class ControlStation:
             self._standing.mission_ended(mission, payload)
 
     def _broken(self, error: BaseException) -> None:
-        """End the session in order when one of its own tasks broke."""
+        """End the session in order after one of its own tasks has failed."""
         self.failure = f"internal error: {type(error).__name__}: {error}"
         self._ending = asyncio.create_task(self.close(self.failure))

@@ -1,4 +1,4 @@
-"""The things that wait for the operator, each with how urgent it is, by the state of a session."""
+"""The items that wait for the operator, with their urgency, from the state of a session."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ URGENT: tuple[AlarmPriority, ...] = ("emergency", "high")
 
 @dataclass(frozen=True)
 class Wait:
-    """One thing that waits, in few words; a plan has no priority of its own."""
+    """One item that waits, in few words; a plan has no priority of its own."""
 
     text: str
     priority: AlarmPriority | None = None
@@ -21,9 +21,9 @@ class Wait:
 def what_waits(
     state: SessionState, priorities: tuple[AlarmPriority, ...] = URGENT
 ) -> dict[str, Wait]:
-    """Return what waits for the operator by a key of its own, the first most urgent.
+    """Return the items that wait for the operator, each under a unique key, the most urgent first.
 
-    Alarms of the `priorities` wait until they are acknowledged.
+    Alarms with one of the `priorities` wait until they are acknowledged.
     """
     waits: dict[str, Wait] = {}
     if state.log_problem:

@@ -1,4 +1,4 @@
-"""Works on missions, one at a time, in the queue's order, and runs the session's own tasks."""
+"""The work on missions, one at a time in the queue's order, and the session's background tasks."""
 
 import asyncio
 from collections import deque
@@ -18,24 +18,30 @@ from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.telemetry import Picture
 from pa_console.station.intake import Intake
 
+MOST_COUNTERSIGNED = 16
+UNANSWERED_S = 60.0
+"""The wait in seconds after which an unanswered plan gives way to a mission that needs no
+approval."""
+NOBODY_ANSWERS = "it need not ask anybody, and nobody has answered"
+
 
 class Background:
-    """Runs tasks beside a session."""
+    """The tasks that run beside a session."""
 
     def __init__(self, on_failure: Callable[[BaseException], None]) -> None:
-        """Call `on_failure` with the error of a task that broke."""
+        """Call `on_failure` with the error of a task that fails."""
         self._on_failure = on_failure
         self._tasks: set[asyncio.Task[object]] = set()
 
     def start(self, work: Coroutine[None, None, object]) -> asyncio.Task[object]:
-        """Run `work` from now on."""
+        """Start `work` as a task and return the task."""
         task = asyncio.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._ended)
         return task
 
     async def stop(self) -> None:
-        """Cancel every task and wait until it has ended."""
+        """Cancel every task and wait until all have ended."""
         tasks = list(self._tasks)
         for task in tasks:
             task.cancel()
@@ -47,17 +53,13 @@ class Background:
             self._on_failure(error)
 
 
-MOST_COUNTERSIGNED = 16
-UNANSWERED_S = 60.0
-"""A plan that waits so long for the operator gives way to a mission that need not ask anybody."""
-NOBODY_ANSWERS = "it need not ask anybody, and nobody has answered"
 EmitFor = Callable[[ev.EventPayload, str | None], None]
-"""Takes an event, and the id of its mission."""
+"""A function that emits an event for the mission with the given id, or for none."""
 
 
 @dataclass(frozen=True)
 class StationParts:
-    """The parts that one station shares."""
+    """The objects that the parts of one station share."""
 
     services: Services
     feed: StepFeed
@@ -68,7 +70,7 @@ class StationParts:
 
 
 class MissionWorker:
-    """Takes missions from the intake and carries them out; reports everything through `emit`."""
+    """The worker that carries out the missions of the intake and reports through `emit`."""
 
     def __init__(self, parts: StationParts) -> None:
         self._services, self._intake = parts.services, parts.intake
@@ -78,7 +80,7 @@ class MissionWorker:
             parts.feed, self._decided, parts.verdicts, lambda: self._intake.alarms.open
         )
         self.idle = asyncio.Event()
-        """Set while no mission is worked on and none waits."""
+        """Set while no mission is active and none waits."""
         self.idle.set()
         self._arrived = asyncio.Event()
         self._runs: dict[str, MissionRun] = {}
@@ -89,32 +91,32 @@ class MissionWorker:
         self._answer: asyncio.Future[Decision] | None = None
         self._countersigned: deque[Decision] = deque(maxlen=MOST_COUNTERSIGNED)
         self._asked_at_s = 0.0
-        """When the operator was asked last, on the fleet's clock."""
+        """The time of the last approval request, on the fleet's clock."""
         self._asked: set[str] = set()
-        """The open missions that the operator was asked about."""
+        """The open missions whose approval was requested."""
         self._first = ""
-        """The mission that was let first last."""
+        """The mission that was last moved ahead of another."""
 
     @property
     def active(self) -> MissionRun | None:
-        """The mission that is being worked on."""
+        """The run of the active mission; None if no mission is active."""
         return self._run
 
     @property
     def busy(self) -> bool:
-        """True while a mission is being worked on."""
+        """True while a mission is active."""
         return self._run is not None
 
     @property
     def worked_on(self) -> str:
-        """The id of the mission that is being worked on, empty when none is."""
+        """The id of the active mission; '' if there is none."""
         return self._run.mission.id if self._run is not None else ""
 
     @property
     def thinking(self) -> bool:
-        """True while the active mission, or the outcome of the last one, is being thought about.
+        """True while the active mission is planned or waits, or an outcome is still being judged.
 
-        No asset moves for it meanwhile.
+        No asset moves for a mission in the meantime.
         """
         if self._run is None:
             return not self._verdicts.all_told.is_set()
@@ -122,13 +124,13 @@ class MissionWorker:
 
     @property
     def handled(self) -> frozenset[str]:
-        """The tracks, assets and gates that the active mission deals with."""
+        """The tracks, assets and gates of the active mission."""
         return self._run.subjects if self._run is not None else frozenset()
 
     async def serve(
         self, background: Background, between: Callable[[], Coroutine[None, None, None]]
     ) -> None:
-        """Work on the missions for ever; `between` is begun whenever one is over."""
+        """Carry out missions until cancelled; start `between` after each one."""
         while True:
             mission = self._intake.queue.pop_next()
             if mission is None:
@@ -145,7 +147,7 @@ class MissionWorker:
             background.start(between())
 
     def use(self, services: Services) -> None:
-        """Use these for new missions; missions already begun keep theirs."""
+        """Use `services` for new missions; missions already begun keep theirs."""
         self._services = services
 
     @property
@@ -162,21 +164,21 @@ class MissionWorker:
             self._arrived.set()
 
     def decide(self, decision: Decision) -> None:
-        """Answer the open approval request; raises ValueError when there is none."""
+        """Answer the open approval request; raises ValueError if there is none."""
         if self._answer is None or not self.awaits_decision:
             raise ValueError("no plan waits for a decision")
         self._answer.set_result(decision)
 
     def countersign(self, signed: PlanCountersignature) -> None:
-        """Take in what a second person has signed elsewhere, for the plan that waits or will."""
+        """Accept a second person's signature from elsewhere, for the waiting or the next plan."""
         self._countersigned.append(countersignature(signed))
         if self._answer is not None and not self._answer.done():
             self._answer.set_result(self._countersigned.popleft())
 
     def cancel(self, reason: str = "cancelled by the operator") -> None:
-        """Cancel the active mission, even one that was about to give way to an emergency.
+        """Cancel the active mission, even if it is about to give way to an emergency.
 
-        Raises ValueError when none is active.
+        Raises ValueError if none is active.
         """
         if self._work is None:
             raise ValueError("no mission is active; one that waits is withdrawn from the queue")
@@ -184,7 +186,7 @@ class MissionWorker:
         self._work.cancel()
 
     def change_steps(self, change: Change, by: str = "operator") -> None:
-        """Let the active order in steps pause or go on, or end it; ValueError where it cannot."""
+        """Pause, resume or end the active order in steps; raises ValueError if not possible."""
         if self._run is None or not self._run.in_steps:
             raise ValueError("no order in steps is under way")
         match change:
@@ -196,9 +198,10 @@ class MissionWorker:
                 self._run.pause(paused=change == "pause", by=by)
 
     def see(self, picture: Picture) -> None:
-        """Let the active mission take in new telemetry, or give way.
+        """Pass new telemetry to the active mission, or let the mission give way.
 
-        It does to an emergency (WF-04), and unanswered to what a standing order may do unasked.
+        It gives way to an emergency (WF-04). If nobody answers its approval request, it also gives
+        way to a mission of a standing order that needs no approval.
         """
         if self._run is None or self._work is None or self._work.done():
             return
@@ -206,7 +209,7 @@ class MissionWorker:
         self._run.see(picture)
         moving = self._run.moving
         entry = None if self._gives_way else self._intake.emergency(mission, moving=moving)
-        # What was let first keeps its turn before what has waited for an answer in vain.
+        # A mission that was moved ahead keeps its turn: the other has had its chance of an answer.
         kept = mission.id == self._first and entry is not None and entry.mission.id in self._asked
         if entry is not None and not kept:
             self._give_way(self._run, self._work, entry.mission.id, entry.reason)
@@ -214,9 +217,10 @@ class MissionWorker:
             self._let_first(self._run, self._work, unasked, NOBODY_ANSWERS)
 
     def let_next_go_first(self) -> None:
-        """Let the next mission go before the active one, which waits again and is planned anew.
+        """Move the next mission ahead of the active one, which waits again and is planned again.
 
-        Raises ValueError when there is no such mission, or an asset is moving for the active one.
+        Raises ValueError if no mission is active or waits, or an asset is moving for the active
+        one.
         """
         run, work = self._run, self._work
         if run is None or work is None or work.done():
@@ -229,9 +233,9 @@ class MissionWorker:
         self._let_first(run, work, waiting[0].mission, "the operator's order")
 
     def _unasked(self, time_s: float) -> Mission | None:
-        """Return a waiting mission that nobody need be asked about, if nobody answers now.
+        """Return a waiting mission that needs no approval, if the active one has waited too long.
 
-        One whose plan has already waited for an answer is none.
+        A mission whose plan has already waited for an answer is not returned.
         """
         if not self.awaits_decision or time_s - self._asked_at_s < UNANSWERED_S:
             return None
@@ -254,13 +258,13 @@ class MissionWorker:
         work.cancel()
 
     def drop(self, mission: Mission, reason: str) -> None:
-        """End a mission that waits and will not get its turn."""
+        """End a waiting mission that will not be carried out."""
         run = self._runs.pop(mission.id, None) or self._new_run(mission)
         self._asked.discard(mission.id)
         run.close(MissionResult("cancelled", reason))
 
     async def _work_on(self, run: MissionRun) -> None:
-        """Work on a mission; an interrupted or broken one is brought to safety."""
+        """Carry out a mission; if it is interrupted or fails, bring its assets to safety."""
         try:
             await run.work()
         except asyncio.CancelledError:
@@ -272,7 +276,7 @@ class MissionWorker:
             run.close(MissionResult("failed", reason))
 
     def _leave(self, run: MissionRun, *, interrupted: bool) -> None:
-        """Let go of a mission: it is over, gave way and waits again, or was cancelled."""
+        """Release a mission that is over, was cancelled, or gave way and waits again."""
         if interrupted and self._gives_way and self._intake.put_back(run.mission):
             return
         self._runs.pop(run.mission.id, None)
@@ -292,7 +296,7 @@ class MissionWorker:
         return MissionRun(self._services, mission, emit, self._side)
 
     def _decided(self) -> asyncio.Future[Decision]:
-        """Return the future answer of `decide`; meanwhile, the model is idle."""
+        """Return the future decision; outstanding verdicts use the idle model in the meantime."""
         self._verdicts.go_on()
         self._answer = answer = asyncio.get_running_loop().create_future()
         self._asked_at_s = self._services.fleet.time_s

@@ -1,1 +1,1 @@
-"""A session on the maps of others: Cursor on Target for ATAK, WinTAK and TAK servers."""
+"""A session on TAK maps: Cursor on Target for ATAK, WinTAK and TAK servers."""

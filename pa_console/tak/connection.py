@@ -1,7 +1,6 @@
-"""The connection to a TAK server, by its address and the client certificate for it.
+"""The connection to a TAK server, with its address and the client certificate for it.
 
-A thread sends, listens and reconnects.
-PyTAK opens the connection, with or without TLS.
+A thread sends, listens and reconnects. PyTAK opens the connection, with or without TLS.
 """
 
 import asyncio
@@ -28,13 +27,31 @@ FORM = "tcp://HOST[:PORT] or tls://HOST[:PORT]"
 PASSWORD_VARIABLE = "PA_CONSOLE_TAK_PASSWORD"
 """The password of a certificate's key."""
 CIPHERS = "DEFAULT"
+CONNECT_S = 10.0
+STEADY_S = 30.0
+"""The duration of a connection after which its loss resets the wait between tries, in seconds."""
+STUCK_S = 20.0
+"""The time without an accepted byte after which a connection is closed, in seconds."""
+QUIET_S = 15.0
+"""The time without an event after which a ping is sent, in seconds."""
+FLUSH_S = 3.0
+"""The longest time for sending the waiting events at the end, in seconds."""
+GOODBYE_S = 1.0
+"""The time in which the server can read the last bytes, in seconds."""
+READ_BYTES = 65_536
+BYTES_A_SECOND = 4_000_000
+"""The most bytes a second that are read from a server, so that a flood cannot occupy a
+processor."""
+MOST_WAITING = 10_000
+"""The most events that wait; the largest world has 2000 assets with a route each."""
 
 
 @dataclass(frozen=True)
 class Certificate:
     """A client's certificate and key, and the authority whose servers it trusts.
 
-    Certificate and key are PEM, also in one file, or one PKCS #12 file as TAK servers issue it.
+    Certificate and key are PEM files, or a single file with both: PEM, or PKCS #12 as issued by TAK
+    servers.
     """
 
     certificate: Path
@@ -43,7 +60,7 @@ class Certificate:
 
     @classmethod
     def of(cls, certificate: Path | None, key: Path | None, ca: Path | None) -> Self | None:
-        """Return the certificate, None without any option; raise ValueError for a part of them."""
+        """Return the certificate, None without options; raise ValueError if one is missing."""
         if certificate is None and key is None and ca is None:
             return None
         if certificate is None or ca is None:
@@ -125,28 +142,10 @@ Opened = tuple[StreamReader, StreamWriter]
 _CONTEXT = cast(Callable[[object], object], client_functions.get_ssl_ctx)
 _TLS_SETTINGS = cast(Callable[[dict[str, str]], object], client_functions.get_tls_config)
 _OPEN = cast(Callable[[dict[str, str]], Awaitable[Opened]], client_functions.protocol_factory)
-CONNECT_S = 10.0
-STEADY_S = 30.0
-"""A lost connection that lasted this long is tried again soon."""
-STUCK_S = 20.0
-"""A connection is closed if the server accepts no byte for this long."""
-QUIET_S = 15.0
-"""A ping is sent after this long without an event."""
-FLUSH_S = 3.0
-"""The longest time in which waiting events are sent at the end."""
-GOODBYE_S = 1.0
-"""The time that the server has to read the last bytes."""
-READ_BYTES = 65_536
-BYTES_A_SECOND = 4_000_000
-"""The most that is read from a server: a flood must not keep a processor busy here."""
-
-
-MOST_WAITING = 10_000
-"""The most events that wait; the largest world has 2000 assets with a route each."""
 
 
 class Outbox:
-    """Events that wait to be sent, from any thread: the newest one of each thing.
+    """Events that wait to be sent, from any thread, with only the newest one for each thing.
 
     A full outbox drops the event that has waited longest, so that no caller has to wait.
     """
@@ -182,7 +181,7 @@ class Outbox:
 class TakConnection:
     """A connection that sends CoT events to a server while its `with` block lasts.
 
-    `tell` is called in the thread of the connection, with a line about each new state. `uid` names
+    `tell` is called in the thread of the connection with a line about each new state. `uid` names
     the sender in pings.
     """
 
@@ -194,9 +193,9 @@ class TakConnection:
         retry_s: float = 1.0,
         reports: TakReports | None = None,
     ) -> None:
-        """`retry_s` is the wait after a first failure; it doubles after each further one.
+        """Wait `retry_s` seconds after a first failure; the wait doubles after each further one.
 
-        `reports` gets the state of the connection and everything that the server sends. Raises
+        `reports` receives the state of the connection and everything that the server sends. Raises
         ValueError for certificates that cannot be used.
         """
         if server.certificate is not None:
@@ -217,7 +216,7 @@ class TakConnection:
         self._state = ""
         self._thread = Thread(target=lambda: asyncio.run(self._run()), name="tak", daemon=True)
         self.connections = 0
-        """The number of connections so far: after each, the map has to be drawn again."""
+        """The number of connections so far; after each, the map must be drawn again."""
         self.sent = 0
 
     def __enter__(self) -> Self:
@@ -232,7 +231,7 @@ class TakConnection:
 
     @property
     def words(self) -> str:
-        """The numbers of events that were sent, not sent and dropped."""
+        """The numbers of events that were sent, not sent and dropped, in words."""
         rest = ((len(self.outbox), "not sent"), (self.outbox.dropped, "dropped"))
         more = "".join(f", {number} {what}" for number, what in rest if number)
         return f"{count(self.sent, 'event')} sent{more}"
@@ -244,11 +243,11 @@ class TakConnection:
 
     def _wake(self, event: asyncio.Event) -> None:
         if self._loop is not None:
-            with suppress(RuntimeError):  # it is over
+            with suppress(RuntimeError):  # the loop has ended
                 self._loop.call_soon_threadsafe(event.set)
 
     async def _run(self) -> None:
-        """Connect until the end, with a longer wait after each failure in a row."""
+        """Connect until the session ends, with a longer wait after each failure in a row."""
         self._loop = asyncio.get_running_loop()
         self._ready.set()
         retry_s = self._first_retry_s
@@ -319,12 +318,12 @@ class TakConnection:
             raise ConnectionError("the server closed it")
 
     async def _overdue(self) -> None:
-        """Return FLUSH_S after the end."""
+        """Return FLUSH_S seconds after the end of the session."""
         await self._closing.wait()
         await asyncio.sleep(FLUSH_S)
 
     async def _listen(self, reader: StreamReader) -> None:
-        """Read the server's bytes until it closes."""
+        """Read the server's bytes until it closes the connection."""
         while data := await reader.read(READ_BYTES):
             if self._reports is not None:
                 self._reports.received(data)
@@ -371,7 +370,7 @@ class TakConnection:
 
 
 class _ClosedError(Exception):
-    """The session ended while a connection was opened."""
+    """An error that the session ended while a connection was being opened."""
 
 
 def _why(error: Exception) -> str:

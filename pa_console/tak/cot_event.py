@@ -1,4 +1,4 @@
-"""Cursor on Target events as XML of version 2.0: written for a TAK map, read from a server."""
+"""Cursor on Target events as XML, version 2.0: written for a TAK map, read from a server."""
 
 import math
 import re
@@ -24,6 +24,9 @@ UNKNOWN = 9_999_999.0
 DELETE, PING = "t-x-d-d", "t-x-c-t"
 How = Literal["m-g", "m-s"]
 """The source of a position: reported by the machine itself, or simulated."""
+BEGIN, END = b"<event", b"</event>"
+MOST_BYTES = 65_536
+"""The largest event that is read; the schema's own examples take a tenth of it."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +42,9 @@ class CotPoint:
 
 @dataclass(frozen=True)
 class CotEvent:
-    """An event for a TAK map: thing `uid` of `type` was at `point` at `time`, valid until `stale`.
+    """An event for a TAK map: `uid`, of `type`, was at `point` at `time`; valid until `stale`.
 
-    `about` is the uid of the thing, for an event with a uid of its own.
+    `about` is the uid of the thing if the event has a uid of its own.
     """
 
     uid: str
@@ -79,7 +82,7 @@ class CotEvent:
 
 
 def stamp(moment: datetime) -> str:
-    """Return a moment in the form of CoT: UTC, to the millisecond."""
+    """Return a moment in CoT form: UTC, to the millisecond."""
     return moment.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%S.%f")[:-3] + "Z"
 
 
@@ -98,20 +101,15 @@ def deletion(uid: str, type_: str, now: datetime) -> CotEvent:
 
 
 def ping(uid: str, now: datetime, stale: datetime) -> CotEvent:
-    """Return an event that a server answers, so that a dead connection is noticed."""
+    """Return an event that a server answers, which reveals a dead connection."""
     return CotEvent(f"{uid}-ping", PING, now, stale)
 
 
-BEGIN, END = b"<event", b"</event>"
-MOST_BYTES = 65_536
-"""The largest event that is read; the schema's own examples take a tenth of it."""
-
-
 class EventStream:
-    """A stream of bytes, cut into whole events; `broken` counts those that were too long."""
+    """A stream of bytes, cut into complete events; `broken` counts those that were too long."""
 
     def __init__(self, most: int = MOST_BYTES) -> None:
-        """`most` is the largest number of bytes that are kept of an event without its end."""
+        """Keep at most `most` bytes of an event without its end."""
         self._most = most
         self._rest = bytearray()
         self._skipping = False
@@ -161,14 +159,14 @@ _KINDS: tuple[tuple[str, ClaimedKind], ...] = (
     ("P", "spacecraft"),
     ("F", "special forces"),
 )
-"""Battle dimension and function of MIL-STD-2525; the first that fits counts."""
+"""Battle dimension and function of MIL-STD-2525; the first match counts."""
 
 
 @dataclass(frozen=True)
 class ReceivedEvent:
-    """An event from a server. Latitude and longitude are degrees of WGS-84, `ce` is in metres.
+    """An event from a server; latitude and longitude are degrees of WGS-84, `ce` is in metres.
 
-    `about` is the uid of the thing that the event removes, empty for any other event. `uid` and
+    `about` is the uid of the thing that the event removes, '' for any other event. `uid` and
     `callsign` are one line each, with terminal control characters escaped.
     """
 
@@ -189,7 +187,7 @@ class ReceivedEvent:
 
     @property
     def has_place(self) -> bool:
-        """True if the event reports the place of a thing."""
+        """True if the event reports the position of a thing."""
         return self.type.startswith("a-")
 
     @property
@@ -209,9 +207,9 @@ class ReceivedEvent:
 
 
 def read_event(document: bytes) -> ReceivedEvent | None:
-    """Return the event in `document`, or None if it is not a valid one.
+    """Return the event in `document`, or None if it is invalid.
 
-    A document type is refused, and with it every entity that would grow while it is read.
+    A document type is refused, and with it every entity that would grow during reading.
     """
     try:
         root = _PARSE(document, forbid_dtd=True)
@@ -259,6 +257,6 @@ def _degrees(text: str, most: float) -> float:
 
 
 def _moment(text: str) -> datetime:
-    """Read a moment; one without a zone is in UTC."""
+    """Parse a moment; one without a time zone is in UTC."""
     found = datetime.fromisoformat(text)
     return (found if found.tzinfo is not None else found.replace(tzinfo=UTC)).astimezone(UTC)

@@ -1,6 +1,6 @@
 """Reports from a TAK server for a session: its connection, unverified contacts, and impostors.
 
-Everything that a server sends is bounded: size, rate, number and validity.
+Everything from a server is bounded in size, rate, number and validity.
 """
 
 import math
@@ -30,13 +30,30 @@ from pa_console.tak.cot_event import DELETE, CotEvent, EventStream, ReceivedEven
 from pa_console.tak.session_on_map import SiteOnMap
 
 REPORTED_EVERY = timedelta(seconds=5)
-"""The least time between two reports of the same contact."""
+"""The shortest time between two reports of the same contact."""
 HOLDS_MOST = timedelta(minutes=10)
 """The longest validity of a report, even if its sender claims a longer one."""
 MOVED_M = 0.5
-"""The least distance that counts as a movement."""
+"""The shortest distance that counts as a movement, in metres."""
 NEWCOMER_EVERY = timedelta(seconds=10)
-"""The time between new contacts once the most have come: no sender can fill the log."""
+"""The time between new contacts after the first MOST_CONTACTS, so that no sender can fill the
+log."""
+MARGIN_M = 100.0
+"""The distance beyond the farthest point of the world up to which contacts are shown, in metres."""
+READ_A_SECOND = 200
+"""The most events that are read in a second; the others are counted and dropped."""
+MOST_NAMES = 1000
+"""The most omitted things that are counted."""
+MOST_IMPOSTORS = 8
+"""The most impostors that are named; one more notice stands for the others."""
+SENT_KEPT = 30
+"""The number of sent events kept for each thing, because a server may return the last ones."""
+MOST_THINGS = 10_000
+ROUNDED = 2e-6
+"""The tolerance of angles, which a server may round, in degrees."""
+LEFT_OUT_EVERY = timedelta(minutes=1)
+SAME = timedelta(milliseconds=20)
+"""The tolerance of times, which a server may round."""
 
 
 @dataclass
@@ -46,10 +63,10 @@ class _KnownContact:
     reported_at: datetime | None = None
 
     def is_news(self, now: datetime) -> bool:
-        """Return True if the contact is new, or has changed since its last report in time."""
+        """Return True if the contact is new, or has changed and its last report is old enough."""
         if self.reported is None or self.reported_at is None:
             return True
-        # A negative difference means that the clock was set back: waiting could take for ever.
+        # After a clock was set back, the difference is negative, and waiting could last forever.
         if timedelta() <= now - self.reported_at < REPORTED_EVERY:
             return False
         before, here = self.reported, self.contact
@@ -59,7 +76,7 @@ class _KnownContact:
 
 
 class ContactBook:
-    """The contacts by uid. The caller gives the time; its clock may be set back."""
+    """The contacts by uid; the caller passes the time, and its clock may be set back."""
 
     def __init__(self) -> None:
         self._known: dict[str, _KnownContact] = {}
@@ -68,7 +85,7 @@ class ContactBook:
         self._counted: datetime | None = None
 
     def take(self, heard: ReceivedEvent, at: Point, now: datetime) -> bool:
-        """Add a report of a thing `at` a point; return False if there is no room for it."""
+        """Add a report of a thing at the point `at`; return False if there is no room for it."""
         stale = min(heard.stale, now + HOLDS_MOST)
         if stale <= now:
             self.lose(heard.uid, "stale")
@@ -92,7 +109,7 @@ class ContactBook:
         return True
 
     def lose(self, uid: str, reason: LossReason) -> None:
-        """Remove a contact; its loss is reported only if the contact was."""
+        """Remove a contact; its loss is reported only if the contact was reported."""
         known = self._known.pop(uid, None)
         if known is not None and known.reported is not None:
             self._lost.append(ContactLost(uid=uid, reason=reason))
@@ -120,26 +137,6 @@ class ContactBook:
         return True
 
 
-MARGIN_M = 100.0
-"""The distance beyond the farthest point of the world up to which contacts are shown."""
-READ_A_SECOND = 200
-"""The most events that are read in a second; the rest is counted and dropped."""
-MOST_NAMES = 1000
-"""The most things left out that are counted."""
-MOST_IMPOSTORS = 8
-"""The most impostors that are named; one more notice stands for the rest."""
-LEFT_OUT_EVERY = timedelta(minutes=1)
-
-
-SENT_KEPT = 30
-"""The number of sent events kept for each thing: a server may send the last ones back."""
-MOST_THINGS = 10_000
-SAME = timedelta(milliseconds=20)
-"""The tolerance of times, which a server may round."""
-ROUNDED = 2e-6
-"""The tolerance of angles in degrees, likewise."""
-
-
 @dataclass(frozen=True)
 class _OwnEvent:
     type: str
@@ -151,7 +148,7 @@ class _OwnEvent:
 
 
 class OwnEvents:
-    """The events that this console has sent, to find others that use the site's uids."""
+    """The events that this console has sent, used to detect other senders with the site's uids."""
 
     def __init__(
         self, site: SiteOnMap, now: Callable[[], datetime] = lambda: datetime.now(UTC)
@@ -163,7 +160,7 @@ class OwnEvents:
         self._sent: OrderedDict[str, deque[_OwnEvent]] = OrderedDict()
 
     def sent(self, event: CotEvent) -> None:
-        """Remember `event`, which is about to be sent."""
+        """Record `event`, which is about to be sent."""
         if not (event.type.startswith("a-") or event.type == DELETE):
             return
         subject, at = event.subject, event.point
@@ -190,7 +187,7 @@ class OwnEvents:
     def impostor(self, heard: ReceivedEvent) -> str:
         """Return the name of the site's thing that another sender claims to be; '' for none.
 
-        Only events that report a place or remove a thing count, drawings do not.
+        Only events that report a position or remove a thing count; drawings do not.
         """
         relevant = heard.has_place or heard.type == DELETE
         if not relevant or not heard.subject.startswith(self._prefix):
@@ -203,7 +200,7 @@ class OwnEvents:
 
 
 def _is_same(sent: _OwnEvent, heard: ReceivedEvent) -> bool:
-    """Return True if a server sent an event back; it may have shortened the validity."""
+    """Return True if `heard` is `sent`, returned by a server, perhaps with a shorter validity."""
     return (
         sent.type == heard.type
         and abs(sent.time - heard.time) <= SAME
@@ -218,7 +215,7 @@ class TakReports:
     """The reports of one connection; `news` returns the new ones.
 
     The connection's thread adds reports and the session takes them; neither waits for the other.
-    Without `contacts` nothing that the server sends is read.
+    Without `contacts`, nothing that the server sends is read.
     """
 
     def __init__(
@@ -229,7 +226,7 @@ class TakReports:
         contacts: bool = True,
         now: Callable[[], datetime] = lambda: datetime.now(UTC),
     ) -> None:
-        """`server` is its address, `now` this machine's clock."""
+        """Collect reports about `server`, its address; `now` returns this machine's time."""
         self._site, self._server, self._contacts, self._now = site, server, contacts, now
         self._lock = Lock()
         self._own, self._book = OwnEvents(site, now), ContactBook()
@@ -244,21 +241,21 @@ class TakReports:
         self._left_out, self._left_out_at = ContactsLeftOut(), now() - LEFT_OUT_EVERY
 
     def connection_changed(self, state: TakState, line: str) -> None:
-        """Report the new state of the connection, in words in `line`."""
+        """Report the new state of the connection, which `line` describes in words."""
         with self._lock:
-            if state == "connected":  # the end of an event cut off with the last one never comes
+            if state == "connected":  # the rest of an event cut off before never arrives
                 self._unreadable += self._stream.broken
                 self._stream = EventStream()
             self._changed = TakChanged(server=self._server, state=state, detail=line)
 
     def sent(self, event: CotEvent) -> None:
-        """Remember an event that this console is about to send."""
+        """Record an event that this console is about to send."""
         if self._contacts:
             with self._lock:
                 self._own.sent(event)
 
     def received(self, data: bytes) -> None:
-        """Take bytes from the server, in pieces of any length."""
+        """Process bytes from the server, in pieces of any length."""
         if not self._contacts:
             return
         for document in self._stream.feed(data):
@@ -298,7 +295,7 @@ class TakReports:
                 _count(self._crowded, heard.uid)
 
     def _place(self, heard: ReceivedEvent) -> Point | None:
-        """Return the place of a thing on the site, or None beyond its bounds."""
+        """Return the position of a thing on the site, or None beyond its bounds."""
         at = self._site.geography.near(heard.latitude, heard.longitude)
         (west, south), (east, north) = self._bounds
         return at if at and west <= at[0] <= east and south <= at[1] <= north else None
@@ -313,7 +310,7 @@ class TakReports:
         self._notices.append(Noticed(level="alarm", subject="TAK", text=text))
 
     def _not_shown(self, now: datetime) -> list[ContactsLeftOut]:
-        """Return the numbers of things left out, if they are new and the last report is old."""
+        """Return the numbers of omitted things if they changed and a new report is due."""
         left_out = ContactsLeftOut(
             outside=len(self._outside),
             too_many=len(self._crowded) + self._unread,

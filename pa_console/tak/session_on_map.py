@@ -1,8 +1,8 @@
 """A session and its site on a TAK map, drawn from events without delaying the session.
 
-An old report never looks fresh. The `time` of an event is that of the asset's report or the track's
-last detection, its `stale` is `stale_s` of the world later. A thing that falls silent is sent once
-more, stale already, and then not again until its next report.
+An old report never looks fresh. The `time` of an event is the time of the asset's report or of the
+track's last detection; its `stale` is later by the `stale_s` of the world. A thing that becomes
+silent is sent once more, already stale, and then not again until its next report.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -34,15 +34,20 @@ SPOT_ICONS = "COT_MAPPING_SPOTMAP"
 """The icon set of ATAK for points."""
 WHITE, RED, CYAN = 0xFFFFFFFF, 0xFFFF0000, 0xFF00FFFF
 FILLED = 0x40FFFFFF
-"""A mask that leaves a quarter of a colour's opacity, for fills."""
+"""A mask that reduces a colour to a quarter of its opacity, for fills."""
+TRACK_FUNCTIONS = {"vehicle": "G-E-V", "person": "G-U"}
+YELLOW = 0xFFFFFF00
+DRAWN_S = 600.0
+"""The validity of the ground on the map, in seconds; it is drawn again in half the time."""
+DRAWING_S = 3.0
+"""The longest wait at the end for a picture that is being drawn, in seconds."""
 
 
 @dataclass(frozen=True)
 class SiteOnMap:
     """A world, its place on the earth, and the names of its things on the map.
 
-    `name` is the start of every uid. A `replay` differs from a live session in uid, callsign and
-    `how`.
+    Every uid begins with `name`. A `replay` differs from a live session in uid, callsign and `how`.
     """
 
     world: World
@@ -51,7 +56,7 @@ class SiteOnMap:
     replay: bool = False
 
     def uid(self, *parts: str) -> str:
-        """Return the uid of a thing of this site, the same every time."""
+        """Return the uid of a thing of this site, which is always the same."""
         return ".".join(("pa-console-replay" if self.replay else "pa-console", self.name, *parts))
 
     def callsign(self, name: str) -> str:
@@ -81,7 +86,7 @@ class SiteOnMap:
         closed: bool = False,
         remarks: str = "",
     ) -> CotEvent:
-        """Return a line, or a polygon that is `closed`; `until` is (time, stale)."""
+        """Return a line, or a polygon if `closed`; `until` is (time, stale)."""
         way = [*points, points[0]] if closed else list(points)
         detail: list[Element] = []
         for latitude, longitude in map(self.geography.degrees, way):
@@ -130,7 +135,7 @@ def site_name(text: str) -> str:
 
 
 def signed(argb: int) -> str:
-    """Return a colour in the form of ATAK: a signed number of 32 bits."""
+    """Return a colour in ATAK's form: a signed number of 32 bits."""
     return str(argb - (1 << 32) if argb >= 1 << 31 else argb)
 
 
@@ -142,16 +147,15 @@ ASSET_TYPES: dict[AssetKind, str] = {
 }
 """CoT types after MIL-STD-2525: a rotary-wing UAV, a utility vehicle, a ground vehicle.
 
-2525 has no unmanned ground vehicle.
+MIL-STD-2525 has no unmanned ground vehicle.
 """
-TRACK_FUNCTIONS = {"vehicle": "G-E-V", "person": "G-U"}
 
 
 def affiliation(track: Track) -> Affiliation:
-    """Return the affiliation of a track by its identification and the sensors.
+    """Return the affiliation of a track from its identification and the sensors.
 
-    Hostile (`h`) is never given: another user's map may show it as a target. The remarks of the
-    track have its intent in words.
+    Hostile (`h`) is never returned, because another user's map may show it as a target. The remarks
+    of the track have its intent in words.
     """
     if track.intent == "hostile":
         return "s"
@@ -169,21 +173,18 @@ def track_type(track: Track) -> str:
     return f"a-{affiliation(track)}-{TRACK_FUNCTIONS[track.kind]}"
 
 
-YELLOW = 0xFFFFFF00
-
-
 class PictureOnMap:
     """The state of the map: the things that are shown or stale on it."""
 
     def __init__(self, site: SiteOnMap, pace: float = 1.0) -> None:
-        """`pace` is the number of seconds of the session in one second of the map."""
+        """Show `pace` seconds of the session in one second of the map."""
         self._site, self._pace = site, pace
         self._stale: set[str] = set()
         self._shown: dict[str, str] = {}
         """The type of every track and route on the map, by uid."""
 
     def events(self, picture: Picture, now: datetime) -> list[CotEvent]:
-        """Return the events that bring the map to `picture`, which is of the time `now`."""
+        """Return the events that update the map to `picture` at the time `now`."""
         result: list[CotEvent] = []
         seen: dict[str, str] = {}
         for asset in picture.assets.values():
@@ -209,7 +210,7 @@ class PictureOnMap:
         return gone
 
     def _once_stale(self, event: CotEvent, *, fresh: bool) -> list[CotEvent]:
-        """Return the event, or nothing if it is stale and was sent as such before."""
+        """Return the event, or nothing if it is stale and was already sent as stale."""
         if fresh:
             self._stale.discard(event.uid)
             return [event]
@@ -221,7 +222,7 @@ class PictureOnMap:
     def _times(
         self, stamp_s: float, picture: Picture, now: datetime, *, stale: bool
     ) -> tuple[datetime, datetime, bool]:
-        """Return the time of a report, the end of its validity, and True while it is fresh."""
+        """Return the time of a report, the end of its validity, and whether it is fresh."""
         age_s = max(picture.time_s - stamp_s, 0.0) / self._pace
         time = now - timedelta(seconds=age_s)
         until = time + timedelta(seconds=self._site.world.stale_s)
@@ -260,7 +261,7 @@ class PictureOnMap:
         return CotEvent(uid, kind, time, until, at, site.how, detail), fresh
 
     def _route(self, asset: AssetTelemetry, event: CotEvent) -> CotEvent:
-        """Return the rest of an asset's route; it goes stale with the asset."""
+        """Return the rest of an asset's route, which becomes stale together with the asset."""
         return self._site.shape(
             self._site.uid("route", asset.id),
             f"{asset.id} route",
@@ -315,22 +316,18 @@ def track_words(track: Track, now_s: float) -> str:
     return ", ".join(words)
 
 
-DRAWN_S = 600.0
-"""The validity of the ground on the map; it is drawn again in half the time."""
-
-
 class Receiver(Protocol):
     """A sink of CoT events, such as a connection."""
 
     connections: int
 
     def send(self, events: Iterable[CotEvent]) -> None:
-        """Take `events`; return at once."""
+        """Accept `events`; return at once."""
         ...
 
 
 class SessionOnMap:
-    """The source of a receiver's events: the pictures of a session, one in `every_s` at most.
+    """The events for a receiver from a session's pictures, at most one picture in `every_s`.
 
     An event is never newer than this machine's clock, so that a station's fast clock cannot make a
     report look fresh.
@@ -344,7 +341,7 @@ class SessionOnMap:
         pace: float = 1.0,
         now: Callable[[], datetime] = lambda: datetime.now(UTC),
     ) -> None:
-        """`pace` is the number of seconds of the session in one second of the map."""
+        """Show `pace` seconds of the session in one second of the map."""
         self._site, self._receiver, self._now = site, receiver, now
         self._picture = PictureOnMap(site, pace)
         self._every = timedelta(seconds=min(every_s, site.world.stale_s / 2))
@@ -352,11 +349,11 @@ class SessionOnMap:
         self._drawn: tuple[int, datetime] | None = None
 
     def take(self, event: Event) -> None:
-        """Take one event of the session; only pictures and the end are shown."""
+        """Process one event of the session; only pictures and the end are shown."""
         match event.data:
             case TelemetryReceived(picture=picture):
                 moment = min(event.t, self._now())
-                # A negative difference means that the clock was set back: the picture is shown.
+                # After a clock was set back, the difference is negative, and the picture is shown.
                 if self._last is not None and timedelta() <= moment - self._last < self._every:
                     return
                 self._last = moment
@@ -367,14 +364,14 @@ class SessionOnMap:
                 pass
 
     def end(self) -> None:
-        """Remove tracks, routes and the ground from the map; assets go stale by themselves."""
+        """Remove tracks, routes and the ground from the map; assets become stale by themselves."""
         now = self._now()
         drawn = self._site.ground_deleted(now) if self._drawn is not None else []
         self._drawn = None
         self._receiver.send([*self._picture.deleted(now), *drawn])
 
     def _ground(self, now: datetime) -> list[CotEvent]:
-        """Return the ground: after each connection, and again before it goes stale."""
+        """Return the ground after each new connection, and again before it becomes stale."""
         connections = self._receiver.connections
         if self._drawn is not None:
             before, at = self._drawn
@@ -384,15 +381,11 @@ class SessionOnMap:
         return self._site.ground(now, now + timedelta(seconds=DRAWN_S))
 
 
-DRAWING_S = 3.0
-"""The longest wait at the end for a picture that is being drawn."""
-
-
 class InBackground:
     """A thread that passes the pictures and the end of a session to `show` in its `with` block.
 
-    Of several waiting pictures only the newest is shown, so that the session never waits. An error
-    of `show` ends the thread; `tell` gets it in one line.
+    If several pictures wait, only the newest is shown, so that the session never waits. An error of
+    `show` ends the thread and is passed to `tell` in one line.
     """
 
     def __init__(self, show: Callable[[Event], object], tell: Callable[[str], object]) -> None:
@@ -404,7 +397,7 @@ class InBackground:
         self._thread = Thread(target=self._run, name="tak pictures", daemon=True)
 
     def take(self, event: Event) -> None:
-        """Take one event of the session; return at once."""
+        """Accept one event of the session; return at once."""
         match event.data:
             case TelemetryReceived():
                 with self._news:
@@ -436,7 +429,7 @@ class InBackground:
             self._tell(f"nothing more is shown: {type(error).__name__}: {error}")
 
     def _next(self) -> list[Event]:
-        """Wait for events to show and return them; none at the end."""
+        """Wait for events to show and return them; return none at the end."""
         with self._news:
             self._news.wait_for(lambda: self._picture or self._end or self._over)
             waiting = [event for event in (self._picture, self._end) if event is not None]

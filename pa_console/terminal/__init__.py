@@ -1,1 +1,1 @@
-"""The terminal without a screen: what a mission, an approval and a console are drawn in."""
+"""The terminal without the full screen: lines for missions, approvals and consoles."""

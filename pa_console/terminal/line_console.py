@@ -1,4 +1,4 @@
-"""The console as lines, of this station's session or another's; what is typed is done at once."""
+"""Line consoles for this station's session and for another's; typed lines take effect at once."""
 
 import asyncio
 import re
@@ -41,16 +41,30 @@ CTRL_C = (
     "any other line goes on."
 )
 TOLD_EVERY_S = 5.0
-"""The interval between two lines about the present wait, seconds."""
+"""The interval between two lines about the present wait, in seconds."""
 
 _SPEED = re.compile(r"(?i)\s*speed\s+(\S+)\s*")
 _STANDING = re.compile(r"(?i)\s*(revoke|pause|resume|skip)\s+(s\d+)\s*")
 _CHANGE: TypeAdapter[Change] = TypeAdapter(Change)
 _MISSION = re.compile(r"(?is)\s*mission\b[\s:]+(\S.*)")
+JOINED_HELP = """\
+This is the session of {station}: it is commanded there, and what you ask is answered here.
+Each of these is a line:
+  sign              countersign the plan that waits, where it takes two people
+  sign because WHY  the same, where the judge objects
+  show              say the plan that waits once more
+  stop              ask {station} to stop everybody; that needs no signature
+  status            time, gates, stop, the active mission, what waits
+  assets, alarms, queue, trace, standing
+  why?              why this plan; why Drone_T04? why not the robot? what else could you do?
+  take command      put this station in command, after a question; a commander may
+  help, quit        quit, or Ctrl-C, leaves; the session goes on"""
+_SIGN = re.compile(r"(?is)\s*(sign|countersign|approve)\b(.*)")
+_TAKE = re.compile(r"(?i)\s*take\s+(command|over)\s*[.!]*\s*")
 
 
 class LineConsole(SessionLines):
-    """The console of a station as lines."""
+    """The line console of a station."""
 
     def __init__(
         self,
@@ -59,7 +73,7 @@ class LineConsole(SessionLines):
         waiting: Waiting,
         observer: Observer = unobserved,
     ) -> None:
-        """Open the console; `observer` is given every event."""
+        """Open the console; `observer` is called with every event."""
         super().__init__(station, output)
         self._station, self.waiting, self._observe = station, waiting, observer
         self._closing: asyncio.Task[None] | None = None
@@ -70,7 +84,7 @@ class LineConsole(SessionLines):
         self._confirming = None
         self._say(CTRL_C)
 
-    # What happens
+    # Events
 
     def _begin(self) -> None:
         self._say("Type a mission in plain words, and Enter. help says what else there is.")
@@ -90,7 +104,7 @@ class LineConsole(SessionLines):
                 pass
 
     def _ask(self, request: ev.ApprovalRequested) -> None:
-        """Show the plan that waits, and ask."""
+        """Show the waiting plan and ask for a decision."""
         self._reason, self._confirming = "", None
         if request.state == "not_understood":
             why = "; ".join(request.blocked_by)
@@ -107,13 +121,13 @@ class LineConsole(SessionLines):
         self.show(request, "you", f"Your answer: {HOW}")
 
     async def _tell_waiting(self) -> None:
-        """Show the present wait now and then."""
+        """Show the present wait from time to time."""
         while True:
             await asyncio.sleep(TOLD_EVERY_S)
             if line := self.waiting.line(monotonic(), self.state, self._station.rate):
                 self._say(line)
 
-    # What is typed
+    # Typed lines
 
     async def _no_more_lines(self) -> None:
         self._say("no more lines can come: the session ends when nothing is under way")
@@ -161,7 +175,7 @@ class LineConsole(SessionLines):
             self._say(f"The plan still waits: {HOW}")
 
     def _answer_or_order(self, line: str) -> None:
-        """Take a line as the answer to the plan that waits, or as a mission."""
+        """Process a line as an answer to the waiting plan, or as a mission."""
         order, request = _MISSION.fullmatch(line), self.request
         if order is not None:
             self._submit(order[1])
@@ -230,25 +244,8 @@ class LineConsole(SessionLines):
         self._closing = asyncio.create_task(self._station.close())
 
 
-JOINED_HELP = """\
-This is the session of {station}: it is commanded there, and what you ask is answered here.
-Each of these is a line:
-  sign              countersign the plan that waits, where it takes two people
-  sign because WHY  the same, where the judge objects
-  show              say the plan that waits once more
-  stop              ask {station} to stop everybody; that needs no signature
-  status            time, gates, stop, the active mission, what waits
-  assets, alarms, queue, trace, standing
-  why?              why this plan; why Drone_T04? why not the robot? what else could you do?
-  take command      put this station in command, after a question; a commander may
-  help, quit        quit, or Ctrl-C, leaves; the session goes on"""
-
-_SIGN = re.compile(r"(?is)\s*(sign|countersign|approve)\b(.*)")
-_TAKE = re.compile(r"(?i)\s*take\s+(command|over)\s*[.!]*\s*")
-
-
 class JoinedConsole(SessionLines):
-    """The console of a joined session as lines."""
+    """The line console of a joined session."""
 
     def __init__(
         self,
@@ -258,19 +255,20 @@ class JoinedConsole(SessionLines):
     ) -> None:
         """Open the console.
 
-        `command_question` is the question before taking command, for a commander; None for others.
+        `command_question` returns the question before taking command, for a commander; None for
+        others.
         """
         super().__init__(station, output)
         self._station, self._command_question = station, command_question
         self._closing: asyncio.Task[None] | None = None
         self.takes_command = False
-        """True if the session was left to take command."""
+        """True if the operator left the session to take command."""
 
     def interrupted(self) -> None:
-        """Leave at Ctrl-C; the session goes on."""
+        """Leave at Ctrl-C; the session continues."""
         self._leave()
 
-    # What happens
+    # Events
 
     def _begin(self) -> None:
         """Show the state of the session; its past events are not repeated."""
@@ -284,7 +282,7 @@ class JoinedConsole(SessionLines):
 
     @property
     def _why(self) -> str:
-        """The reason why this console is read-only, and the actions possible here."""
+        """The reason why this console is read-only, and the actions that are possible here."""
         station = self._station
         may = ["countersign"] if station.signer else []
         may += ["stop everybody"]
@@ -314,7 +312,7 @@ class JoinedConsole(SessionLines):
         self.show(request, self._station.station, how[:1].upper() + how[1:])
 
     def _refusal(self, request: ev.ApprovalRequested) -> str:
-        """Return why nothing is signed here, '' where something may be."""
+        """Return why the request cannot be signed here; '' if it can."""
         station = self._station
         if not request.approvals:
             return f"one person is enough: {station.station} decides"
@@ -328,7 +326,7 @@ class JoinedConsole(SessionLines):
             return f"you have signed; {station.station} decides"
         return ""
 
-    # What is typed
+    # Typed lines
 
     async def _no_more_lines(self) -> None:
         self._say("no more lines can come: the session is followed until it ends, or until Ctrl-C")
@@ -350,7 +348,7 @@ class JoinedConsole(SessionLines):
         return True
 
     def _answer_or_order(self, line: str) -> None:
-        """Take a line as an answer to the plan that waits; nothing else is taken here."""
+        """Process a line as an answer to the waiting plan; any other line is refused."""
         request = self.request
         signs = _SIGN.fullmatch(line)
         if signs is None and line.casefold() != "show" and not reason_of(line):

@@ -1,6 +1,7 @@
 """A mission on the terminal: each step as a line, its whole trace, and the question about its plan.
 
-Somebody at a terminal may ask back there, *Why?* or *Why not the robot?*, before deciding.
+At a terminal, the operator may ask questions such as *Why?* or *Why not the robot?* before
+deciding.
 """
 
 import signal
@@ -61,13 +62,14 @@ _STEPS: dict[str, str] = {
     "mission_preempted": "waits again",
     "mission_finished": "finished",
 }
-"""The steps that are shown, and their names."""
+"""The steps that are shown, with their names."""
+HOW_TO_ASK = "Why?  Why not ASSET?  What would you do instead? are answered here, too"
 
 
 def step_line(event: ev.Event) -> str:
-    """Return the meaning of `event` in one line; empty if it is no step of a mission.
+    """Return the meaning of `event` in one line; '' if it is not a step of a mission.
 
-    Changes of a model's server, and of its replacement, are shown too.
+    Changes of a model's server, and of its replacement, are shown as well.
     """
     match event.data:
         case ev.ServerChanged(state=state) if state != "probing":
@@ -92,20 +94,20 @@ COLOURS: dict[Tone, str] = {
     "quiet": "dim",
     "note": "magenta",
 }
-"""The terminal's colour for every tone."""
+"""The terminal's colour for each tone."""
 
 _OPTIONS = TraceOptions(Detail.BRIEF, evidence=True)
 
 
 def print_trace(console: Console, trace: MissionTrace) -> None:
-    """Print `trace` in the order of the eight steps, its end first."""
+    """Print `trace` in the order of the eight steps, with its end first."""
     _print_head(console, trace)
     console.print(_text(progress(trace)))
     _print_sections(console, lay_out(trace, {}, _OPTIONS))
 
 
 def print_choices(console: Console, trace: MissionTrace) -> None:
-    """Print the question that a mission ended with, and how to answer it."""
+    """Print the question with which a mission ended, and how to answer it."""
     choices = trace.asked_choices
     console.print(Text(trace.questions[-1].question if choices else "The order may also mean:"))
     for number, choice in enumerate(choices or map(plain_reading, trace.offered), start=1):
@@ -113,13 +115,13 @@ def print_choices(console: Console, trace: MissionTrace) -> None:
 
 
 def print_proposal(console: Console, trace: MissionTrace, number: int) -> None:
-    """Print the rules and attempt `number` of a mission that waits for approval."""
+    """Print the rules and the attempt `number` of a mission that waits for approval."""
     _print_head(console, trace)
     _print_sections(console, lay_out_proposal(trace, number, {}, _OPTIONS))
 
 
 def print_answer(console: Console, told: QuestionAnswered) -> None:
-    """Print the answer to a question that is about no mission, or about one printed before."""
+    """Print the answer to a question about no mission, or about one printed before."""
     _print_sections(console, answered((told,)))
 
 
@@ -130,7 +132,7 @@ def _print_head(console: Console, trace: MissionTrace) -> None:
 
 
 def _print_sections(console: Console, sections: Iterable[TraceSection], indent: int = 0) -> None:
-    """Print each section under its title, and the parts of it further in."""
+    """Print each section under its title, with its parts indented further."""
     for section in sections:
         console.print(Padding(_text(title_of(section)), (0, 0, 0, indent), expand=False))
         for row in rows_of(section):
@@ -149,7 +151,7 @@ def _hanging(row: HangingRow) -> Table:
 
 
 def _text(spans: Iterable[Span]) -> Text:
-    """Return a laid out text in the terminal's colours; what a terminal obeys is its escape."""
+    """Return laid-out text in the terminal's colours, with control characters escaped."""
     return Text.assemble(
         *((visible(span.text), f"{span.stress} {COLOURS[span.tone]}".strip()) for span in spans)
     )
@@ -157,13 +159,11 @@ def _text(spans: Iterable[Span]) -> Text:
 
 Answer = TypeVar("Answer")
 QuestionIn = Callable[[str], Question | None]
-"""Returns the question about the record in a text; None for any other text."""
-
-HOW_TO_ASK = "Why?  Why not ASSET?  What would you do instead? are answered here, too"
+"""A function that returns the question about the record in a text; None for any other text."""
 
 
 class _AskedError(Exception):
-    """A question was typed instead of an answer."""
+    """An error that a question was typed instead of an answer."""
 
     def __init__(self, question: Question) -> None:
         super().__init__(question.text)
@@ -171,10 +171,10 @@ class _AskedError(Exception):
 
 
 class _AskingBack(PromptBase[Answer]):
-    """A prompt where an answer may be a question back, recognised by `question_in`."""
+    """A prompt whose answer may be a question in return, recognised by `question_in`."""
 
     def __init__(self, prompt: str, question_in: QuestionIn, **options: Any) -> None:
-        """`options` are Rich's own, such as `choices`."""
+        """Pass `options`, such as `choices`, to Rich's prompt."""
         super().__init__(prompt, console=errors, **options)
         self._question_in = question_in
 
@@ -186,15 +186,15 @@ class _AskingBack(PromptBase[Answer]):
 
 
 class _YesOrNo(_AskingBack[bool], Confirm):
-    """Asks for yes or no."""
+    """A prompt for yes or no."""
 
 
 class _WordsPrompt(_AskingBack[str], Prompt):
-    """Asks for words, or for one of several."""
+    """A prompt for words, or for one of several choices."""
 
 
 def show_request(request: ApprovalRequested, trace: MissionTrace | None) -> None:
-    """Show all that decides about a plan that waits, or what has to be asked about the order."""
+    """Show everything needed to decide on a waiting plan, or the question about the order."""
     if request.state == "not_understood":
         errors.print("; ".join(request.blocked_by), style="bold yellow")
         for number, choice in enumerate(_choices(trace), start=1):
@@ -212,10 +212,10 @@ def show_request(request: ApprovalRequested, trace: MissionTrace | None) -> None
 def ask_decision(
     request: ApprovalRequested, trace: MissionTrace | None, question_in: QuestionIn = lambda _: None
 ) -> Decision | Question:
-    """Ask for a decision on the shown request; no answer, or no terminal, rejects it.
+    """Ask for a decision on the shown request; without an answer or a terminal, reject it.
 
-    Somebody at a terminal may ask a question instead of answering: that is returned then, and
-    nothing is decided.
+    At a terminal, a question may be typed instead of an answer. It is returned, and nothing is
+    decided.
     """
     if not sys.stdin.isatty():
         return _asked(request, trace, lambda _: None)
@@ -259,7 +259,7 @@ def _asked(
 def _answered(
     request: ApprovalRequested, trace: MissionTrace | None, question_in: QuestionIn
 ) -> Decision:
-    """Ask what the order means; without an answer, or a terminal, it is rejected."""
+    """Ask what the order means; without an answer or a terminal, reject it."""
     choices, answer = _choices(trace), ""
     if sys.stdin.isatty():
         _begin_asking()
@@ -279,7 +279,7 @@ def _choices(trace: MissionTrace | None) -> Sequence[str]:
 
 
 def _what_was_meant(request: ApprovalRequested, question_in: QuestionIn) -> str:
-    """Ask which reading of the order was meant; '' for the one that was planned for."""
+    """Ask which reading of the order was meant; '' is the one that the plan serves."""
     own = f"read as: {plain_reading(request.asked)}; " if request.asked else ""
     errors.print(f"{own}the order may also mean:")
     numbers = [f"{number}" for number, _ in enumerate(request.readings, start=1)]
@@ -293,7 +293,7 @@ def _what_was_meant(request: ApprovalRequested, question_in: QuestionIn) -> str:
 def _begin_asking() -> None:
     """Show at a terminal which questions may be asked there.
 
-    Lines typed before the plan was on screen are dropped: they cannot have been meant for it.
+    Lines typed before the plan was shown are dropped, because they cannot refer to it.
     """
     if sys.stdin.isatty():
         errors.print(HOW_TO_ASK, style="dim")

@@ -1,10 +1,10 @@
-"""The frame that a console shows while it opens: the screen as its last start painted it first.
+"""The frame that a console shows while it opens: the first painting of its last start.
 
-To import and open everything takes a second; the frame takes a tenth of it. It is kept before the
-first event of a session, so nothing in it can be taken for the present picture. Keys that are typed
-meanwhile stay in the terminal's queue, for the screen. Whatever is written to the standard streams
-uncovers the terminal first: a warning, an error, a question. No key that was typed for the screen
-answers that question.
+Importing and opening everything takes a second, the frame a tenth of it. The frame is kept before
+the first event of a session, so nothing in it can be mistaken for the present picture. Keys typed
+in the meantime stay in the terminal's queue for the screen. Anything written to the standard
+streams, such as a warning, an error or a question, uncovers the terminal first. Keys typed for the
+screen never answer such a question.
 """
 
 import hashlib
@@ -27,10 +27,11 @@ from pa_console.terminal.output import DRIVER
 ENTER_SCREEN, LEAVE_SCREEN = "\x1b[?1049h", "\x1b[0m\x1b[?25h\x1b[?1049l"
 MOST_BYTES = 1_000_000
 KEPT = 8
-"""Frames that are kept: one for each size of the terminal and each choice of options."""
+"""The number of frames that are kept: one for each size of the terminal and each choice of
+options."""
 
 _DRAWN = re.compile(r"(?:[^\x00-\x1f\x7f-\x9f]|\x1b\[[\d;]*m|\n)*")
-"""Text and its colours, without anything else that a terminal obeys."""
+"""Text and its colours, without any other control sequence for a terminal."""
 
 _LOOKS = ("TERM", "COLORTERM", "NO_COLOR", "TEXTUAL_COLOR_SYSTEM", "TERM_PROGRAM")
 """The variables on which the colours of the screen depend."""
@@ -39,7 +40,7 @@ _LOOKS = ("TERM", "COLORTERM", "NO_COLOR", "TEXTUAL_COLOR_SYSTEM", "TERM_PROGRAM
 def frame_file(*options: object) -> Path | None:
     """Return the file of the frame for this terminal and these `options` of the screen.
 
-    None if there is no terminal, or Textual draws on something else.
+    The result is None if there is no terminal, or Textual uses another driver.
     """
     if DRIVER in os.environ:
         return None
@@ -55,7 +56,7 @@ def frame_file(*options: object) -> Path | None:
 
 
 def keep_frame(file: Path, lines: Sequence[str]) -> None:
-    """Keep the screen's `lines` for the next start; a disk that refuses is no error."""
+    """Keep the screen's `lines` for the next start; an error of the disk is ignored."""
     content = "\n".join(lines).encode("utf-8", "replace")
     with suppress(OSError):
         make_private_folder(file.parent)
@@ -67,7 +68,7 @@ def keep_frame(file: Path, lines: Sequence[str]) -> None:
 
 
 def load_frame(file: Path) -> list[str] | None:
-    """Return the lines of a kept frame; None without one, or if it does more than draw."""
+    """Return the lines of a kept frame; None without one, or if it has other control sequences."""
     try:
         content = read_private(file)
         text = content.decode() if len(content) <= MOST_BYTES else "\x1b"
@@ -77,13 +78,13 @@ def load_frame(file: Path) -> list[str] | None:
 
 
 class _UncoveringStream:
-    """A standard stream that uncovers the terminal before anything is written."""
+    """A standard stream that uncovers the terminal before anything is written to it."""
 
     def __init__(self, stream: IO[str], uncover: Callable[[], None]) -> None:
         self._stream, self._uncover = stream, uncover
 
     def write(self, text: str) -> int:
-        """Write `text` where it can be seen."""
+        """Write `text` on the uncovered terminal."""
         self._uncover()
         return self._stream.write(text)
 
@@ -92,24 +93,24 @@ class _UncoveringStream:
 
 
 class OpeningFrame:
-    """Covers the terminal with the frame of `file`, if there is one, until the screen takes over.
+    """A cover for the terminal, the frame in `file` if there is one, until the screen takes over.
 
-    In a context: at its end the terminal is as it was, unless the screen has it.
+    It is a context: at its end, the terminal is as before, unless the screen has taken it over.
     """
 
     def __init__(self, file: Path | None) -> None:
         self.file = file
         self.shown = False
         self._modes: list[Any] = []
-        """The terminal's modes before."""
+        """The terminal's modes before the frame."""
         self._heeding = ExitStack()
-        """Takes the standard streams and the signals back."""
+        """The cleanup that restores the standard streams and the signals."""
         self._covered: list[IO[str]] = []
-        """Kept: a `print` that uncovers goes on with a stream that is no standard stream by then,
-        and holds no reference to it."""
+        """The covering streams, kept because a `print` that uncovers the terminal continues with
+        one of them, which is no longer a standard stream and to which it holds no reference."""
 
     def __enter__(self) -> Self:
-        """Show the frame; without one the terminal stays as it is."""
+        """Show the frame; without one, the terminal is not changed."""
         lines = load_frame(self.file) if self.file is not None else None
         if lines is not None:
             self._show(lines)
@@ -135,7 +136,7 @@ class OpeningFrame:
         self._heeding.enter_context(redirect_stderr(self._covered[1]))
 
     def uncover(self) -> None:
-        """Restore the terminal as it was; keys that were typed for the screen are dropped."""
+        """Restore the terminal; keys typed for the screen are dropped."""
         self.release()
         if self.shown:
             self.shown = False
@@ -145,17 +146,17 @@ class OpeningFrame:
                 termios.tcsetattr(sys.stdin.fileno(), termios.TCSAFLUSH, self._modes)
 
     def release(self) -> None:
-        """Restore the standard streams and the signals; the frame stays."""
+        """Restore the standard streams and the signals; the frame stays visible."""
         self._heeding.close()
 
     def hand_over(self) -> list[Any]:
-        """Leave the covered terminal to the screen; return the modes that it had before."""
+        """Hand the terminal, with its frame, to the screen; return the modes that it had before."""
         self.shown = False
         return self._modes
 
     @contextmanager
     def telling(self, what: str) -> Generator[None]:
-        """Show the present step in a line that is gone afterwards, where no frame is shown."""
+        """Show the present step in a temporary line, unless a frame is shown."""
         seen = not self.shown and sys.stderr.isatty()
         if seen:
             sys.stderr.write(what)

@@ -1,4 +1,4 @@
-"""Output on a terminal: streams, consoles that print text as it is, JSON, and exit codes."""
+"""Output on a terminal: streams, consoles that print text unchanged, JSON, and exit codes."""
 
 import json
 import os
@@ -16,31 +16,36 @@ from pa_console.schema.text import visible, visible_json
 if TYPE_CHECKING:
     from pa_console.schema.rule import RulesSeal
 
+DRIVER = "TEXTUAL_DRIVER"
+"""The variable that names Textual's driver if it is not a terminal's, such as a browser's."""
+FAILED = 1
+BAD_INPUT = 2
+
 
 class PlainConsole(Console):
-    """A console that passes its own styles on, and shows all text in visible form."""
+    """A console that applies its own styles and shows all text in visible form."""
 
     def __init__(self, **options: Any) -> None:
-        """`options` are Rich's own; markup, highlighting and emoji codes are off."""
+        """Pass `options` to Rich; markup, highlighting and emoji codes are off."""
         super().__init__(markup=False, highlight=False, emoji=False, **options)
 
     def print_line(self, text: RenderableType, style: str | None = None) -> None:
-        """Print a line as long as it is, so that paths and commands in it can be copied."""
+        """Print a line without wrapping, so that paths and commands in it can be copied."""
         self.print(text, style=style, soft_wrap=True)
 
     def render_str(self, text: str, **options: Any) -> Text:
-        """Return `text` as it is shown, before it is measured, wrapped and put into columns."""
+        """Return `text` in visible form before it is measured, wrapped and put into columns."""
         return super().render_str(visible(text), **options)
 
     def render(
         self, renderable: RenderableType, options: ConsoleOptions | None = None
     ) -> Iterable[Segment]:
-        """Yield the segments of anything; the last gate, for what was a `Text` before."""
+        """Yield the segments of `renderable` in visible form, including those of a `Text`."""
         for segment in super().render(renderable, options):
             yield segment if segment.control else Segment(visible(segment.text), segment.style)
 
     def status(self, status: RenderableType, **options: Any) -> Status:
-        """Return a spinner whose text, now and later, is no markup."""
+        """Return a spinner whose label, now and later, is plain text."""
         return _PlainStatus(_text(status), console=self, **options)
 
 
@@ -48,7 +53,7 @@ class _PlainStatus(Status):
     """A spinner that treats its label as plain text."""
 
     def update(self, status: RenderableType | None = None, **options: Any) -> None:
-        """Show another text."""
+        """Show another label."""
         super().update(None if status is None else _text(status), **options)
 
 
@@ -56,15 +61,11 @@ def _text(status: RenderableType) -> RenderableType:
     return Text(visible(status)) if isinstance(status, str) else status
 
 
-DRIVER = "TEXTUAL_DRIVER"
-"""The variable that names Textual's driver where it is no terminal's, such as a browser's."""
-
-
 def open_closed_streams() -> None:
-    """Let every standard stream that was closed read nothing, or lead nowhere.
+    """Open every closed standard stream on the null device.
 
-    Otherwise the next file that is opened becomes standard input or output, and whoever reads or
-    writes there meets it.
+    Otherwise, the next file that is opened becomes standard input or output, and code that reads or
+    writes there would use that file.
     """
     for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
         if getattr(sys, name) is None:
@@ -74,30 +75,27 @@ def open_closed_streams() -> None:
 
 
 def require_keys(instead: str) -> None:
-    """Raise ValueError, with what to do instead, where no key of an operator can arrive.
+    """Raise ValueError, which names what to do instead, if no key of an operator can arrive.
 
-    Textual's own drivers, such as that of a browser, bring keys without a terminal.
+    Textual's other drivers, such as that of a browser, deliver keys without a terminal.
     """
     if DRIVER not in os.environ and not sys.stdin.isatty():
         raise ValueError(f"standard input is no terminal, no key would arrive; {instead}")
 
 
 def _open_on_nothing(number: int, mode: str) -> IO[Any]:
-    """Return a stream on the null device: as descriptor `number`, unless a file is there by now."""
+    """Return a stream on the null device, as descriptor `number` unless that is already in use."""
     opened = os.open(os.devnull, os.O_RDONLY if mode == "r" else os.O_WRONLY)
     os.set_inheritable(opened, opened == number)
     return os.fdopen(opened, mode, encoding="utf-8", closefd=False)
 
-
-FAILED = 1
-BAD_INPUT = 2
 
 out = PlainConsole()
 errors = PlainConsole(stderr=True)
 
 
 def warn_of_altered(rules: str, seal: "RulesSeal") -> None:
-    """Report on stderr the warnings about the rules in force."""
+    """Print the warnings about the rules in force to stderr."""
     altered = (f"{seal.words}: {seal.problem}",) if seal.altered else ()
     for warning in (*altered, *seal.warnings):
         errors.print_line(f"warning: the rules {rules!r}: {warning}", style="bold red")
@@ -112,5 +110,5 @@ def print_json(value: Any) -> None:
 
 
 def print_document(text: str) -> None:
-    """Print a text that has its own lines, such as Markdown, and nothing after it."""
+    """Print a text with its own line breaks, such as Markdown, and nothing after it."""
     sys.stdout.write(visible(text))

@@ -1,4 +1,4 @@
-"""A session as lines: its events, its state, and the lines that are typed."""
+"""A session in lines: its events, its state, and the lines that are typed."""
 
 import asyncio
 from abc import ABC, abstractmethod
@@ -22,9 +22,11 @@ from pa_console.views.event_words import next_in_words, standing_in_words
 from pa_console.views.status_words import status_of
 from pa_console.views.trace_layout import progress
 
+_LEVELS = ("warning", "alarm")
+
 
 def status_lines(state: SessionState) -> list[str]:
-    """Return time, gates, stop, model, the active mission and what waits."""
+    """Return time, gates, stop, model, the active mission, and the numbers of waiting items."""
     picture, lines = state.picture, list[str]()
     if picture is not None:
         lines.append(f"time {clock_text(picture.time_s)}, weather {picture.weather}")
@@ -65,7 +67,7 @@ def status_lines(state: SessionState) -> list[str]:
 
 
 def asset_lines(state: SessionState) -> list[str]:
-    """Return a line for each asset: where it is, what it does, how it is."""
+    """Return a line for each asset: its place, its task, and its condition."""
     if state.picture is None:
         return ["nothing was reported yet"]
     return [
@@ -116,31 +118,30 @@ def standing_lines(state: SessionState) -> list[str]:
     return lines or ["no standing order is in force"]
 
 
-_LEVELS = ("warning", "alarm")
 _TABLES = {"status": status_lines, "assets": asset_lines, "alarms": alarm_lines,
            "queue": queue_lines, "standing": standing_lines}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class LineOutput:
-    """The outputs of a console in lines: texts, the rows of a plan, those of a mission's trace."""
+    """The outputs of a line console: texts, the rows of a plan, and those of a mission's trace."""
 
     say: Callable[[str], None]
     show_plan: Callable[[MissionTrace, int], None]
     show_trace: Callable[[MissionTrace], None]
     hold_s: float = 0.0
-    """An answer sooner after its plan, in seconds, is not accepted: the plan was not read."""
+    """The time after a plan is shown in which an answer is refused as too early, in seconds."""
     called: Callable[[], None] = lambda: None
-    """Called when the operator is waited for."""
+    """A function that is called when the console waits for the operator."""
 
 
 class SessionLines(ABC):
-    """A console as lines: shows the events of a session, and carries out typed lines."""
+    """A line console, which shows the events of a session and carries out typed lines."""
 
     def __init__(self, station: ControlStation | JoinedStation, output: LineOutput) -> None:
         self._conversing, self._output, self._say = station, output, output.say
         self.state = SessionState()
-        """The session as far as it has come here."""
+        """The state of the session, as far as its events were received here."""
         self._last_notice: Notice | None = None
         self._confirming: Callable[[], None] | None = None
         self._reason, self._shown_at = "", 0.0
@@ -148,14 +149,14 @@ class SessionLines(ABC):
 
     @property
     def request(self) -> ev.ApprovalRequested | None:
-        """The plan that waits for a decision."""
+        """The approval request of the waiting plan, None if none waits."""
         current = self.state.current
         return current.approval if current is not None else None
 
     async def run(
         self, lines: asyncio.Queue[str | None], forget: Callable[[], None] = lambda: None
     ) -> None:
-        """Carry on until the session ends or is left; `forget` drops what was typed too early."""
+        """Show the session until it ends or is left; `forget` drops lines typed too early."""
         self._forget = forget
         self._begin()
         work = [asyncio.create_task(each) for each in self._work(lines)]
@@ -173,7 +174,7 @@ class SessionLines(ABC):
     def interrupted(self) -> None:
         """Answer Ctrl-C."""
 
-    # What a console of its kind does
+    # Differences between the kinds of consoles
 
     @abstractmethod
     def _begin(self) -> None:
@@ -181,11 +182,11 @@ class SessionLines(ABC):
 
     @abstractmethod
     def _heed(self, event: ev.Event) -> None:
-        """Do what an event that was shown asks for here."""
+        """Respond to an event that was shown."""
 
     @abstractmethod
     async def _no_more_lines(self) -> None:
-        """Go on without lines."""
+        """Continue without input."""
 
     @abstractmethod
     def _stop(self) -> None:
@@ -197,32 +198,32 @@ class SessionLines(ABC):
 
     @abstractmethod
     def _answer_or_order(self, line: str) -> None:
-        """Take a line as an answer to the plan that waits, or as an order."""
+        """Process a line as an answer to the waiting plan, or as an order."""
 
-    # What happens
+    # Events
 
     def _work(self, lines: asyncio.Queue[str | None]) -> Sequence[Coroutine[None, None, None]]:
-        """Return what goes on beside the events."""
+        """Return the tasks that run beside the events."""
         return (self._listen(lines),)
 
     def _take(self, event: ev.Event) -> None:
-        """Show an event, and heed it; then its lines in the event list."""
+        """Show an event, respond to it, and then show its lines in the event list."""
         self.take(event)
         self._heed(event)
         self.tell_notice(event)
 
     def _await_answer(self) -> None:
-        """Call the operator to the plan that was just shown."""
+        """Call the operator to the plan that has just been shown."""
         self._forget()
         self._shown_at = monotonic()
         self._output.called()
 
     @property
     def _too_early(self) -> bool:
-        """True as long as the plan that waits cannot have been read."""
+        """True as long as the waiting plan cannot have been read."""
         return monotonic() - self._shown_at < self._output.hold_s
 
-    # What is typed
+    # Typed lines
 
     async def _listen(self, lines: asyncio.Queue[str | None]) -> None:
         while (line := await lines.get()) is not None:
@@ -251,9 +252,9 @@ class SessionLines(ABC):
         self._say(question)
 
     def _asks(self, line: str) -> bool:
-        """Have a question about the record answered; return whether the line is one.
+        """Start to answer a question about the record; return whether the line is one.
 
-        The lines that follow do not wait for the answer.
+        Later lines do not wait for the answer.
         """
         question = self._conversing.question_in(line)
         if question is None:
@@ -264,20 +265,20 @@ class SessionLines(ABC):
         return True
 
     async def _tell_answer(self, question: Question) -> None:
-        """Show the answer line by line; a waiting plan goes on waiting."""
+        """Show the answer line by line; a waiting plan continues to wait."""
         told = await self._conversing.answer(question)
         for line in told.lines:
             self._say(f"{line.about}: {line.said}")
 
-    # What is shown
+    # Output
 
     def fold(self, event: ev.Event) -> None:
-        """Take in an event without showing it."""
+        """Process an event without showing it."""
         self.state.apply(event)
         self._last_notice = self._newest_notice()
 
     def take(self, event: ev.Event) -> None:
-        """Take in an event, and show it; a waiting plan is for `show`."""
+        """Process an event and show it; a waiting plan is shown by `show`."""
         self._last_notice = self._newest_notice()
         pictured = frozenset(self.state.stills)
         self.state.apply(event)
@@ -313,7 +314,7 @@ class SessionLines(ABC):
                 self._output.called()
 
     def show(self, request: ev.ApprovalRequested, waits: str, how: str) -> None:
-        """Print the plan of a request; `waits` is for whom, `how` what may be answered."""
+        """Print the plan of a request, the person `waits` who decides, and `how` to answer."""
         trace = self.state.current
         if trace is not None:
             self._output.show_plan(trace, request.attempt)
@@ -329,7 +330,7 @@ class SessionLines(ABC):
         self._say(how)
 
     def look(self, word: str) -> bool:
-        """Show the state that `word` asks for; return whether it asks for any."""
+        """Show the part of the state that `word` names; return whether it names one."""
         if word in _TABLES:
             for told in _TABLES[word](self.state):
                 self._say(told)

@@ -1,4 +1,4 @@
-"""Lines typed in a session: read in a thread of their own, and taken as answers to a plan."""
+"""Lines typed in a session: read in their own thread, and parsed as answers to a plan."""
 
 import asyncio
 import os
@@ -16,14 +16,17 @@ from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan
 
 LONGEST = 20_000
-"""Bytes of a line; what is longer is cut."""
+"""The most bytes of a line; longer lines are cut."""
+HOW = "approve, reject, modify, show, stop; with an objection of the judge: approve because REASON"
+_WORDS = re.compile(r"(?is)\s*(approve|reject|modify|reading|reason|show)\b[\s:,]*(.*)")
+_STOP = re.compile(r"(?i)\s*stop(\s+all)?\s*[.!]*\s*")
 
 
 class InputLines:
-    """Puts each line of standard input into `queue`; None when there will be no more.
+    """The lines of standard input, put into `queue` one by one; None marks their end.
 
-    On a terminal the end of the input (Ctrl-D) is the line `quit`, and reading goes on for as
-    long as the terminal is there.
+    On a terminal, the end of the input (Ctrl-D) is the line `quit`, and reading continues for as
+    long as the terminal exists.
     """
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -38,14 +41,14 @@ class InputLines:
         self._thread.start()
 
     def close(self) -> None:
-        """Read no more."""
+        """Stop reading."""
         os.write(self._end, b".")
         self._thread.join()
         os.close(self._end)
         os.close(self._ended)
 
     def forget_typed(self) -> None:
-        """Drop the text typed and not yet sent: it was meant for another prompt."""
+        """Drop text that was typed but not sent, because it was meant for another prompt."""
         if self._terminal:
             termios.tcflush(self._file, termios.TCIFLUSH)
 
@@ -74,14 +77,9 @@ class InputLines:
         self._loop.call_soon_threadsafe(self.queue.put_nowait, line)
 
 
-HOW = "approve, reject, modify, show, stop; with an objection of the judge: approve because REASON"
-_WORDS = re.compile(r"(?is)\s*(approve|reject|modify|reading|reason|show)\b[\s:,]*(.*)")
-_STOP = re.compile(r"(?i)\s*stop(\s+all)?\s*[.!]*\s*")
-
-
 @dataclass(frozen=True)
 class TypedAnswer:
-    """A typed answer: a decision, a question to be confirmed by `yes` first, or its fault."""
+    """A typed answer: a decision, a question that `yes` must confirm first, or a problem."""
 
     decision: Decision | None = None
     confirm: str = ""
@@ -90,14 +88,14 @@ class TypedAnswer:
 
 
 def is_stop(line: str) -> bool:
-    """Return whether `line` stops all assets, at any console in lines and at any prompt."""
+    """Return whether `line` stops all assets, in any line console and at any prompt."""
     return _STOP.fullmatch(line) is not None
 
 
 def read_answer(line: str, request: ApprovalRequested, reason: str = "") -> TypedAnswer | None:
-    """Return the answer to `request` in `line`; None when it is no answer at all.
+    """Return the answer to `request` in `line`; None if the line is not an answer.
 
-    `reason` was given before, by itself.
+    `reason` is the reason that was typed before, in its own line.
     """
     found = _WORDS.fullmatch(line)
     if found is None or not is_answer(line):
@@ -121,13 +119,13 @@ def read_answer(line: str, request: ApprovalRequested, reason: str = "") -> Type
 
 
 def is_answer(line: str) -> bool:
-    """Return whether `line` would be the answer to a plan, if one waited."""
+    """Return whether `line` would be the answer to a plan if one waited."""
     found = _WORDS.fullmatch(line)
     return found is not None and (found[1].casefold() != "show" or not found[2].strip())
 
 
 def reason_of(line: str) -> str:
-    """Return the reason that `line` gives by itself, empty when it gives none."""
+    """Return the reason that `line` gives by itself; '' if it gives none."""
     found = _WORDS.fullmatch(line)
     return found[2].strip() if found is not None and found[1].casefold() == "reason" else ""
 

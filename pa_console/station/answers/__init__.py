@@ -1,1 +1,1 @@
-"""Answers to questions about the record: reasons, and plans that would do otherwise."""
+"""Answers to questions about the record: reasons for a plan, and alternatives to it."""

@@ -1,4 +1,4 @@
-"""Other plans for an order: other readings and other agents, each rehearsed now."""
+"""Alternative plans for an order: other readings and other agents, each rehearsed on request."""
 
 import asyncio
 from collections.abc import AsyncGenerator, Iterator, Sequence
@@ -19,17 +19,20 @@ from pa_console.session.wording import order_in_words
 from pa_console.station.answers.why import asked_of, attempt_of, rehearsed_in_words
 
 MOST_TRIED = 3
-"""Plans that are examined at most, where the ones before are blocked."""
+"""The most plans that are examined for a reading while rules block the earlier ones."""
 
 
 MOST_ASSIGNED = 12
-"""The number of assignments of the same commands that are tried for alternatives."""
+"""The most assignments of the same commands that are tried for alternatives."""
+MOST_ALTERNATIVES = 2
+"""The number of alternatives up to which other agents are tried; readings alone may exceed it."""
 
 
 async def rehearse_reading(basis: CheckBasis, task: Mission, asked: str) -> RehearsedReading | None:
     """Return the best plan for the reading `asked`, rehearsed in the present picture.
 
-    None if the console cannot find one.
+    If rules block every plan tried, the first one is returned. The result is None if the console
+    finds no plan.
     """
     fleet, reading = basis.fleet, read_asked(asked)
     if reading is None or not reading.readable:
@@ -54,7 +57,7 @@ async def rehearse_other_ways(
     """Yield sound plans for the reading `asked` with other agents than the plan `but`.
 
     The commands are those that the console itself would give, and no rule blocks a yielded plan.
-    None if the console cannot find one.
+    Nothing is yielded if the console cannot plan the reading.
     """
     fleet, reading = basis.fleet, read_asked(asked)
     if reading is None or not reading.readable:
@@ -78,7 +81,7 @@ def _orders(plan: Plan) -> frozenset[tuple[str, str]]:
 
 
 def _assignments(slots: Sequence[CommandSlot]) -> Iterator[tuple[Action, ...]]:
-    """Yield agents for the commands, the best assignment first; no agent has two."""
+    """Yield agents for the commands, the best assignment first; no agent has two commands."""
     for agents in product(*(slot.agents for slot in slots)):
         if len(set(agents)) == len(agents):
             yield tuple(
@@ -88,7 +91,7 @@ def _assignments(slots: Sequence[CommandSlot]) -> Iterator[tuple[Action, ...]]:
 
 
 def _assigned(slots: Sequence[CommandSlot]) -> tuple[Action, ...]:
-    """Return the commands, each with its first agent without a command; no agent has two."""
+    """Return the commands, each with its first free agent; no agent has two commands."""
     given: dict[int, str] = {}
     for at in sorted(range(len(slots)), key=lambda at: len(slots[at].agents)):
         free = (agent for agent in slots[at].agents if agent not in given.values())
@@ -101,13 +104,9 @@ def _assigned(slots: Sequence[CommandSlot]) -> tuple[Action, ...]:
     )
 
 
-MOST_ALTERNATIVES = 2
-"""The number of other plans beside the present one; more when there are more readings."""
-
-
 @dataclass(frozen=True)
 class Alternative:
-    """Another plan, for another `reading` of the order or another way to do the same."""
+    """An alternative plan, for another `reading` of the order or another `way` to carry it out."""
 
     sort: Literal["reading", "way"]
     asked: str
@@ -115,7 +114,7 @@ class Alternative:
 
     @property
     def line(self) -> AnswerLine:
-        """The plan and the result of its rehearsal, in one line."""
+        """The plan and the result of its rehearsal in one line."""
         plan, rehearsal = self.found.plan, self.found.rehearsal
         orders = ", ".join(f"{a.agent} {order_in_words(a)}" for a in plan.actions) or "no command"
         faults = f"; nobody may approve it: {'; '.join(self.found.faults)}"
@@ -126,7 +125,7 @@ class Alternative:
 
 
 async def find_alternatives(basis: CheckBasis, trace: MissionTrace) -> AsyncGenerator[Alternative]:
-    """Yield alternatives to the waiting plan: for other readings, with other agents.
+    """Yield alternatives to the plan of `trace`: for other readings, then with other agents.
 
     They are rehearsed in the present picture, and no model is asked.
     """
@@ -155,12 +154,12 @@ async def find_alternatives(basis: CheckBasis, trace: MissionTrace) -> AsyncGene
 
 
 def _only_holds(plan: Plan) -> bool:
-    """Return whether a plan only holds: the console's own way out when nothing can be done."""
+    """Return whether a plan only holds, as the console plans if nothing else is possible."""
     return all(action.verb == "hold" for action in plan.actions)
 
 
 def order_for(plan: Plan, base: str) -> str:
-    """Return an order in words that asks for exactly the actions of a plan."""
+    """Return an order in words for exactly the actions of a plan."""
     parts: list[str] = []
     for action in plan.actions:
         if action.verb == "move_to":

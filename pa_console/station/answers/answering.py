@@ -28,18 +28,29 @@ from pa_console.station.answers.why import (
 )
 
 MOST_REMEMBERED = 50
-"""The number of missions kept; a question is about the last one."""
+"""The most missions that are kept; a question is about the last one."""
+IS_QUESTION = "this is a question: it is answered where it is asked, and no mission is made of it"
+NO_QUESTION = (
+    "this is no question that is answered here; those are Why?, Why ASSET?, Why not ASSET?, "
+    "Why is nobody at GATE? and What would you do instead?"
+)
+_MOST_NOTICES = 4
+_GATE_NOTICES = ("covered by ", "no longer covered", "cover unknown")
+NOTHING_YET = "nothing has been ordered in this session yet"
+NO_PLAN = "there is no plan for it"
+NOW = "looked for in the picture as it is now; nothing is ordered by that"
+NO_OTHER = "no other sound plan is known for this order"
 
 
 class RecentRecord:
-    """Folds the events of a session as its log has them, and forgets missions of long ago."""
+    """The state of a session from its logged events, without missions of long ago."""
 
     def __init__(self, state: SessionState) -> None:
-        """Go on from `state`, which is the record's own from then on."""
+        """Continue from `state`, which belongs to the record from then on."""
         self.state = state
 
     def take(self, event: ev.Event) -> None:
-        """Process one event; unlogged and unverified facts are left out."""
+        """Process one event; transient and unverified ones are ignored."""
         if event.data.transient or isinstance(event.data, ev.UNVERIFIED):
             return
         self.state.apply(event)
@@ -55,19 +66,8 @@ class RecentRecord:
                 del missions[name]
 
 
-IS_QUESTION = "this is a question: it is answered where it is asked, and no mission is made of it"
-NO_QUESTION = (
-    "this is no question that is answered here; those are Why?, Why ASSET?, Why not ASSET?, "
-    "Why is nobody at GATE? and What would you do instead?"
-)
-
-
-_MOST_NOTICES = 4
-_GATE_NOTICES = ("covered by ", "no longer covered", "cover unknown")
-
-
 def gate_lines(state: SessionState, gate: str, dt_s: float) -> Iterator[AnswerLine]:
-    """Yield the facts in the picture and in the events about the cover of a gate.
+    """Yield the facts about the cover of a gate, from the picture and the events.
 
     `dt_s` is the duration of a tick, in seconds.
     """
@@ -97,7 +97,7 @@ def gate_lines(state: SessionState, gate: str, dt_s: float) -> Iterator[AnswerLi
 
 
 def _belongs(picture: Picture, gate: str, guards: tuple[str, ...]) -> Iterator[AnswerLine]:
-    """Yield the assets with a post at the gate that do not cover it, with their states."""
+    """Yield the assets at the gate, or posted there, that do not cover it, with their states."""
     for name, asset in picture.assets.items():
         if gate in (asset.post, asset.at) and name not in guards:
             yield AnswerLine(about=name, said=_how(asset, gate, picture.time_s))
@@ -144,20 +144,14 @@ def _left_for(trace: MissionTrace, gate: str) -> Iterator[AnswerLine]:
 
 
 def _known_of(state: SessionState, gate: str) -> list[Notice]:
-    """Return the last notices on the cover of the gate, oldest first."""
+    """Return the last notices about the cover of the gate, oldest first."""
     own = [n for n in state.notices if n.subject == gate and n.text.startswith(_GATE_NOTICES)]
     return own[-_MOST_NOTICES:]
 
 
-NOTHING_YET = "nothing has been ordered in this session yet"
-NO_PLAN = "there is no plan for it"
-NOW = "looked for in the picture as it is now; nothing is ordered by that"
-NO_OTHER = "no other sound plan is known for this order"
-
-
 @dataclass(frozen=True)
 class QueryAnswer:
-    """An answer, and the mission that it is about; '' for none."""
+    """An answer, and the id of the mission that it is about; '' for none."""
 
     told: QuestionAnswered
     mission: str = ""
@@ -169,10 +163,10 @@ async def answer(
     state: SessionState,
     found: Callable[[Alternative], object] = lambda _: None,
 ) -> QueryAnswer:
-    """Return the answer to `question`, as the session stands in `state`.
+    """Return the answer to `question` in the session `state`.
 
-    It is about the plan that waits, else about the mission that is worked on or was last. Each
-    alternative is given to `found` as soon as it is rehearsed.
+    It is about the waiting plan, otherwise about the active or last mission. Each alternative is
+    passed to `found` as soon as it is rehearsed.
     """
     trace = state.current
     if question.topic == "gate":
@@ -217,7 +211,7 @@ async def _about(
 
 
 def _not_sent(trace: MissionTrace, attempt: Attempt, question: Question) -> list[AnswerLine]:
-    """Return that none of the named assets has a part in the plan, and which assets have."""
+    """Return the answer that the plan has none of the named assets, and which assets it has."""
     agents = attempt.plan.agents if attempt.plan is not None else ()
     who = ", ".join(dict.fromkeys(agents)) or "nobody"
     meant = question.subjects[0] if len(question.subjects) == 1 else "none of them"

@@ -1,7 +1,7 @@
-"""The reasons for a plan, for its absence, and against another asset in it.
+"""Reasons for a plan, for its absence, and against another asset in it.
 
-The record of a mission gives them, step by step. An asset that was not taken is tried: the plan is
-checked and rehearsed again with it in place, in the present picture. No decision follows from that.
+They come from the record of a mission, step by step. An asset that was not used is tried: the plan
+with this asset is checked and rehearsed again in the present picture. Nothing is decided by that.
 """
 
 import math
@@ -25,9 +25,22 @@ from pa_console.views.event_words import asked_in_words, references_in_words, st
 from pa_console.views.status_words import status_of
 from pa_console.views.trace_layout import progress
 
+MOST_ASSETS = 6
+"""The most assets of a plan that are described one by one; the others are counted."""
+_MOST_NEARER = 3
+_CLOSE_M = 1.0
+"""The difference in distance up to which two assets are equally near, in metres."""
+_MOST_RULES = 8
+_MOST_BROKEN = 4
+MOST_CHECKED = 4
+"""The most named assets that are checked, the nearest first."""
+
 
 def attempt_of(trace: MissionTrace) -> Attempt | None:
-    """Return the attempt that waits, was decided on, or else came last; None before any plan."""
+    """Return the attempt that waits or was decided on, otherwise the last one with a plan.
+
+    The result is None before any plan.
+    """
     chosen = chosen_attempt(trace, rounds(trace)[-1])
     if chosen is not None and chosen.plan is not None:
         return chosen
@@ -48,7 +61,7 @@ def actions_of(attempt: Attempt | None) -> Sequence[Action]:
 
 
 def kind_asked_for(asked: str, action: Action, world: World) -> AssetKind | None:
-    """Return the kind of assets that was asked for where `action` leads; None for any."""
+    """Return the kind of asset that the order asks for at the place of `action`; None for any."""
     reading = read_asked(asked) if asked else None
     kind = world.assets[action.agent].kind
     for ask in reading.asks if reading is not None else ():
@@ -58,7 +71,7 @@ def kind_asked_for(asked: str, action: Action, world: World) -> AssetKind | None
 
 
 def distance_m(name: str, action: Action, world: World, picture: Picture) -> float | None:
-    """Return how far an asset is from where `action` leads, in metres; None where nowhere."""
+    """Return the distance of an asset from the goal of `action`, in metres; None without a goal."""
     place, asset = goal_of(action, world), picture.assets.get(name)
     if not place or asset is None:
         return None
@@ -66,18 +79,18 @@ def distance_m(name: str, action: Action, world: World, picture: Picture) -> flo
 
 
 def goal_of(action: Action, world: World) -> str:
-    """Return the frame that `action` leads to; '' where it leads nowhere."""
+    """Return the frame that `action` leads to; '' if it leads to none."""
     place = action.target or goes_to(action, world) or ""
     return place if place in world.frames else ""
 
 
 def is_able(name: str, action: Action, world: World) -> bool:
-    """Return whether an asset's kind has the command of `action`."""
+    """Return whether an asset of this kind can carry out `action`."""
     return world.assets[name].kind in COMMANDS[action.verb].kinds
 
 
 def who_is_able(action: Action) -> str:
-    """Return in words which kinds have the command of `action`."""
+    """Return in words which kinds of asset can carry out `action`."""
     kinds = [PLAIN_KINDS[kind] for kind in PLAIN_KINDS if kind in COMMANDS[action.verb].kinds]
     return f"only a {' or '.join(kinds)} can {action.verb}"
 
@@ -89,7 +102,7 @@ def may_leave(name: str, picture: Picture) -> bool:
 
 
 def against(name: str, picture: Picture) -> list[str]:
-    """Return the facts in the picture against sending an asset away; none if it is free."""
+    """Return the facts in the picture against the use of an asset; none if it is free."""
     asset = picture.assets.get(name)
     if asset is None:
         return ["nothing is known of it"]
@@ -115,17 +128,10 @@ def _state(asset: AssetTelemetry, picture: Picture) -> Iterator[str]:
         yield f"it is busy: {asset.task}"
 
 
-MOST_ASSETS = 6
-"""The number of assets of a plan that are described one by one; the rest are counted."""
-_MOST_NEARER = 3
-_CLOSE_M = 1.0
-"""Two that are so little apart are equally near, in metres."""
-
-
 def asset_lines(
     trace: MissionTrace, attempt: Attempt, world: World, only: Sequence[str] = ()
 ) -> Iterator[AnswerLine]:
-    """Yield a line for each asset of the plan, of those in `only` where that names any."""
+    """Yield a line for each asset of the plan, or only for those in `only` if it names any."""
     actions = [a for a in actions_of(attempt) if a.agent in world.assets]
     chosen = [each for each in actions if not only or each.agent in only]
     for action in chosen[:MOST_ASSETS]:
@@ -164,10 +170,10 @@ def _reasons(trace: MissionTrace, attempt: Attempt, action: Action, world: World
 def _nearness(
     trace: MissionTrace, attempt: Attempt, action: Action, world: World, before: Picture
 ) -> Iterator[str]:
-    """Yield the asset's rank by distance among the able ones, and what kept the nearer ones.
+    """Yield the asset's rank by distance, and why the nearer assets were not used.
 
-    Like is compared with like: assets of the kind that was asked for, and where none was, those of
-    the same kind and any other that might have been taken.
+    Assets of the kind that the order asks for are compared. If it asks for none, these are assets
+    of the same kind and others that were free to leave.
     """
     name, place = action.agent, goal_of(action, world)
     own_m = distance_m(name, action, world, before)
@@ -207,13 +213,9 @@ def _nearness(
 
 
 def _stands_at(name: str, place: str, picture: Picture) -> bool:
-    """Return whether an asset is at the place that the action leads to."""
+    """Return whether an asset is at `place` or has its post there."""
     asset = picture.assets[name]
     return place in (asset.post, asset.at)
-
-
-_MOST_RULES = 8
-_MOST_BROKEN = 4
 
 
 def _line(about: str, said: str) -> AnswerLine:
@@ -221,7 +223,7 @@ def _line(about: str, said: str) -> AnswerLine:
 
 
 def plan_lines(trace: MissionTrace, world: World) -> Iterator[AnswerLine]:
-    """Yield all that bears on the plan of a mission, or on there being none."""
+    """Yield all facts about the plan of a mission, or about its absence."""
     yield from order_lines(trace)
     attempt = attempt_of(trace)
     if attempt is not None:
@@ -237,7 +239,7 @@ def plan_lines(trace: MissionTrace, world: World) -> Iterator[AnswerLine]:
 
 
 def order_lines(trace: MissionTrace) -> Iterator[AnswerLine]:
-    """Yield the words of the mission, its origin, and its completed text."""
+    """Yield the words of the mission, its completed text, and the questions asked back."""
     mission = trace.mission
     origin = f"{mission.origin}: " if mission.origin else ""
     yield _line("order", f"{mission.id}, {origin}{mission.said}")
@@ -250,7 +252,7 @@ def order_lines(trace: MissionTrace) -> Iterator[AnswerLine]:
 
 
 def _reading(trace: MissionTrace, attempt: Attempt) -> Iterator[AnswerLine]:
-    """Yield what the order was read as, how sure that is, and what of it no plan can do."""
+    """Yield the reading of the order, its confidence, its doubts, and its omitted parts."""
     if asked := asked_of(trace, attempt):
         yield _line("read as", plain_reading(asked))
     if attempt.sure is not None:
@@ -275,7 +277,7 @@ def rule_lines(trace: MissionTrace) -> Iterator[AnswerLine]:
 
 
 def _not_used(trace: MissionTrace, chosen: Attempt) -> Iterator[AnswerLine]:
-    """Yield the plans that were proposed for it and not used, with the rule that held each."""
+    """Yield the plans of the round that were not used, each with the reason against it."""
     for attempt in trace.attempts:
         if attempt is chosen or attempt.round != chosen.round or attempt.plan is None:
             continue
@@ -310,7 +312,7 @@ def checked_lines(attempt: Attempt) -> Iterator[AnswerLine]:
 
 
 def rehearsed_in_words(rehearsal: Rehearsal) -> str:
-    """Return a rehearsal in words: its duration, the guards of gates, late arrivals."""
+    """Return a rehearsal in words: its duration, the cover of gates, and unfinished assets."""
     timeline = rehearsal.timeline
     told = [f"over after {timeline.duration_s:.0f} s"]
     gates = timeline.gates.items()
@@ -335,7 +337,7 @@ def rehearsed_in_words(rehearsal: Rehearsal) -> str:
 
 
 def _without_plan(trace: MissionTrace) -> Iterator[AnswerLine]:
-    """Yield why there is no plan, as far as that is on record."""
+    """Yield the recorded reasons why there is no plan."""
     if trace.standing is not None:
         yield _line("standing order", standing_in_words(trace.standing.order))
         yield _line("approval", asked_in_words(trace.standing.order, trace.standing.allowed))
@@ -351,7 +353,7 @@ def _without_plan(trace: MissionTrace) -> Iterator[AnswerLine]:
 
 
 def end_lines(trace: MissionTrace) -> Iterator[AnswerLine]:
-    """Yield what the operator decided, and what came of it."""
+    """Yield the decisions of the operator and the outcome."""
     request = trace.approval
     for made in trace.decisions:
         decision = made.decision
@@ -376,14 +378,10 @@ def end_lines(trace: MissionTrace) -> Iterator[AnswerLine]:
         yield _line("outcome", f"{status_of('mission', trace.status).word}: {trace.reason}")
 
 
-MOST_CHECKED = 4
-"""The number of named assets that are checked; of more, the nearest."""
-
-
 async def why_not_lines(
     basis: CheckBasis, trace: MissionTrace, attempt: Attempt, names: Sequence[str]
 ) -> AsyncGenerator[AnswerLine]:
-    """Yield for each of `names` the objections to it in place of the planned asset."""
+    """Yield the objections to each of `names` in place of the planned asset."""
     world, actions = basis.fleet.world, actions_of(attempt)
     planned = {action.agent: action for action in actions}
     others = [name for name in names if name not in planned]
@@ -401,9 +399,9 @@ async def why_not_lines(
 
 
 def part_for(name: str, actions: Sequence[Action], world: World) -> Action | None:
-    """Return the action that an asset would take over: one by its kind, else a feasible one.
+    """Return the action that an asset would take over; None if it can do none of `actions`.
 
-    The result is None if the asset can do none of `actions`.
+    An action of an asset of the same kind is preferred.
     """
     movers = [each for each in actions if goal_of(each, world)]
     able = [each for each in movers or actions if is_able(name, each, world)]
@@ -456,7 +454,7 @@ async def _checked(
 def _facts(  # noqa: PLR0917 - one asset in one plan, in one picture
     name: str, part: Action, attempt: Attempt, trace: MissionTrace, world: World, picture: Picture
 ) -> str:
-    """Return the facts in a picture and in the order against an asset in that part of the plan."""
+    """Return the facts in a picture and in the order against an asset for one action."""
     told = [*_not_asked_for(name, part, attempt, trace, world), *against(name, picture)]
     own_m = distance_m(name, part, world, picture)
     their_m = distance_m(part.agent, part, world, picture)
@@ -468,7 +466,7 @@ def _facts(  # noqa: PLR0917 - one asset in one plan, in one picture
 def _not_asked_for(
     name: str, part: Action, attempt: Attempt, trace: MissionTrace, world: World
 ) -> Iterator[str]:
-    """Yield that the order was read as one for another kind."""
+    """Yield a line if the order was read as one for another kind of asset."""
     kind = kind_asked_for(asked_of(trace, attempt), part, world)
     if kind is not None and world.assets[name].kind != kind:
         yield f"the order was read as one for a {PLAIN_KINDS[kind]}"
@@ -483,7 +481,7 @@ def _verdict(found: Examination) -> str:
 
 
 def _arrival(name: str, part: Action, found: Rehearsal, planned: Rehearsal | None) -> str:
-    """Return how the rehearsal with the asset goes, and when it and the planned one arrive."""
+    """Return the result of the rehearsal with the asset, and the arrival times of both assets."""
     arrived_s = found.motion.arrived_s.get(name)
     there = f"; it is there after {arrived_s:.0f} s" if arrived_s is not None else ""
     other_s = planned.motion.arrived_s.get(part.agent) if planned is not None else None
