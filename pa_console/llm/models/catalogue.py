@@ -162,7 +162,7 @@ class ModelEntry(StrictModel):
 
     name: str = Field(pattern=MODEL_NAME)
     weights: str = Field(
-        default="", description="another entry of the same file: it is kept only once"
+        default="", description="another entry with the same file, which is kept only once"
     )
     title: str
     licence: str
@@ -173,7 +173,7 @@ class ModelEntry(StrictModel):
     chat: ChatFormat = "template"
     prepare: Quantisation | Literal["fastest"] | None = None
     vocabulary: int | None = Field(
-        default=None, ge=1000, description="of the first so many pieces those in ASCII are kept"
+        default=None, ge=1000, description="the first pieces, of which those in ASCII are kept"
     )
     prepared: dict[Quantisation, Sha256] = Field(
         default={}, description="the SHA-256 of the prepared file of each type"
@@ -183,7 +183,7 @@ class ModelEntry(StrictModel):
     n_ctx: int = Field(default=N_CTX, ge=512)
     second_reader: str = Field(
         default="",
-        description="another model that reads an order of which this one is unsure, if it is here",
+        description="another model for orders that this one is unsure about, if it is here",
     )
     notes: str = ""
     sources: tuple[WeightsSource, ...] = Field(min_length=1)
