@@ -81,7 +81,7 @@ class Detection:
 class ContactFinding:
     """A ground robot's finding from dealing with a contact (`identify`, `warn`).
 
-    It has identified the contact at tick `identified_tick`.
+    `identified_tick` is the tick of the identification, or None.
     """
 
     identity: Identity = "unknown"

@@ -74,7 +74,7 @@ def true_tracks(terrain: Terrain, scene: Scene) -> dict[str, Track]:
 
 
 def _true_track(terrain: Terrain, scene: Scene, contact: ContactState) -> Track:
-    """Return the exact contact as a track; `observed_by` and `seen_by` are as the station knows."""
+    """Return the exact contact as a track; `observed_by` and `seen_by` are the station's."""
     file = scene.sensing.files.get(contact.id)
     known = None if file is None else known_track(terrain, scene, file)
     now_s = terrain.seconds(scene.tick)

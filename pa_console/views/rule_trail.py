@@ -153,8 +153,8 @@ class TrailEntry:
     acknowledged    the operator acknowledged that it is broken
     refused         the mission was refused at intake because of it
     sent back       the planner had to try again because of it
-    halted          a running plan was brought to a safe state because of it
-    prescribed      its workflow moved on by one step for a track
+    halted          a running plan was halted because of it
+    prescribed      its workflow moved to the next step for a track
 
     `attempt` is 0 for an effect that does not concern a single plan.
     """

@@ -37,7 +37,7 @@ class CommandResent(Payload):
 
 
 class PlanHalted(Payload):
-    """Step 7: a premise of the running plan broke; assets were brought to a safe state."""
+    """Step 7: a premise of the running plan broke; each asset is sent its way to safety."""
 
     kind: Literal["plan_halted"] = "plan_halted"
     attempt: int

@@ -1,8 +1,8 @@
 """Records of a session log: canonical JSON, the hash chain, and reading a log line by line.
 
 A record is a JSON object with the fields of `FIELDS`, in that order. `hash` is the SHA-256, in
-hexadecimal, of the record without `hash` as canonical JSON. `prev` is the `hash` of the record
-before, GENESIS in the first, whose `seq` is 1. The signature of a `log_signed` record is over
+hexadecimal, of the record without `hash` as canonical JSON. `prev` is the `hash` of the previous
+record, or GENESIS in the first one, whose `seq` is 1. The signature of a `log_signed` record covers
 PURPOSE and the same canonical JSON without `signature`.
 """
 
@@ -45,7 +45,7 @@ _DISK_FULL = frozenset((errno.ENOSPC, errno.EDQUOT))
 
 
 class LogError(DocumentError):
-    """A session log that cannot be written or read; `line` is 0 for an error of no single line."""
+    """A session log that cannot be written or read; `line` is 0 without a line."""
 
     def __init__(self, source: str, line: int, problem: str) -> None:
         super().__init__(source, line, "", problem)
@@ -180,7 +180,7 @@ def end_problem(line: bytes) -> str:
 def read_lines(path: Path) -> Iterator[tuple[int, bytes]]:
     """Yield (line number from 1, line without its end).
 
-    Raises LogError for a torn last line and for a line beyond LINE_LIMIT.
+    Raises LogError for an incomplete last line and for a line beyond LINE_LIMIT.
     """
     try:
         with path.open("rb") as file:
