@@ -16,6 +16,9 @@ from typing import Any, Literal, Protocol
 from pa_console.schema.base import Role, ServerUse
 from pa_console.schema.finding import Usage
 
+CANCELLED = "cancelled"
+"""The error of an answer that was interrupted."""
+
 
 class ModelError(Exception):
     """A model that is unknown, missing, or not the file that the catalogue pins."""
@@ -185,9 +188,6 @@ def open_backend(name: str, options: BackendOptions) -> Backend:
         raise ModelError(f"{name}: the backend {point.value} cannot be loaded: {error}") from error
     return opener(name, options)
 
-
-CANCELLED = "cancelled"
-"""The error of an answer that was interrupted."""
 
 OnText = Callable[[str], object]
 """A callback for an answer, piece by piece as it is generated."""

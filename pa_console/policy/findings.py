@@ -18,6 +18,10 @@ from pa_console.schema.world import World
 MAX_OFFENDERS = 6
 MAX_ERROR = 200
 
+STRUCTURE_ID = "PLAN"
+ORDER_ID = "ORDER"
+"""The id of a finding about an action that the words of an order rule out."""
+
 
 def finding(rule: Rule, status: FindingStatus, message: str = "") -> Finding:
     """Return the finding of `rule`."""
@@ -38,11 +42,6 @@ def violation(message: str, offenders: Iterable[str]) -> str:
     more = len(distinct) - MAX_OFFENDERS
     listed = ", ".join(distinct[:MAX_OFFENDERS]) + (f" and {more} more" if more > 0 else "")
     return f"{message}: {listed}"
-
-
-STRUCTURE_ID = "PLAN"
-ORDER_ID = "ORDER"
-"""The id of a finding about an action that the words of an order rule out."""
 
 
 def problems(plan: Plan, world: World, picture: Picture) -> tuple[Finding, ...]:

@@ -27,6 +27,9 @@ from pa_console.schema.rehearsal import Moment, TrackMoment
 from pa_console.schema.rule import Ordering, Phase, Workflow
 from pa_console.schema.world import World
 
+CLOCK_S = 1e-6
+"""Times that differ by less than this are equal."""
+
 
 class GateMoment(NamedTuple):
     """A gate at one moment; `lost` is true if it was covered before and is not covered now."""
@@ -150,9 +153,6 @@ def _plain(subject: Subject, fields: Fields | None) -> dict[str, Any]:
 
 
 Stage = Literal["idle", "open", "settled", "broken"]
-
-CLOCK_S = 1e-6
-"""Times that differ by less than this are equal."""
 
 
 class OrderingProgress(NamedTuple):

@@ -43,6 +43,9 @@ _WITHIN = re.compile(r"(?<=[a-z])[-*·/.+~_]+(?=[a-z])(?!t\d)")
 """Signs within words, except in the names of assets."""
 _SPLIT = re.compile(r"(?<=[a-z])[-*·](?=[a-z])")
 
+_PARTS = 3
+"""The largest number of parts into which a searched word may be split."""
+
 
 def compatible_form(text: str) -> str:
     """Return `text` in compatibility form (NFKC), without invisible characters."""
@@ -142,8 +145,6 @@ def _in_strokes(word: str) -> str:
 
 _SPELT = {_in_strokes(word): word for word in sorted(_SOUGHT)}
 """The searched words by their strokes, so that `k111` is found as `kill`."""
-_PARTS = 3
-"""The largest number of parts into which such a word may be split."""
 
 
 def _rejoined(words: str) -> str:

@@ -20,6 +20,10 @@ _WORD = re.compile(r"[^\W_]+")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _END = "\N{LINE SEPARATOR}"
 
+SHORTEST, LONGEST = 2, 4
+ALIKE = 0.6
+"""The similarity of spelling from which a word counts as a member of a group."""
+
 
 def words_of(text: str) -> list[str]:
     """Return the words of `text` in order, case-folded, in any script.
@@ -137,9 +141,6 @@ class Vocabulary(StrictModel):
         return self
 
 
-SHORTEST, LONGEST = 2, 4
-
-
 class Spelling:
     """A list of words with which any word can be compared."""
 
@@ -167,10 +168,6 @@ class Spelling:
 
 def _grams(word: str) -> set[str]:
     return set(ngrams(word, SHORTEST, LONGEST))
-
-
-ALIKE = 0.6
-"""The similarity of spelling from which a word counts as a member of a group."""
 
 
 def load_vocabulary(path: Path) -> Vocabulary:

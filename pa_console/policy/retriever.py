@@ -27,6 +27,21 @@ Scores = dict[str, Floats]
 
 DECIMALS = 9
 
+K1, B = 1.2, 0.75
+OFFSET = 60.0
+"""The offset that levels out the first places; the value of Cormack, Clarke and Buettcher (SIGIR
+2009)."""
+_WORD = re.compile(r"\w+")
+ALIKE = 0.3
+"""The likeness from which a different spelling counts; its weight is then its square."""
+RELATED = 0.8
+"""The weight of a related word; the same word has weight 1."""
+LENGTH = 0.4
+"""The penalty for longer rules: 0 is none, 1 is in proportion to their length."""
+LEVELS = 10
+"""The number of levels of nearness between rules and a word."""
+_ROUNDING = 1e-9
+
 
 def rounded(scores: Floats) -> Floats:
     """Return `scores` rounded to decimals that are the same on every processor.
@@ -56,9 +71,6 @@ def best(scores: Floats, k: int) -> list[int]:
         places = np.arange(len(scores))
     order = np.argsort(-scores[places], kind="stable")
     return places[order[:k]].tolist()
-
-
-K1, B = 1.2, 0.75
 
 
 class Bm25Ranking:
@@ -98,11 +110,6 @@ class Bm25Ranking:
         return dict.fromkeys(term for word in words for term in self._terms(word))
 
 
-OFFSET = 60.0
-"""The offset that levels out the first places; the value of Cormack, Clarke and Buettcher (SIGIR
-2009)."""
-
-
 class FusionRanking:
     """The sum of 1 / (OFFSET + place) over rankings of the same rules; equal scores tie."""
 
@@ -123,9 +130,6 @@ def _better(scores: Floats) -> Floats:
     """Return, for each score, the number of higher scores."""
     higher = len(scores) - np.searchsorted(np.sort(scores), scores, side="right")
     return higher.astype(np.float64)
-
-
-_WORD = re.compile(r"\w+")
 
 
 class PaperRanking:
@@ -159,17 +163,6 @@ class PaperRanking:
 
 def _words(text: str) -> set[str]:
     return set(_WORD.findall(text.lower()))
-
-
-ALIKE = 0.3
-"""The likeness from which a different spelling counts; its weight is then its square."""
-RELATED = 0.8
-"""The weight of a related word; the same word has weight 1."""
-LENGTH = 0.4
-"""The penalty for longer rules: 0 is none, 1 is in proportion to their length."""
-LEVELS = 10
-"""The number of levels of nearness between rules and a word."""
-_ROUNDING = 1e-9
 
 
 class RelatedRanking:

@@ -14,6 +14,8 @@ Plain = dict[str, object]
 
 SHIPPED_FILE = Path(__file__).with_name("shipped_rules.json")
 
+PURPOSE = b"pa-console rule set\n"
+
 
 class ShippedRules(StrictModel):
     """The rules that the package itself vouches for; `rules pin --write` writes the file."""
@@ -76,9 +78,6 @@ def plain_workflow(workflow: Workflow) -> Plain:
 def canonical(value: object) -> str:
     """Return `value` as canonical JSON: keys sorted, ASCII, compact."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"))
-
-
-PURPOSE = b"pa-console rule set\n"
 
 
 class AlteredRulesError(ValueError):

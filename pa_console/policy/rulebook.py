@@ -41,6 +41,11 @@ EXPRESSION_SIZE = 20
 MISSION_VARIABLES = frozenset(("mission", "world"))
 LIMIT_VARIABLES = frozenset(("world",))
 
+_DECISIVE = ("priority", "applies", "check", "order")
+CORE_IDS = ("ROE-01", "ROE-02", "ROE-03", "ROE-05", "ROE-09", "WF-03", "CAP-01", "CAP-06")
+"""The rules without which no plan is safe: force, escalation, evidence, overriding, cover, reach.
+"""
+
 
 @dataclass(frozen=True)
 class CompiledOrdering:
@@ -310,9 +315,6 @@ def _refuse_repeated(document: Document, part: str, ids: Iterable[str]) -> None:
         seen.add(name)
 
 
-_DECISIVE = ("priority", "applies", "check", "order")
-
-
 def core_sha256() -> str:
     """Return the hash of the core, which identifies it in a log."""
     plain = canonical([plain_rule(rule) for rule in SHIPPED.core])
@@ -351,11 +353,6 @@ def with_core(rulebook: Rulebook, deadline_s: float = DEADLINE_S) -> Rulebook:
 def _as_strict(own: Rule | None, core: Rule) -> bool:
     """Return whether a file's own rule decides exactly as the core's rule."""
     return own is not None and all(getattr(own, name) == getattr(core, name) for name in _DECISIVE)
-
-
-CORE_IDS = ("ROE-01", "ROE-02", "ROE-03", "ROE-05", "ROE-09", "WF-03", "CAP-01", "CAP-06")
-"""The rules without which no plan is safe: force, escalation, evidence, overriding, cover, reach.
-"""
 
 
 def shipped_rules(rule_set: RuleSet) -> ShippedRules:

@@ -12,6 +12,11 @@ Verb = Literal[
     "hold", "move_to", "observe", "identify", "warn", "block", "return_to_base", "report"
 ]
 
+_ALL: frozenset[AssetKind] = frozenset(("uav", "ugv", "robot"))
+_UAV: frozenset[AssetKind] = frozenset(("uav",))
+_UGV: frozenset[AssetKind] = frozenset(("ugv",))
+_ROBOT: frozenset[AssetKind] = frozenset(("robot",))
+
 
 class CommandSpec(NamedTuple):
     """The properties of a command for rules, simulator, bus, prompt and screen."""
@@ -30,11 +35,6 @@ class CommandSpec(NamedTuple):
     """The verb in a plan for the asset's activity at its place, or '' if moving or staying is all.
     """
 
-
-_ALL: frozenset[AssetKind] = frozenset(("uav", "ugv", "robot"))
-_UAV: frozenset[AssetKind] = frozenset(("uav",))
-_UGV: frozenset[AssetKind] = frozenset(("ugv",))
-_ROBOT: frozenset[AssetKind] = frozenset(("robot",))
 
 COMMANDS: Mapping[Verb, CommandSpec] = MappingProxyType(
     {

@@ -46,6 +46,20 @@ MOST_KEY = 200
 """The limit on the characters of a key."""
 TOO_LONG = f"longer than {MOST_BYTES:,} bytes; no such file needs to be, so split it up"
 
+_NAMED_FIELD = re.compile(r"^Value error, (\w+(?:\.\w+)*): (.*)$", re.DOTALL)
+"""The form in which a model's own validator names a field."""
+_PLAIN_PROBLEMS = {
+    "model_type": "fields are expected here, each as 'name: value'",
+    "dict_type": "fields are expected here, each as 'name: value'",
+    "list_type": "a list is expected here, '- ' before each entry",
+    "extra_forbidden": "there is no such field; take it out, or mend its name",
+}
+"""Plainer words for pydantic's problems, by the type of the error."""
+_TAG = "tag:yaml.org,2002:"
+_LONGEST_NUMBER = 64
+_LONGEST_FIELD = 200
+_LONGEST_PROBLEM = 2000
+
 
 class TreeError(Exception):
     """A text that cannot be parsed as a tree; line and column are from 1, or 0 if unknown."""
@@ -216,19 +230,6 @@ Model = TypeVar("Model", bound=BaseModel)
 FieldPath = tuple[str | int, ...]
 Value = str | int | float | bool | list["Value"] | dict[str | int, "Value"] | None
 
-_NAMED_FIELD = re.compile(r"^Value error, (\w+(?:\.\w+)*): (.*)$", re.DOTALL)
-"""The form in which a model's own validator names a field."""
-_PLAIN_PROBLEMS = {
-    "model_type": "fields are expected here, each as 'name: value'",
-    "dict_type": "fields are expected here, each as 'name: value'",
-    "list_type": "a list is expected here, '- ' before each entry",
-    "extra_forbidden": "there is no such field; take it out, or mend its name",
-}
-"""Plainer words for pydantic's problems, by the type of the error."""
-_TAG = "tag:yaml.org,2002:"
-_LONGEST_NUMBER = 64
-_LONGEST_FIELD = 200
-_LONGEST_PROBLEM = 2000
 _SCALARS = SafeConstructor()
 
 

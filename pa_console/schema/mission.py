@@ -34,6 +34,15 @@ Outcome = Literal["pass", "fail", "unknown"]
 MissionSource = Literal["operator", "alarm", "standing", "agent"]
 """The source of a mission: a person, an alarm, a standing order, or an agent over MCP."""
 
+MOST_STARTS = 6
+"""The default limit on missions that a standing order starts in an hour."""
+
+SUBJECT, PLACE = "{it}", "{place}"
+"""The placeholders in an order for its subject, and for the subject's gate."""
+
+DAY_S = 86400.0
+"""The seconds of a day."""
+
 
 class Mission(StrictModel):
     """One mission command in plain language (paper, Step 1)."""
@@ -218,16 +227,6 @@ class QueueEntry(StrictModel):
 
 SubjectKind = Literal["asset", "track", "gate"]
 """The kinds of subjects that a standing order watches, one by one."""
-
-MOST_STARTS = 6
-"""The default limit on missions that a standing order starts in an hour."""
-
-SUBJECT, PLACE = "{it}", "{place}"
-"""The placeholders in an order for its subject, and for the subject's gate."""
-
-
-DAY_S = 86400.0
-"""The seconds of a day."""
 
 
 class Schedule(StrictModel):

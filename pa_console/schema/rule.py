@@ -17,6 +17,8 @@ PLACEHOLDER = re.compile(r"\{(track|gate)\}")
 Version = Annotated[str, StringConstraints(pattern=r"^([A-Za-z0-9][A-Za-z0-9._+-]{0,31})?$")]
 """The version of a rule set, in quotes if it looks like a number; empty for none."""
 
+MOST_PEOPLE = 9
+
 
 class RuleExample(StrictModel):
     """A small plan and state that must pass or fail the rule's check.
@@ -183,8 +185,6 @@ ACTS = (
 )
 """The acts that may need more than one person: a command that moves an asset, overriding the judge,
 acknowledging a broken Medium rule, and the first order to a vehicle."""
-
-MOST_PEOPLE = 9
 
 
 def _people(approvals: dict[str, int]) -> dict[str, int]:

@@ -19,6 +19,12 @@ MOST_CORNERS = 1000
 """The limit on corners of perimeter, zones and walls in total, with four per wall: routes are
 planned around them."""
 
+OCCUPIED_CELL, FREE_CELL, UNKNOWN_CELL = "#", ".", "?"
+"""The characters of a background's cells."""
+
+MOST_ROWS = 400
+"""The largest number of rows and of columns of a background."""
+
 
 class Frame(StrictModel):
     """A named position that commands can refer to (paper, Section IV-A; WF-08, CAP-06)."""
@@ -142,13 +148,6 @@ class Origin(StrictModel):
         le=9000.0,
         description="height of the ground above the ellipsoid in metres; None: unknown",
     )
-
-
-OCCUPIED_CELL, FREE_CELL, UNKNOWN_CELL = "#", ".", "?"
-"""The characters of a background's cells."""
-
-MOST_ROWS = 400
-"""The largest number of rows and of columns of a background."""
 
 
 class Background(StrictModel):

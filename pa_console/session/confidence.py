@@ -30,6 +30,16 @@ UNSURE = 0.8
 LEAST_CHANCE, MOST_CHANCE = 0.01, 0.99
 """Bounds of a chance: differences beyond them in a model's chance have no meaning."""
 
+MOST_DOUBTED = 0.75
+"""The greatest confidence in a reading with a gap that no second reader confirms, and in a reading
+of the second reader alone. The second reader was trained on phrasings like those of the fitted
+orders, so it is right more often there than elsewhere."""
+
+MOST_GAPS = 3
+"""The greatest number of gaps that is counted."""
+RIVAL = 0.1
+"""The chance of another reading from which an order counts as doubtful."""
+
 
 class Evidence(NamedTuple):
     """The evidence for one reading of an order."""
@@ -79,14 +89,6 @@ class Coefficients(NamedTuple):
 
 FITTED = Coefficients(1.034, 0.147, 0.425, 0.083, 0.513, -1.409)
 
-MOST_DOUBTED = 0.75
-"""The greatest confidence in a reading with a gap that no second reader confirms, and in a reading
-of the second reader alone. The second reader was trained on phrasings like those of the fitted
-orders, so it is right more often there than elsewhere."""
-
-MOST_GAPS = 3
-"""The greatest number of gaps that is counted."""
-
 
 def features(readings: Sequence[Evidence]) -> list[tuple[float, ...]]:
     """Return the inputs of the coefficients, in their order, for each reading of one order."""
@@ -129,10 +131,6 @@ def weighed(readings: Sequence[WeighedReading]) -> tuple[WeighedReading, ...]:
     told = chances([reading.evidence for reading in readings])
     found = [one._replace(chance=chance) for one, chance in zip(readings, told, strict=True)]
     return tuple(sorted(found, key=lambda reading: -reading.chance))
-
-
-RIVAL = 0.1
-"""The chance of another reading from which an order counts as doubtful."""
 
 
 def read_apart(served: WeighedReading, readings: Sequence[WeighedReading]) -> bool:

@@ -55,6 +55,15 @@ Progress = Callable[[int, int], None]
 _Place = tuple[int, int]
 """Position and size of packed bytes."""
 
+_PICTURE = b',"data":{"picture":{'
+_END = re.compile(rb'\}\},"prev":"[0-9a-f]*","hash":"[0-9a-f]*"\}$')
+_TAIL = 400
+"""The number of bytes at the end of a line that contain the two hashes."""
+KEPT = 12
+"""The number of saved indexes; the most recently used ones are kept."""
+
+_SUFFIX = ".replay-index"
+
 
 class LogIndex:
     """An index of every event of a log, with the session at its keyframes.
@@ -176,12 +185,6 @@ class MissionShelf(MutableMapping[str, MissionTrace]):
 
     def __len__(self) -> int:
         return len(self._order)
-
-
-_PICTURE = b',"data":{"picture":{'
-_END = re.compile(rb'\}\},"prev":"[0-9a-f]*","hash":"[0-9a-f]*"\}$')
-_TAIL = 400
-"""The number of bytes at the end of a line that contain the two hashes."""
 
 
 class _Data(StrictModel):
@@ -331,10 +334,6 @@ class _Builder:
         state.missions = index.shelf(self._places.copy())
 
 
-KEPT = 12
-"""The number of saved indexes; the most recently used ones are kept."""
-
-_SUFFIX = ".replay-index"
 _CHUNK = 1 << 20
 
 

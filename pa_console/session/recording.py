@@ -31,6 +31,8 @@ _CHANGED = "changed since the log was opened"
 CACHED_FROM = 4_000_000
 """The least size in bytes of a log whose index is saved."""
 
+RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+
 
 class Recording:
     """The events of a session, each read from the log on access."""
@@ -154,9 +156,6 @@ class Recording:
     def of_mission(self, index: int) -> bool:
         """Return True if event `index` belongs to a mission."""
         return not self.timeline.is_telemetry(index) and self[index].mission is not None
-
-
-RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 
 
 class Player:

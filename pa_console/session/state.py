@@ -30,6 +30,22 @@ NOTICES_KEPT = 500
 STILLS_KEPT = 50
 _LEVELS: dict[str, ev.Level] = {"emergency": "alarm", "high": "alarm", "medium": "warning"}
 
+BY_CLOCK = "the clock"
+"""The `by` of the event that ends a timed order after its last moment."""
+MOST_STARTS_KEPT = 100
+LEFT_OUT = {
+    "outside": "contacts beyond the site are reported; they are not shown",
+    "too_many": f"more is reported than is shown: {ev.MOST_CONTACTS} contacts at a time",
+    "unreadable": "the server sends what is no event; it is left out",
+}
+"""The notice about contacts that are not shown, by reason; each is given once."""
+
+GONE = {
+    "stale": "not heard any more",
+    "removed": "removed by its sender",
+    "left": "beyond the site",
+}
+
 
 @dataclass(frozen=True)
 class Notice:
@@ -79,11 +95,6 @@ class Stop:
         return len(self.orders) - len(self.unconfirmed)
 
 
-BY_CLOCK = "the clock"
-"""The `by` of the event that ends a timed order after its last moment."""
-MOST_STARTS_KEPT = 100
-
-
 @dataclass(frozen=True)
 class StartTrace:
     """One mission that a standing order has started, at a `tick` of the simulation."""
@@ -131,20 +142,6 @@ class ManualTrace:
 
     by: str
     tick: int
-
-
-LEFT_OUT = {
-    "outside": "contacts beyond the site are reported; they are not shown",
-    "too_many": f"more is reported than is shown: {ev.MOST_CONTACTS} contacts at a time",
-    "unreadable": "the server sends what is no event; it is left out",
-}
-"""The notice about contacts that are not shown, by reason; each is given once."""
-
-GONE = {
-    "stale": "not heard any more",
-    "removed": "removed by its sender",
-    "left": "beyond the site",
-}
 
 
 @dataclass

@@ -12,6 +12,13 @@ from pa_console.sim.scene import Scene
 from pa_console.sim.sensing_state import ContactState
 from pa_console.sim.worlds.terrain import QUEUE_GAP_M, Terrain
 
+COMPLIES_AFTER_S = 2.0
+"""Seconds that a contact waits after a warning before it leaves."""
+BUMPER_M = 3.0
+"""The distance at which a contact that ignores a warning passes ground assets, in metres."""
+_STOPPED_MPS = 0.05
+_ASIDE_DEG = (30, -30, 60, -60, 85, -85)
+
 
 def spawn(terrain: Terrain, scene: Scene, incident: SpawnTrack) -> ContactState:
     """Add a new contact on a lane of its gate, behind the contacts already there.
@@ -88,13 +95,6 @@ def remove(scene: Scene, contact_id: str) -> None:
     state.watched = {key: n for key, n in state.watched.items() if key[1] != contact_id}
     state.findings = {key: f for key, f in state.findings.items() if key[1] != contact_id}
 
-
-COMPLIES_AFTER_S = 2.0
-"""Seconds that a contact waits after a warning before it leaves."""
-BUMPER_M = 3.0
-"""The distance at which a contact that ignores a warning passes ground assets, in metres."""
-_STOPPED_MPS = 0.05
-_ASIDE_DEG = (30, -30, 60, -60, 85, -85)
 
 Points = npt.NDArray[np.float64]
 

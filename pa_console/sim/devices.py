@@ -27,6 +27,11 @@ from pa_console.sim.sensing_state import ContactFinding, ContactState
 from pa_console.sim.tracker import name_of
 from pa_console.sim.worlds.terrain import Terrain
 
+PROGRESS_S = 5.0
+_REMEMBERED = 32
+IDENTIFY_S = 4.0
+WARN_S = 3.0
+
 
 def listen(terrain: Terrain, scene: Scene) -> None:
     """Deliver the station's heartbeat, sent once per telemetry period, to every device.
@@ -55,10 +60,6 @@ def note_heard(terrain: Terrain, scene: Scene, asset: AssetState) -> None:
         owes, asset.cut_off, asset.owes = asset.owes, False, ()
         for reply in owes:
             radio.send_reply(scene, reply, terrain.world.dt_s)
-
-
-PROGRESS_S = 5.0
-_REMEMBERED = 32
 
 
 Admit = Callable[[DeviceCommand], str]
@@ -299,9 +300,6 @@ def _remember(asset: AssetState, reply: CommandReply) -> CommandReply:
     asset.answered = (*others, reply)[-_REMEMBERED:]
     return reply
 
-
-IDENTIFY_S = 4.0
-WARN_S = 3.0
 
 Ending = tuple[Literal["done", "failed"] | None, str]
 

@@ -38,6 +38,9 @@ _VERBS: dict[Task, Verb] = {
     "returning": "return_to_base",
 }
 
+USUAL_MPS = 5.0
+"""The assumed speed of a contact of unknown speed once it moves."""
+
 
 def scene_of(terrain: Terrain, picture: Picture) -> Scene:
     """Return the scene of `picture`; equal pictures give equal scenes."""
@@ -123,10 +126,6 @@ def _asset(world: World, tick: int, index: int, report: AssetTelemetry) -> Asset
                 command_id=report.command_id, agent=report.id, verb=verb, target=target
             )
     return asset
-
-
-USUAL_MPS = 5.0
-"""The assumed speed of a contact of unknown speed once it moves."""
 
 
 def _restore(terrain: Terrain, scene: Scene, picture: Picture) -> None:

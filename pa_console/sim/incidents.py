@@ -43,6 +43,8 @@ from pa_console.sim.worlds.terrain import Terrain
 OBSTRUCTION_M = 0.8
 """The thickness of an obstruction, in metres."""
 
+_TIME_NOISE_S = 1e-9
+
 
 def apply(terrain: Terrain, scene: Scene, incident: Incident) -> None:
     """Apply `incident` to `scene`; raises ValueError with the known names for unknown ones."""
@@ -201,9 +203,6 @@ def _obstruct(terrain: Terrain, scene: Scene, incident: ObstructWay) -> None:
         if asset.kind != "uav" and gap(wall, asset.x, asset.y) < radius:
             raise ValueError(f"{asset.id} stands where the obstruction would lie")
     scene.obstructions = (*scene.obstructions, wall)
-
-
-_TIME_NOISE_S = 1e-9
 
 
 def begin(scenario: Scenario | None, seed: int) -> ScriptState:

@@ -22,6 +22,18 @@ _STANDS: Velocity = (0.0, 0.0)
 _Other = tuple[float, float, float, float, float]
 """Another asset relative to this one: (dx, dy, vx, vy, reach), metres and metres per second."""
 
+PATIENCE_S = 3.0
+MOST_STALLS = 10
+RETREAT_M = 15.0
+RETREAT_MORE_M = 5.0
+_SWAP_EVERY = 5
+_CHECK_S = 0.5
+_HEADWAY_M = 0.05
+_NEIGHBOUR_M = 4.0
+_GROUP_M = 25.0
+_OBSTRUCTION_SEEN_M = 3.0
+"""A stuck ground asset detects obstructions within this distance of its hull."""
+
 
 def traffic(terrain: Terrain, scene: Scene) -> Traffic:
     """Return the ground assets at their present places, with neighbours for giving way."""
@@ -191,19 +203,6 @@ def _too_near(
         if gap < limit and gap < dist(asset.position, point):
             return name
     return ""
-
-
-PATIENCE_S = 3.0
-MOST_STALLS = 10
-RETREAT_M = 15.0
-RETREAT_MORE_M = 5.0
-_SWAP_EVERY = 5
-_CHECK_S = 0.5
-_HEADWAY_M = 0.05
-_NEIGHBOUR_M = 4.0
-_GROUP_M = 25.0
-_OBSTRUCTION_SEEN_M = 3.0
-"""A stuck ground asset detects obstructions within this distance of its hull."""
 
 
 def unstick(terrain: Terrain, scene: Scene, asset: AssetState) -> str:

@@ -27,6 +27,10 @@ _FEW = 16
 
 _Cell = tuple[int, int]
 
+CONTACT_MARGIN_M = 0.05
+_SUBSTEP_M = 0.05
+_OVERLAP_LEFT_PER_S = 1e-9
+
 
 class Neighbours(NamedTuple):
     """The neighbours that a ground asset may give way to or touch, and some farther ones.
@@ -111,9 +115,6 @@ class Traffic:
 
 
 Velocity = tuple[float, float]
-CONTACT_MARGIN_M = 0.05
-_SUBSTEP_M = 0.05
-_OVERLAP_LEFT_PER_S = 1e-9
 
 
 def move(

@@ -35,6 +35,23 @@ LEAST_SIGMA_M = 0.05
 _SURPRISE = 18.4
 """The squared error, in sigmas, that one in ten thousand measurements exceeds in two dimensions."""
 
+CONFIRM_S = 1.0
+"""Seconds for which a conclusion must hold before the status changes."""
+SETTLED_S = 3.0
+"""Seconds after a warning before a contact's behaviour counts as its response."""
+_MOVING_MPS, _MOVING_SIGMAS = 0.6, 3.0
+_STANDING_MPS, _STANDING_SIGMAS = 0.4, 1.5
+_KNOWN_SPEED_MPS = 2.0
+_LEAST_MOVE_M, _PLACE_SIGMAS = 1.0, 4.0
+_SLOW_MPS = 1.0
+_STANDS_S = 20.0
+"""A track stands if it has not moved while the slowest walker would have, or for this long."""
+_DEFIANT_M = 2.0
+DROP_S = 20.0
+"""Seconds after its last detection at which a track is dropped."""
+SEEN_PERIODS = 3
+"""The number of telemetry periods for which a detection counts as present."""
+
 
 def measure(file: TrackFile, at: Point, sigma_m: float, tick: int, dt_s: float) -> None:
     """Add a measurement made at `tick`; one older than the latest is first extrapolated to it.
@@ -80,20 +97,6 @@ def _predict(file: TrackFile, seconds: float) -> None:
     )
     file.covariance += file.speed_variance * seconds + q * seconds**3 / 2.0
     file.speed_variance += q * seconds**2
-
-
-CONFIRM_S = 1.0
-"""Seconds for which a conclusion must hold before the status changes."""
-SETTLED_S = 3.0
-"""Seconds after a warning before a contact's behaviour counts as its response."""
-_MOVING_MPS, _MOVING_SIGMAS = 0.6, 3.0
-_STANDING_MPS, _STANDING_SIGMAS = 0.4, 1.5
-_KNOWN_SPEED_MPS = 2.0
-_LEAST_MOVE_M, _PLACE_SIGMAS = 1.0, 4.0
-_SLOW_MPS = 1.0
-_STANDS_S = 20.0
-"""A track stands if it has not moved while the slowest walker would have, or for this long."""
-_DEFIANT_M = 2.0
 
 
 def conclude(terrain: Terrain, file: TrackFile) -> None:
@@ -182,10 +185,6 @@ def _watch_defiance(terrain: Terrain, file: TrackFile) -> None:
     file.defiant = entered or gained > max(_DEFIANT_M, doubt)
 
 
-DROP_S = 20.0
-"""Seconds after its last detection at which a track is dropped."""
-
-
 def receive(
     terrain: Terrain, scene: Scene, sensor: str, stamp: int, detections: tuple[Detection, ...]
 ) -> None:
@@ -265,10 +264,6 @@ def tracks_known(terrain: Terrain, scene: Scene) -> dict[str, Track]:
         return {}
     review(terrain, scene)
     return {file.id: known_track(terrain, scene, file) for file in scene.sensing.files.values()}
-
-
-SEEN_PERIODS = 3
-"""The number of telemetry periods for which a detection counts as present."""
 
 
 def known_track(terrain: Terrain, scene: Scene, file: TrackFile) -> Track:

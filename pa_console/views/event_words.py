@@ -31,6 +31,11 @@ _REACTIONS: dict[Reaction, str] = {
     "go_on": "goes on when warned",
 }
 
+AROUND = 60
+"""The number of characters that are shown with a hit."""
+MOST_AWAITED = 2
+"""The largest number of awaited actions that are named; more are only counted."""
+
 
 def incident_truth_in_words(incident: Incident) -> str:
     """Return the whole `incident`, with a track's true properties, for the reader of a script."""
@@ -271,10 +276,6 @@ def _execution_event(data: ev.EventPayload) -> str:
             return ""
 
 
-AROUND = 60
-"""The number of characters that are shown with a hit."""
-
-
 _REWORDED = tuple(f'"{kind}"' for kind in ("decision_made", "incident", "plan_checked"))
 """Kinds of events whose line in lists has words that are not in the log."""
 
@@ -331,10 +332,6 @@ def _excerpt(texts: list[str], word: str) -> str:
     at = max(flat.lower().find(word), 0)
     first = max(at - AROUND // 3, 0)
     return ("…" if first else "") + flat[first : first + AROUND]
-
-
-MOST_AWAITED = 2
-"""The largest number of awaited actions that are named; more are only counted."""
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,14 @@ from pa_console.views.trace_parts import (
 )
 from pa_console.views.trace_planning import Rules
 
+_MOST_LABEL = 15
+"""The largest width of the labels in an answer, in cells."""
+STEPS = (
+    "queued", "retrieve", "picture", "prompt", "plan", "safeguards", "judge", "decide",
+    "execute", "verify", "report",
+)  # fmt: skip
+"""The stages of a mission, in order."""
+
 
 def lay_out(trace: MissionTrace, rules: Rules, options: TraceOptions) -> list[TraceSection]:
     """Return the whole trace of the mission, in the order of its events.
@@ -210,10 +218,6 @@ def _carried_out(given: Round, options: TraceOptions) -> list[TraceSection]:
     return result
 
 
-_MOST_LABEL = 15
-"""The largest width of the labels in an answer, in cells."""
-
-
 def answered(given: Sequence[QuestionAnswered]) -> list[TraceSection]:
     """Return a section for each question of the operator; all but the last are collapsed."""
     return [
@@ -236,13 +240,6 @@ def _answer_lines(given: Sequence[AnswerLine]) -> Iterator[TraceLine]:
         label = " " if line.about == before else line.about
         before = line.about
         yield TraceLine((Span(line.said),), label, "quiet", width=width)
-
-
-STEPS = (
-    "queued", "retrieve", "picture", "prompt", "plan", "safeguards", "judge", "decide",
-    "execute", "verify", "report",
-)  # fmt: skip
-"""The stages of a mission, in order."""
 
 
 def headline(trace: MissionTrace) -> tuple[Spans, ...]:

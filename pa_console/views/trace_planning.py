@@ -44,6 +44,14 @@ Rules = Mapping[str, Rule]
 
 _LABEL = 10
 
+_JSON_PART = re.compile(
+    r'(?P<name>"(?:[^"\\]|\\.)*"(?=\s*:))|(?P<text>"(?:[^"\\]|\\.)*")|(?P<value>[\w.+-]+)|(?P<sign>.)'
+)
+_JSON_TONES: Mapping[str, Tone] = {"name": "note", "text": "calm", "value": "good", "sign": "quiet"}
+MOST_GATES = 12
+"""The number of gates that a rehearsal lists in full; of more, only the affected ones are listed.
+"""
+
 
 def retrieved_rules(trace: MissionTrace, rules: Rules, options: TraceOptions) -> TraceSection:
     """Return step 2: each rule with its text and the parts of its score, and the rule set.
@@ -211,12 +219,6 @@ def _json_value(value: object) -> str:
     return "\n".join(["[", ",\n".join(items), "  ]"])
 
 
-_JSON_PART = re.compile(
-    r'(?P<name>"(?:[^"\\]|\\.)*"(?=\s*:))|(?P<text>"(?:[^"\\]|\\.)*")|(?P<value>[\w.+-]+)|(?P<sign>.)'
-)
-_JSON_TONES: Mapping[str, Tone] = {"name": "note", "text": "calm", "value": "good", "sign": "quiet"}
-
-
 def _json_line(line: str) -> TraceLine:
     """Return a line of JSON with separate tones for names, texts, other values and signs."""
     bare = line.lstrip(" ")
@@ -248,10 +250,6 @@ def answer(key: str, title: str, text: str, usage: Usage, step: int) -> TraceSec
     blocks = (Text(text, verbatim=True),)
     return TraceSection(key, title, blocks, step=step, note=note, collapsed=True)
 
-
-MOST_GATES = 12
-"""The number of gates that a rehearsal lists in full; of more, only the affected ones are listed.
-"""
 
 _MOST_URGENT_FIRST = {priority: rank for rank, priority in enumerate(PRIORITIES)}
 

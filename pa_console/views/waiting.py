@@ -47,6 +47,10 @@ _LEAST = 3
 _CHARACTERS = 3.5
 """Characters per token, until an answer reports its number of tokens."""
 
+NOT_UNDERSTOOD = "not understood: "
+MOST_STEPS = 4
+"""The number of a plan's steps that are shown; the others are only counted."""
+
 
 class Waiting:
     """A clock for the steps of the active mission; `usual` has seconds by step, if known."""
@@ -181,11 +185,6 @@ def save_usual(path: Path, model: str, usual: Mapping[str, float]) -> None:
     with suppress(OSError, ValueError):
         make_private_folder(path.parent)
         replace_private(path, json.dumps({model: kept}, sort_keys=True).encode())
-
-
-NOT_UNDERSTOOD = "not understood: "
-MOST_STEPS = 4
-"""The number of first steps that are shown; the others are only counted."""
 
 
 def reading_line(trace: MissionTrace, base: str) -> str:

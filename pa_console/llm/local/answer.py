@@ -27,6 +27,10 @@ MOST = 5
 LONGEST, SHORTEST = 3, 2
 """The greatest and least number of matching tokens before a guess; more is better."""
 
+LOOSE = 3
+"""The number of tokens at an answer's end that are written again when another answer continues it.
+"""
+
 
 def lookup_tokens(context: Sequence[int], most: int = MOST) -> list[int]:
     """Return the tokens that followed the last earlier occurrence of the end of `context`.
@@ -77,11 +81,6 @@ def allowed_only(matcher: LLMatcher, logits: NDArray[np.float32]) -> NDArray[np.
 def readable(tokenizer: Any, tokens: Sequence[int], ends: frozenset[int]) -> bytes:
     """Return the text of `tokens` as bytes, without end marks."""
     return tokenizer.decode_bytes([token for token in tokens if token not in ends])
-
-
-LOOSE = 3
-"""The number of tokens at an answer's end that are written again when another answer continues it.
-"""
 
 
 @dataclass(frozen=True)

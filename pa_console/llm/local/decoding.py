@@ -45,6 +45,15 @@ SYSTEM, USER = "\ue000", "\ue001"
 """The placeholders of messages while the template is rendered. A message is therefore never parsed
 as part of the template: no text can forge a control token or another role's turn."""
 
+AT_ONE_PLACE = 32
+"""The number of likeliest tokens considered at each place."""
+
+LONGEST = 8
+"""A number of answer tokens whose text is longer than that of any single token."""
+ROWS = 16
+"""The number of tokens of the most likely answer evaluated at once; it limits the memory for
+logits."""
+
 
 class ChatPrompt:
     """The chat format of one model."""
@@ -87,13 +96,6 @@ class ChatPrompt:
     def closing(self) -> list[int]:
         """Return the tokens between the end of the user's message and the model's answer."""
         return self._runtime.tokenise(self._frame.rpartition(USER)[2], special=True)
-
-
-AT_ONE_PLACE = 32
-"""The number of likeliest tokens considered at each place."""
-
-LONGEST = 8
-"""A number of answer tokens whose text is longer than that of any single token."""
 
 
 class BranchPoint(NamedTuple):
@@ -155,11 +157,6 @@ def _chances(
     values = row[[token, *allowed]].astype(np.float64)
     values -= np.logaddexp.reduce(values)
     return dict(zip([token, *allowed], values.tolist(), strict=True))
-
-
-ROWS = 16
-"""The number of tokens of the most likely answer evaluated at once; it limits the memory for
-logits."""
 
 
 @dataclass

@@ -69,6 +69,18 @@ EXIT_S = 2.0
 Answer = TextPiece | Done | GenerationFailure
 Signal = Literal["stop", "late", "ended"]
 
+SAMPLER = "greedy seed=0"
+WARM_GRAMMAR = 'start: "{"'
+LOAD_LIMIT_S = 300.0
+SLOWED = "the machine is busy with other work, so answers take longer"
+DIED = "the model's process died; it is started again when it is needed"
+DIED_LOADING = (
+    "the model's process died while it loaded {path}; if that happens again, the file is damaged "
+    "or made to do harm: fetch it again, or choose another model"
+)
+GRACE_S = 1.0
+"""Seconds for a worker to stop before it is killed."""
+
 
 class Worker:
     """A running worker; `ready` yields True once its model is loaded, or `error` has the reason.
@@ -218,18 +230,6 @@ class ModelInfo:
     description: str
     adapters: dict[str, str] = field(default_factory=dict[str, str])
 
-
-SAMPLER = "greedy seed=0"
-WARM_GRAMMAR = 'start: "{"'
-LOAD_LIMIT_S = 300.0
-SLOWED = "the machine is busy with other work, so answers take longer"
-DIED = "the model's process died; it is started again when it is needed"
-DIED_LOADING = (
-    "the model's process died while it loaded {path}; if that happens again, the file is damaged "
-    "or made to do harm: fetch it again, or choose another model"
-)
-GRACE_S = 1.0
-"""Seconds for a worker to stop before it is killed."""
 
 OnState = Callable[[WorkerState, str], None]
 

@@ -25,6 +25,17 @@ from pa_console.llm.backend import PullError
 
 DESCRIPTORS = Path("/proc/self/fd")
 
+CACHE_VARIABLE = "PA_CONSOLE_CACHE"
+PIECE = 16 << 20
+"""The number of bytes hashed at a time. While another thread computes, a hashing thread waits for
+its turn twice per piece, 5 ms each time: with pieces of 256 KiB it would hardly advance."""
+SLACK = 16_000_000
+POLL_S = 0.05
+STALL_S = 90.0
+STOP_S = 3.0
+LAST_WORDS = 64_000
+"""The number of bytes at the end of a child's output that are searched for its last line."""
+
 
 class CheckedFile:
     """An open file with a verified SHA-256; `route` is the path to load it by.
@@ -68,9 +79,6 @@ class CheckedFile:
             )
 
 
-CACHE_VARIABLE = "PA_CONSOLE_CACHE"
-
-
 def cache_folder() -> Path:
     """Return the folder for files that can be fetched again; PA_CONSOLE_CACHE overrides it."""
     given = os.environ.get(CACHE_VARIABLE)
@@ -87,11 +95,6 @@ def partial_folder(name: str) -> Path:
     return cache_folder() / "partial" / name
 
 
-PIECE = 16 << 20
-"""The number of bytes hashed at a time. While another thread computes, a hashing thread waits for
-its turn twice per piece, 5 ms each time: with pieces of 256 KiB it would hardly advance."""
-
-
 def hash_file(path: Path) -> str:
     """Return the SHA-256 of the file at `path`; about 1 s per GB, while other threads can run."""
     digest, piece = hashlib.sha256(), memoryview(bytearray(PIECE))
@@ -100,8 +103,6 @@ def hash_file(path: Path) -> str:
             digest.update(piece[:size])
     return digest.hexdigest()
 
-
-SLACK = 16_000_000
 
 Progress = Callable[[int, int, str], None]
 """A callback with the bytes done, the estimated total and the present step; it may raise to stop.
@@ -135,13 +136,6 @@ def most_bytes(expected: int) -> int:
     A larger file is a different one; it is abandoned before it is hashed.
     """
     return expected * 11 // 10 + SLACK
-
-
-POLL_S = 0.05
-STALL_S = 90.0
-STOP_S = 3.0
-LAST_WORDS = 64_000
-"""The number of bytes at the end of a child's output that are searched for its last line."""
 
 
 def folder_size(folder: Path) -> int:

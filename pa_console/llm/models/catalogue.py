@@ -32,6 +32,14 @@ REMEDY = (
     "models/catalog.yaml to use it without"
 )
 
+NO_READER = "off"
+"""The value for no second reader."""
+MODEL_NAME = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
+CPU_INFO = Path("/proc/cpuinfo")
+WIDE = "avx512f"
+N_CTX = 4096
+"""The number of tokens for prompt and answer of a role together."""
+
 
 class AdapterFile(StrictModel):
     """A GGUF adapter in a catalogue entry; `file` is relative to the catalogue's folder."""
@@ -87,13 +95,6 @@ def _check(model: str, role: Role, file: AdapterFile) -> None:
         )
 
 
-NO_READER = "off"
-"""The value for no second reader."""
-MODEL_NAME = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
-CPU_INFO = Path("/proc/cpuinfo")
-WIDE = "avx512f"
-
-
 def fastest_type(cpu_info: Path = CPU_INFO) -> Quantisation:
     """Return bf16 for a CPU with AVX-512; f16 for others, or if `cpu_info` (Linux) is missing.
 
@@ -146,10 +147,6 @@ class PackageSource(StrictModel):
 
 
 WeightsSource = Annotated[PathSource | HubSource | PackageSource, Field(discriminator="kind")]
-
-
-N_CTX = 4096
-"""The number of tokens for prompt and answer of a role together."""
 
 
 class ModelEntry(StrictModel):

@@ -34,6 +34,24 @@ from pa_console.llm.models.catalogue import (
 )
 from pa_console.resources import install_hint
 
+SCRIPT = """\
+import sys
+from huggingface_hub import constants, get_session, hf_hub_download
+repo, name, revision, folder = sys.argv[1:]
+get_session().head(constants.ENDPOINT, timeout=8)
+hf_hub_download(repo, name, revision=revision, local_dir=folder)
+"""
+ENVIRONMENT = {
+    "HF_HUB_DISABLE_PROGRESS_BARS": "1",
+    "HF_HUB_DISABLE_TELEMETRY": "1",
+    "HF_HUB_DISABLE_XET": "1",
+    "HF_HUB_ETAG_TIMEOUT": "5",
+    "HF_HUB_DOWNLOAD_TIMEOUT": "15",
+}
+"""Plain HTTP, which can resume a file, and time-outs after which the next source is tried."""
+
+STALL_S = 40.0
+
 
 def label_of(source: WeightsSource) -> str:
     """Return the name of `source` for messages."""
@@ -136,25 +154,6 @@ def _join(parts: list[Path], joined: Path) -> Path:
             with part.open("rb") as piece:
                 shutil.copyfileobj(piece, whole, 1 << 20)
     return joined
-
-
-SCRIPT = """\
-import sys
-from huggingface_hub import constants, get_session, hf_hub_download
-repo, name, revision, folder = sys.argv[1:]
-get_session().head(constants.ENDPOINT, timeout=8)
-hf_hub_download(repo, name, revision=revision, local_dir=folder)
-"""
-ENVIRONMENT = {
-    "HF_HUB_DISABLE_PROGRESS_BARS": "1",
-    "HF_HUB_DISABLE_TELEMETRY": "1",
-    "HF_HUB_DISABLE_XET": "1",
-    "HF_HUB_ETAG_TIMEOUT": "5",
-    "HF_HUB_DOWNLOAD_TIMEOUT": "15",
-}
-"""Plain HTTP, which can resume a file, and time-outs after which the next source is tried."""
-
-STALL_S = 40.0
 
 
 def hub_missing() -> bool:

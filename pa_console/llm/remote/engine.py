@@ -53,6 +53,25 @@ interface, which llama.cpp, Ollama and vLLM support too; `json_object` is that o
 _STRING = r'[^"\\\x7F\x00-\x1F]'
 """A string character that needs no escape, in GBNF."""
 
+PROMPT = "Say hello."
+PROBE_TOKENS = 48
+PROBE_S = 20.0
+"""The longest time of one test, in seconds."""
+REFUSES = (400, 404, 415, 422, 500, 501)
+"""The status codes of servers that do not accept a field or its value."""
+WORD = 8
+HOLDS, IGNORED = "holds", "ignored"
+UNCONSTRAINED = "nothing holds answers to their form, so one that cannot be read is asked for again"
+AGAIN_S = 15.0
+"""Seconds after which a server that failed is probed again."""
+TRIES = 2
+"""The number of attempts if an answer cannot be parsed."""
+
+MOST_BEGINNINGS = 16
+"""The number of braces that are tried as the beginning of the answer."""
+OF_THE_QUESTION = (400, 413, 422)
+"""The status codes of a working server that does not accept the request."""
+
 
 def gbnf(schema: Schema) -> str:
     """Return the grammar of `schema` for llama.cpp: JSON with the spacing of the prompts."""
@@ -99,16 +118,6 @@ def _literal(text: str) -> str:
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
-PROMPT = "Say hello."
-PROBE_TOKENS = 48
-PROBE_S = 20.0
-"""The longest time of one test, in seconds."""
-REFUSES = (400, 404, 415, 422, 500, 501)
-"""The status codes of servers that do not accept a field or its value."""
-WORD = 8
-HOLDS, IGNORED = "holds", "ignored"
-
-
 @dataclass(frozen=True)
 class ProbeReport:
     """The result of each way in words, and whether token probabilities are reported."""
@@ -131,9 +140,6 @@ class ProbeReport:
         """All results on one line."""
         ways = ", ".join(f"{way} {found}" for way, found in self.ways.items())
         return f"{self.summary} ({ways}); token chances {'told' if self.chances else 'not told'}"
-
-
-UNCONSTRAINED = "nothing holds answers to their form, so one that cannot be read is asked for again"
 
 
 async def probe(client: ServerClient, within_s: float = PROBE_S) -> ProbeReport:
@@ -183,16 +189,6 @@ async def _reports_chances(client: ServerClient, within_s: float, *, asked_for: 
             raise
     return found
 
-
-AGAIN_S = 15.0
-"""Seconds after which a server that failed is probed again."""
-TRIES = 2
-"""The number of attempts if an answer cannot be parsed."""
-
-MOST_BEGINNINGS = 16
-"""The number of braces that are tried as the beginning of the answer."""
-OF_THE_QUESTION = (400, 413, 422)
-"""The status codes of a working server that does not accept the request."""
 
 OnServer = Callable[[ServerState, str], None]
 

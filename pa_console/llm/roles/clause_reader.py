@@ -38,6 +38,18 @@ FILE = "taught_orders.tsv"
 _NAME = re.compile(r"\b\w*(?:_\w|\d|[a-z][A-Z])\w*\b")
 """The form of a world's names: Drone_T04, EastGate."""
 
+SCHEMA: Schema = {
+    "type": "object",
+    "properties": {"reason": TEXT_SCHEMA},
+    "required": ["reason"],
+    "additionalProperties": False,
+}
+MAX_TOKENS = 160
+"""The token limit of an answer; the context has room for it."""
+SHOWN = 8
+"""The number of taught orders in a prompt."""
+DEADLINE_S = 60.0
+
 
 class TaughtOrder(NamedTuple):
     """An order, with the names of its world, and its reading."""
@@ -94,17 +106,6 @@ WHO is an asset's name, or a number with a kind: 1 drone, 2 vehicles, 1 robot, a
 A place that does not exist is "unknown place".
 """
 
-SCHEMA: Schema = {
-    "type": "object",
-    "properties": {"reason": TEXT_SCHEMA},
-    "required": ["reason"],
-    "additionalProperties": False,
-}
-MAX_TOKENS = 160
-"""The token limit of an answer; the context has room for it."""
-SHOWN = 8
-"""The number of taught orders in a prompt."""
-
 
 def reading_prompt(
     world: World,
@@ -156,9 +157,6 @@ def _there(world: World, digest: Digest) -> Iterator[str]:
             yield f"{PLAIN_KINDS[kind].capitalize()}s: {', '.join(names)}"
     for track in tracks_of_digest(digest.tracks):
         yield f"{track.kind.capitalize()}: {track.id} at {track.gate}"
-
-
-DEADLINE_S = 60.0
 
 
 @dataclass(frozen=True)

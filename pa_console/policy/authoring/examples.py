@@ -99,6 +99,18 @@ WORLD = World(
 _UNKNOWN_ASSET = AssetSpec(kind="uav", post="Checkpoint")
 """The specification of an asset that only an example has."""
 
+CHANGES = ("at", "tracks", "covered", "up", "orders")
+STEP_S = 1.0
+_UNKNOWN: Values = {
+    "identity": "unknown",
+    "intent": "unknown",
+    "status": "approaching",
+    "observed": False,
+    "warned": False,
+}
+GIVEN = ("assets", "tracks", "gates", "after", "timeline", "sightings")
+MISSION_TEXT = "Secure the checkpoint."
+
 
 def situation(given: Values, world: World = WORLD) -> Values:
     """Return the picture of the `given` assets, tracks and gates as plain values.
@@ -233,10 +245,6 @@ def _outcome(action: Action, before: Values, world: World) -> Values:
     return {"finished": not detail, "detail": detail, "least_battery_pct": asset["battery_pct"]}
 
 
-CHANGES = ("at", "tracks", "covered", "up", "orders")
-STEP_S = 1.0
-
-
 def run_moments(entry: CompiledRule, example: RuleExample) -> Finding:
     """Return the finding of the orderings of `entry` over the moments and end of `example`.
 
@@ -285,15 +293,6 @@ def _changed(state: Values, change: Values) -> Values:
     return after
 
 
-_UNKNOWN: Values = {
-    "identity": "unknown",
-    "intent": "unknown",
-    "status": "approaching",
-    "observed": False,
-    "warned": False,
-}
-
-
 def _order(words: Iterable[object]) -> Values:
     agent, command, *rest = cast("list[str]", list(words))
     action = Action(agent=agent, command=command)
@@ -302,8 +301,6 @@ def _order(words: Iterable[object]) -> Values:
     return {"agent": agent, "kind": kind, "verb": action.verb, "target": target, "done": done}
 
 
-GIVEN = ("assets", "tracks", "gates", "after", "timeline", "sightings")
-MISSION_TEXT = "Secure the checkpoint."
 _SIGHTINGS: TypeAdapter[list[TrackSighting]] = TypeAdapter(list[TrackSighting])
 
 

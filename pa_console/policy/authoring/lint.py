@@ -35,6 +35,17 @@ _LOOKED_UP = re.compile(r"\b(gates|assets)\s*\[\s*['\"](\w+)['\"]\s*\]")
 _GENERAL = re.compile(r"(?i)\bassets?\b")
 """A text with this word refers to kinds that it does not name."""
 
+FOUND_AMONG = 3
+"""The number of rules retrieved for a mission in addition to the pinned ones (paper, Step 3)."""
+
+FEWEST = 0.5
+"""The share of a rule's paraphrases that must retrieve it."""
+NEAR = 88.0
+"""The likeness, in percent and in any word order, from which texts are near-duplicates."""
+
+CONFLICTS_OF = 10
+"""One situation is searched for a contradiction per this many drawn states."""
+
 
 class NameLint:
     """Compares names in rules with those of a world; `NorthGate` may be "the north gate"."""
@@ -94,13 +105,6 @@ def _expressions(rule: Rule) -> str:
 
 def _list(names: set[str]) -> str:
     return ", ".join(sorted(names)) or "none"
-
-
-FOUND_AMONG = 3
-"""The number of rules retrieved for a mission in addition to the pinned ones (paper, Step 3)."""
-
-FEWEST = 0.5
-"""The share of a rule's paraphrases that must retrieve it."""
 
 
 class Paraphraser:
@@ -179,12 +183,6 @@ def _mixed(words: Sequence[str], other: Sequence[str], odd: int) -> list[str]:
         for number, (a, b) in enumerate(zip(words, other, strict=True))
     ]
 
-
-NEAR = 88.0
-"""The likeness, in percent and in any word order, from which texts are near-duplicates."""
-
-CONFLICTS_OF = 10
-"""One situation is searched for a contradiction per this many drawn states."""
 
 Severity = Literal["error", "warning", "note"]
 _SEVERITY: Mapping[str, Severity] = {

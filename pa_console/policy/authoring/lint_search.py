@@ -24,6 +24,22 @@ from pa_console.schema.world import World
 SEEN = 3
 """The number of states in which a rule must be broken before it is reported as shadowed."""
 
+SINGLE = 48
+"""The number of single orders that are tried, drawn from all."""
+
+SEVERAL = 96
+"""The number of plans with two to MOST orders that are drawn in addition."""
+
+MOST = 4
+
+HARD = 8
+"""The number of situations without a valid plan after which the search ends."""
+
+LARGEST = 3
+"""The largest number of rules in a contradiction."""
+
+REASON = "the track is there; the gate has no cover"
+
 
 class Doubt(NamedTuple):
     """A doubt about a rule: the field concerned, the problem and the remedy."""
@@ -133,21 +149,6 @@ def _as_strict(rule: Rule, other: Rule) -> bool:
     return PRIORITIES.index(rule.priority) <= PRIORITIES.index(other.priority)
 
 
-SINGLE = 48
-"""The number of single orders that are tried, drawn from all."""
-
-SEVERAL = 96
-"""The number of plans with two to MOST orders that are drawn in addition."""
-
-MOST = 4
-
-HARD = 8
-"""The number of situations without a valid plan after which the search ends."""
-
-LARGEST = 3
-"""The largest number of rules in a contradiction."""
-
-REASON = "the track is there; the gate has no cover"
 Broken = frozenset[str]
 
 

@@ -55,6 +55,23 @@ _ESCAPED_OR_CLASS = re.compile(r"\\(?s:.)|\[\^?\]?(?:\\(?s:.)|[^\]\\])*\]|\s+|#[
 _LOOKS = re.compile(r"(\\(?s:.)|\[\^?\]?(?:\\(?s:.)|[^\]\\])*\])|\(\?<?[=!]")
 _VERBOSE = re.compile(r"\s*\(\?x\)")
 
+PLAN_VARIABLES: frozenset[str] = frozenset(
+    ("plan", "actions", "before", "after", "timeline", "tracks", "assets", "gates", "mission",
+     "world", "sightings")
+)  # fmt: skip
+"""The variables of a guard or a check, described in `policy.rule_variables`."""
+
+MOMENT_VARIABLES: frozenset[str] = frozenset(("now", "world"))
+SUBJECT_VARIABLES: frozenset[str] = MOMENT_VARIABLES | {"it", "id"}
+"""The variables of an ordering, without and with `each`, described in `policy.orderings`."""
+
+WORKFLOW_VARIABLES: frozenset[str] = frozenset(("now", "it", "id", "steady_s"))
+"""The variables of a workflow, described in `policy.orderings`."""
+
+STANDARD_FUNCTIONS: frozenset[str] = frozenset(
+    ("contains", "double", "endsWith", "has", "int", "matches", "size", "startsWith", "string")
+)
+
 
 class Pattern:
     """A compiled pattern; raises ValueError, with the reason, if it is not supported."""
@@ -170,23 +187,6 @@ _log = logging.getLogger("cel")
 _log.propagate = False
 _log.addHandler(logging.NullHandler())
 # A failed expression becomes the finding of its rule; the library would also print it.
-
-PLAN_VARIABLES: frozenset[str] = frozenset(
-    ("plan", "actions", "before", "after", "timeline", "tracks", "assets", "gates", "mission",
-     "world", "sightings")
-)  # fmt: skip
-"""The variables of a guard or a check, described in `policy.rule_variables`."""
-
-MOMENT_VARIABLES: frozenset[str] = frozenset(("now", "world"))
-SUBJECT_VARIABLES: frozenset[str] = MOMENT_VARIABLES | {"it", "id"}
-"""The variables of an ordering, without and with `each`, described in `policy.orderings`."""
-
-WORKFLOW_VARIABLES: frozenset[str] = frozenset(("now", "it", "id", "steady_s"))
-"""The variables of a workflow, described in `policy.orderings`."""
-
-STANDARD_FUNCTIONS: frozenset[str] = frozenset(
-    ("contains", "double", "endsWith", "has", "int", "matches", "size", "startsWith", "string")
-)
 
 
 def finds(text: str, pattern: str) -> bool:

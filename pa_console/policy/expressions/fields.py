@@ -17,6 +17,9 @@ Fields = Mapping[str, "Fields | None"]
 """Fields by name, each with the fields read of it; None means all. For a list or map, they are the
 fields of its elements."""
 
+_LEVELS = (("||",), ("&&",), ("<", "<=", ">", ">=", "==", "!=", "in"), ("+", "-"), ("*", "/", "%"))
+"""Operators with two operands, lowest precedence first."""
+
 
 @dataclass(frozen=True)
 class Record:
@@ -132,8 +135,6 @@ def _count(value: _Value) -> None:
 
 _NULL = _ReadValue(None)
 """The constant null; comparing a record with it reads nothing."""
-_LEVELS = (("||",), ("&&",), ("<", "<=", ">", ">=", "==", "!=", "in"), ("+", "-"), ("*", "/", "%"))
-"""Operators with two operands, lowest precedence first."""
 
 
 class _FieldReader:

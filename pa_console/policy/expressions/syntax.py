@@ -45,6 +45,9 @@ _TOKEN = re.compile(
     """
 )
 
+_BEFORE_VALUE = frozenset(("(", "[", "{", ",", ":", "?", "&&", "||", "!", "+", "-", "*", "/", "%",
+                           "==", "!=", "<", ">", "<=", ">=", "in"))  # fmt: skip
+
 
 @dataclass(frozen=True)
 class ExpressionToken:
@@ -202,10 +205,6 @@ class Source:
         """Return whether the list element before the comma at `place` is a literal."""
         tokens = self._tokens
         return tokens[place - 1].kind in ("text", "number") and tokens[place - 2].text in "[,"
-
-
-_BEFORE_VALUE = frozenset(("(", "[", "{", ",", ":", "?", "&&", "||", "!", "+", "-", "*", "/", "%",
-                           "==", "!=", "<", ">", "<=", ">=", "in"))  # fmt: skip
 
 
 def _tokens(text: str) -> list[ExpressionToken]:

@@ -26,6 +26,12 @@ ServerState = Literal["probing", "ready", "unconstrained", "away"]
 WorkerState = Literal["loading", "ready", "unconfined", "slow", "dead", "unavailable"]
 """A worker that is `unconfined` is ready, in a process that this system does not confine."""
 
+MOST_CONTACTS = 64
+"""The number of contacts kept at a time."""
+
+MOST_UID, MOST_CALLSIGN = 128, 48
+"""The limits in characters: a longer uid is invalid, a longer call sign is cut off."""
+
 
 class SessionStarted(Payload):
     """The start of a session, with everything that is needed to run it again.
@@ -220,12 +226,6 @@ class CameraStill(Payload):
         """The name of the file, or '' without an image."""
         return f"{self.sha256}.{self.format}" if self.sha256 is not None else ""
 
-
-MOST_CONTACTS = 64
-"""The number of contacts kept at a time."""
-
-MOST_UID, MOST_CALLSIGN = 128, 48
-"""The limits in characters: a longer uid is invalid, a longer call sign is cut off."""
 
 TakState = Literal["connected", "away"]
 LossReason = Literal["stale", "removed", "left"]

@@ -26,6 +26,12 @@ from pa_console.schema.base import Hex32
 from pa_console.session.log.chain import LogError, encodable, os_error, parse, read_lines
 from pa_console.signing import SignedLine, Signer, fingerprint
 
+EVERY_S = 10.0
+"""Seconds between heads that are not sent because of a decision."""
+TIMEOUT_S = 5.0
+RETRY_S = 10.0
+URLS = ("http://", "https://")
+
 
 class SignedHead(SignedLine):
     """A statement by `key`: the log has at least `seq` records, and record `seq` has `hash`.
@@ -158,12 +164,6 @@ class HeadKeeper:
         self._seen(head, False)
         write_head(self._log, head, lasting=False)
 
-
-EVERY_S = 10.0
-"""Seconds between heads that are not sent because of a decision."""
-TIMEOUT_S = 5.0
-RETRY_S = 10.0
-URLS = ("http://", "https://")
 
 Send = Callable[[bytes], None]
 

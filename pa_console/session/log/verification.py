@@ -31,6 +31,12 @@ DamageKind = Literal[
 ]  # fmt: skip
 _SEQ = re.compile(rb'\{"seq":(\d{1,18}),')
 
+ADJUSTED = timedelta(seconds=1)
+"""The smallest step back of the clock to report; network time synchronization makes smaller ones.
+"""
+FIRST_SIGNED = 2
+"""The line of a log's first signature; the line before it names the session."""
+
 
 @dataclass(frozen=True)
 class Damage:
@@ -225,11 +231,6 @@ def _record(line: bytes) -> LogRecord | None:
 
 Standing = Literal["signed", "open", "not signed"]
 """Signed to its end; signed, but not closed; without any signature."""
-ADJUSTED = timedelta(seconds=1)
-"""The smallest step back of the clock to report; network time synchronization makes smaller ones.
-"""
-FIRST_SIGNED = 2
-"""The line of a log's first signature; the line before it names the session."""
 
 
 @dataclass(frozen=True)

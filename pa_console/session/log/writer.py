@@ -53,6 +53,15 @@ DURABLE_KINDS = frozenset(
 """Kinds of events that are on the disk before `append` returns, because a person answers for them.
 """
 
+_APPEND = os.O_WRONLY | os.O_CREAT | os.O_APPEND
+_BY_ENDING = {
+    ".head": "the signed head of a session log",
+    ".head.new": "the signed head of a session log",
+    ".torn": "what a crash left of a session log",
+    ".sig": "the signature of a rule set",
+}
+_BY_START = {b'{"seq":': "a session log", b'{"closed":': "a witness of session logs"}
+
 
 def default_folder() -> Path:
     """Return the folder of the user's session logs; it may not exist yet."""
@@ -78,9 +87,6 @@ def new_log_path(folder: Path, session: str) -> Path:
                 return path
     except OSError as error:
         raise os_error(path, "create the session log", error) from error
-
-
-_APPEND = os.O_WRONLY | os.O_CREAT | os.O_APPEND
 
 
 class LogFile:
@@ -421,15 +427,6 @@ def open_session_log(
         witness=witness,
         on_error=on_error,
     )
-
-
-_BY_ENDING = {
-    ".head": "the signed head of a session log",
-    ".head.new": "the signed head of a session log",
-    ".torn": "what a crash left of a session log",
-    ".sig": "the signature of a rule set",
-}
-_BY_START = {b'{"seq":': "a session log", b'{"closed":': "a witness of session logs"}
 
 
 def refuse_audit_file(path: Path) -> None:

@@ -12,6 +12,42 @@ from shapely.geometry.base import BaseGeometry
 from pa_console.schema.base import Point
 from pa_console.schema.world import AssetKind
 
+_GATE_WORDS = """
+Abbey Airfield Anchor Ash Barn Bay Beacon Bell Birch Bridge Brook Canal Castle Cedar Chapel Cliff
+Coal Copper Creek Dock Dune Eagle Elm Falcon Farm Ferry Field Ford Forest Forge Foundry Fox
+Garden Garrison Glen Granite Grove Harbor Harvest Hawthorn Heath Heron Highland Hill Iron Island
+Kiln Lagoon Lake Larch Lighthouse Lime Lock Maple Market Marsh Meadow Mill Moor Oak Ocean Orchard
+Pasture Pier Pine Pond Poplar Port Prairie Quarry Rail Ridge River Sand Shore Silver Slate
+Spring Station Stone Summit Sunset Thistle Timber Tower Tunnel Valley Viaduct Village Vineyard
+Walnut Warehouse Water Wharf Willow Wind Wolf
+"""
+_POSTS = (
+    "Checkpoint", "Plaza", "Crossroads", "ControlPoint", "Yard", "Courtyard", "Hub", "Rotunda",
+    "InspectionArea", "Square", "Terrace", "Junction",
+)  # fmt: skip
+_BASES = ("Base", "Depot", "Hangar", "Garage", "MotorPool", "Barracks")
+_ZONES = ("Magazine", "FuelStore", "Substation", "Laboratory", "Vault", "Archive")
+_TEAMS: tuple[dict[AssetKind, str], ...] = (
+    {"uav": "Drone", "ugv": "Ugv", "robot": "Robot"},
+    {"uav": "Uav", "ugv": "Rover", "robot": "Walker"},
+    {"uav": "Kestrel", "ugv": "Mule", "robot": "Sentry"},
+    {"uav": "Quad", "ugv": "Truck", "robot": "Guard"},
+    {"uav": "Skyeye", "ugv": "Bulwark", "robot": "Warden"},
+)
+STANDOFF_M = 10.0
+GATE_RADIUS_M = 8.0
+_INSIDE_M = 7.0
+_OPENING_M = 12.0
+_PITCH_M = 30.0
+_CORNER_M = 24.0
+_LANE_M = 95.0
+_LEAST_LANE_M = 50.0
+_LANE_CLEAR_M = 12.0
+_PLACE_M2 = 11.0
+"""The ground that one standing place takes in a frame, in square metres."""
+_CLEAR_M = 9.0
+_TRIES = 400
+
 
 def outline(rng: random.Random) -> list[Point]:
     """Return a rectangle, an L, a T or a convex polygon with many sides."""
@@ -59,29 +95,6 @@ def _mirrored(points: Sequence[Point]) -> list[Point]:
     return [(-x, y) for x, y in reversed(points)]
 
 
-_GATE_WORDS = """
-Abbey Airfield Anchor Ash Barn Bay Beacon Bell Birch Bridge Brook Canal Castle Cedar Chapel Cliff
-Coal Copper Creek Dock Dune Eagle Elm Falcon Farm Ferry Field Ford Forest Forge Foundry Fox
-Garden Garrison Glen Granite Grove Harbor Harvest Hawthorn Heath Heron Highland Hill Iron Island
-Kiln Lagoon Lake Larch Lighthouse Lime Lock Maple Market Marsh Meadow Mill Moor Oak Ocean Orchard
-Pasture Pier Pine Pond Poplar Port Prairie Quarry Rail Ridge River Sand Shore Silver Slate
-Spring Station Stone Summit Sunset Thistle Timber Tower Tunnel Valley Viaduct Village Vineyard
-Walnut Warehouse Water Wharf Willow Wind Wolf
-"""
-_POSTS = (
-    "Checkpoint", "Plaza", "Crossroads", "ControlPoint", "Yard", "Courtyard", "Hub", "Rotunda",
-    "InspectionArea", "Square", "Terrace", "Junction",
-)  # fmt: skip
-_BASES = ("Base", "Depot", "Hangar", "Garage", "MotorPool", "Barracks")
-_ZONES = ("Magazine", "FuelStore", "Substation", "Laboratory", "Vault", "Archive")
-_TEAMS: tuple[dict[AssetKind, str], ...] = (
-    {"uav": "Drone", "ugv": "Ugv", "robot": "Robot"},
-    {"uav": "Uav", "ugv": "Rover", "robot": "Walker"},
-    {"uav": "Kestrel", "ugv": "Mule", "robot": "Sentry"},
-    {"uav": "Quad", "ugv": "Truck", "robot": "Guard"},
-    {"uav": "Skyeye", "ugv": "Bulwark", "robot": "Warden"},
-)
-
 MOST_GATES = len(_GATE_WORDS.split())
 MOST_POSTS = len(_POSTS)
 
@@ -109,21 +122,6 @@ def zones(rng: random.Random, count: int) -> list[str]:
 def team(rng: random.Random) -> dict[AssetKind, str]:
     """Return a team's name for each kind of asset, before `_Tnn`."""
     return rng.choice(_TEAMS)
-
-
-STANDOFF_M = 10.0
-GATE_RADIUS_M = 8.0
-_INSIDE_M = 7.0
-_OPENING_M = 12.0
-_PITCH_M = 30.0
-_CORNER_M = 24.0
-_LANE_M = 95.0
-_LEAST_LANE_M = 50.0
-_LANE_CLEAR_M = 12.0
-_PLACE_M2 = 11.0
-"""The ground that one standing place takes in a frame, in square metres."""
-_CLEAR_M = 9.0
-_TRIES = 400
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,6 +23,15 @@ LOOK_S = 2.0
 HULL_GAP_M = 0.15
 _CORNER_M: dict[AssetKind, float] = {"uav": 1.5, "ugv": 0.5, "robot": 0.4}
 
+WAITING_STANDOFFS = 1.5
+"""The distance from their gate, in standoffs, at which tracks wait; it lets an asset at the gate
+comply with ROE-04."""
+QUEUE_GAP_M = 8.0
+_SEARCH_STEP_M = 0.25
+PLACE_GAP_M = 0.8
+_CELL_M = 2.0
+_FRAME_CELL_M = 16.0
+
 
 @dataclass(frozen=True, slots=True)
 class PlatformLimits:
@@ -59,13 +68,6 @@ def platform_limits(world: World) -> dict[AssetKind, PlatformLimits]:
         )
         for kind, platform in world.platforms.items()
     }
-
-
-WAITING_STANDOFFS = 1.5
-"""The distance from their gate, in standoffs, at which tracks wait; it lets an asset at the gate
-comply with ROE-04."""
-QUEUE_GAP_M = 8.0
-_SEARCH_STEP_M = 0.25
 
 
 def waiting_distance(world: World) -> float:
@@ -111,9 +113,6 @@ class LaneLine:
 
 
 Floats = npt.NDArray[np.float64]
-PLACE_GAP_M = 0.8
-_CELL_M = 2.0
-_FRAME_CELL_M = 16.0
 _Cells = dict[tuple[int, int], tuple[tuple[str, Frame], ...]]
 
 
