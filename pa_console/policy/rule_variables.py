@@ -306,7 +306,7 @@ class _RehearsedPlan:
         return [name for name, track in tracks if track.status == "inside"]
 
 
-def plan_variables(  # noqa: PLR0917 - what a check may speak of, and of which of it
+def plan_variables(  # noqa: PLR0917 - the sources of a check's variables
     plan: Plan,
     rehearsal: Rehearsal,
     mission: Mission,

@@ -20,7 +20,7 @@ class SpawnTrack(StrictModel):
     kind: Literal["spawn"] = "spawn"
     gate: Name
     track: Literal["vehicle", "person"] = "vehicle"
-    identity: Identity = Field(default="unauthorized", description="what `identify` will find")
+    identity: Identity = Field(default="unauthorized", description="the result of `identify`")
     intent: Intent = Field(default="benign", description="its true intent")
     speed_mps: Positive = 5.0
     distance_m: Positive | None = Field(default=None, description="start this far from the gate")

@@ -24,7 +24,7 @@ ApprovalState = Literal[
     "may_be_misunderstood",  # its words and its reading differ, or the models were unsure
     "not_understood",  # no order, or an unreadable one: the console asks back and proposes nothing
     "judge_objects",  # the judge's verdict is Failure: an override needs a reason
-    "blocked",  # nobody may approve it
+    "blocked",  # it cannot be approved
 ]
 """The state of a plan for the operator who decides on it: the most severe one that applies."""
 MissionStatus = Literal[

@@ -161,4 +161,4 @@ class RehearsedReading(StrictModel):
 
     plan: Plan
     rehearsal: Rehearsal
-    faults: tuple[str, ...] = Field(default=(), description="why nobody may approve the plan")
+    faults: tuple[str, ...] = Field(default=(), description="why the plan cannot be approved")

@@ -80,7 +80,7 @@ class Camera(Sensing):
         default=None,
         max_length=500,
         exclude_if=lambda url: url is None,
-        description="where it gives a picture as JPEG or PNG: http://10.0.0.7/snapshot.jpg",
+        description="address of its JPEG or PNG image: http://10.0.0.7/snapshot.jpg",
     )
 
     @field_validator("snapshot")
@@ -218,7 +218,7 @@ class World(StrictModel):
         default={},
         max_length=MOST_ALIASES,
         exclude_if=lambda names: not names,
-        description="what people here call an asset or a place: {yard: Checkpoint}",
+        description="local names of assets and places: {yard: Checkpoint}",
     )
 
     @property

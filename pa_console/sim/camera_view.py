@@ -86,7 +86,7 @@ def _drawn(
     weather: Weather,
     tick: int,
 ) -> bytes:
-    from PIL import Image, ImageDraw  # noqa: PLC0415 - only where a picture is drawn
+    from PIL import Image, ImageDraw  # noqa: PLC0415 - only if an image is drawn
 
     image = Image.new("RGB", SIZE, (164, 186, 206))
     canvas = ImageDraw.Draw(image)
@@ -187,7 +187,7 @@ class _Box(NamedTuple):
             other.draw(canvas, eye)
 
     def _draw_plate(self, canvas: "ImageDraw", eye: _Eye, end: int) -> None:
-        from PIL import ImageFont  # noqa: PLC0415 - only where a picture is drawn
+        from PIL import ImageFont  # noqa: PLC0415 - only if an image is drawn
 
         out, half, low, high = end * 1.01, 0.55, 0.3, 0.62
         sides = ((-half, low), (half, low), (half, high), (-half, high))

@@ -79,7 +79,7 @@ def idle_seconds() -> float | None:
 
     It is the sum over all cores, in seconds; None if the system does not report it.
     """
-    import psutil  # noqa: PLC0415 - only who looks at the cores waits for it
+    import psutil  # noqa: PLC0415 - only if the cores are measured
 
     try:
         cores = psutil.cpu_times(percpu=True)

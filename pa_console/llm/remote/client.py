@@ -164,7 +164,7 @@ class ServerClient:
 
     def _opened(self) -> "AsyncOpenAI":
         """Load the library, which takes a second, and return a client."""
-        import httpx2  # noqa: PLC0415 - only where a server is named
+        import httpx2  # noqa: PLC0415 - only if a server is used
         import openai  # noqa: PLC0415
 
         secret = self.key.secret

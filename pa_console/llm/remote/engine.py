@@ -378,7 +378,7 @@ def read_answer(text: str, schema: Schema | None) -> tuple[str, str]:
     """
     if schema is None:
         return text, ""
-    from jsonschema import Draft202012Validator  # noqa: PLC0415 - only where a server is named
+    from jsonschema import Draft202012Validator  # noqa: PLC0415 - only if a server is used
 
     validator, wrong = Draft202012Validator(schema), ""
     begin = -1

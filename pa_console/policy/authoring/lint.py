@@ -247,7 +247,7 @@ def lint_rules(document: Document, rule_set: RuleSet, world: World) -> list[Lint
     )
 
 
-def search_rules(  # noqa: PLR0917 - a rule set, where, and how much is searched
+def search_rules(  # noqa: PLR0917 - a rule set, its world and the search
     document: Document,
     rule_set: RuleSet,
     world: World,

@@ -158,7 +158,7 @@ class ApprovalRequested(Payload):
     request_id: str = Field(default="", description="a decision may name it, see Decision")
     attempt: int
     plan: Plan
-    blocked_by: tuple[str, ...] = Field(default=(), description="reasons nobody may override")
+    blocked_by: tuple[str, ...] = Field(default=(), description="reasons that cannot be overridden")
     acknowledge: tuple[str, ...] = Field(default=(), description="rule ids of warnings")
     needs_override: bool = Field(default=False, description="the judge's verdict is Failure")
     if_halted: tuple[Action, ...] = Field(
@@ -181,7 +181,7 @@ class ApprovalRequested(Payload):
         description="other readings of the order, likeliest first; the operator may choose one",
     )
     gaps: tuple[str, ...] = Field(
-        default=(), description="where the words of the order and its reading do not match"
+        default=(), description="mismatches between the order's words and its reading"
     )
     confidence: Share | None = Field(
         default=None,
