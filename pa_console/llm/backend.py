@@ -16,6 +16,9 @@ from typing import Any, Literal, Protocol
 from pa_console.schema.base import Role, ServerUse
 from pa_console.schema.finding import Usage
 
+CANCELLED = "cancelled"
+"""The error of an answer that was interrupted."""
+
 
 class ModelError(Exception):
     """A model that is unknown, missing, or not the file that the catalogue pins."""
@@ -34,7 +37,7 @@ class EngineDiedError(EngineError):
 
 
 class ModelUnavailableError(EngineError):
-    """The model cannot be loaded."""
+    """The model cannot be loaded or used."""
 
 
 class PromptRefusedError(EngineError):
@@ -60,9 +63,10 @@ class Request:
     max_tokens: int
     deadline_s: float
     count: int = 1
-    """The number of answers besides the most likely one; they are returned as `texts`."""
+    """The number of answers. If it is more than one, alternatives to the most likely answer are
+    written and returned as `texts`."""
     hint: str = ""
-    """Text that the answer may repeat, which only makes it faster."""
+    """Text that the answer may repeat; it only speeds up the answer."""
     begun: str = ""
     """The beginning of the answer, if `grammar` continues the last answer to this prompt: its
     evaluated tokens are reused. Several answers all begin with it, as the last answer did."""
@@ -137,7 +141,7 @@ class Backend(Answerer, Protocol):
         ...
 
     async def start(self) -> None:
-        """Start to prepare, and return at once."""
+        """Begin the preparation and return at once."""
         ...
 
     async def close(self) -> None:
@@ -147,13 +151,13 @@ class Backend(Answerer, Protocol):
 
 @dataclass(frozen=True)
 class BackendOptions:
-    """The use of a backend in a session, and its permissions from the operator."""
+    """The use of a backend in a session, and the operator's permissions."""
 
     use: ServerUse
     plain: bool = False
     """True if words may cross the network in clear text."""
     patience_s: float = 20.0
-    """The longest wait for an answer before the local model takes over, seconds."""
+    """Seconds to wait for an answer before the local model takes over."""
 
 
 GROUP = "pa_console.backends"
@@ -184,9 +188,6 @@ def open_backend(name: str, options: BackendOptions) -> Backend:
         raise ModelError(f"{name}: the backend {point.value} cannot be loaded: {error}") from error
     return opener(name, options)
 
-
-CANCELLED = "cancelled"
-"""The error of an answer that was interrupted."""
 
 OnText = Callable[[str], object]
 """A callback for an answer, piece by piece as it is generated."""

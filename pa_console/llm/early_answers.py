@@ -1,8 +1,8 @@
-"""Answers that models were asked for before a mission needed them; each is used once.
+"""Answers requested from models before a mission needs them; each is used once.
 
-While an order is typed, a draft of it asks through `ahead`, and every answer is kept. A mission
-asks through `due`: the kept answer to exactly the same request comes at once, and any other request
-goes to the model. Decoding is greedy, so the answer is the same either way; only the wait differs.
+While an order is typed, its draft asks through `ahead`, and every answer is kept. A mission asks
+through `due`: a kept answer to exactly the same request is used at once, and any other request goes
+to the model. Decoding is greedy, so the answer is the same either way; only the wait differs.
 """
 
 import asyncio
@@ -15,7 +15,7 @@ from pa_console.llm.backend import Answerer, EngineError, GenerationEnd, Request
 from pa_console.schema.finding import Usage
 
 MOST_KEPT = 32
-"""The number of answers that are kept: those of the last few drafts."""
+"""The number of answers that are kept, enough for the last few drafts."""
 
 _Asked = tuple[Answerer, Request]
 
@@ -31,16 +31,16 @@ class EarlyAnswers:
         return _Ahead(model, self)
 
     def due(self, model: Answerer) -> Answerer:
-        """Return `model` for a mission: an answer that is kept, or being written, is used."""
+        """Return `model` for a mission: a kept or unfinished answer is used if there is one."""
         return _Due(model, self)
 
     def stop(self) -> None:
-        """Stop whatever is being written; complete answers stay."""
+        """Stop all unfinished answers; complete ones stay."""
         for early in list(self._kept.values()):
             early.stop()
 
     def begin(self, model: Answerer, request: Request) -> "_EarlyAnswer":
-        """Return the answer to `request`, which the model begins to write unless it is known."""
+        """Return the answer to `request`; if it is not kept, the model begins to write it."""
         asked = _asked(model, request)
         if asked not in self._kept:
             pieces = model.generate(replace(request, yields=True))
@@ -54,25 +54,26 @@ class EarlyAnswers:
             del self._kept[asked]
 
     def take(self, model: Answerer, request: Request) -> "_EarlyAnswer | None":
-        """Return the answer to `request` and keep it no longer; None if there is none."""
+        """Remove and return the kept answer to `request`; None if there is none."""
         return self._kept.pop(_asked(model, request), None)
 
 
 def _asked(model: Answerer, request: Request) -> _Asked:
-    """Return all dependencies of an answer.
+    """Return everything that an answer depends on.
 
-    The schema is left out because the grammar has the same content; urgency changes no answer.
+    The schema is left out because the grammar has the same content. `yields` is left out because it
+    does not change the answer.
     """
     return model, replace(request, schema=None, yields=False)
 
 
 class _EarlyAnswer:
-    """An answer that is being written, or complete; several callers may follow it."""
+    """An unfinished or complete answer; several callers may follow it."""
 
     def __init__(
         self, pieces: AsyncGenerator[str | GenerationEnd], forget: "Callable[[_EarlyAnswer], None]"
     ) -> None:
-        """Write `pieces` from now on; `forget` it if no complete answer comes of them."""
+        """Begin to write `pieces`; call `forget` if they do not become a complete answer."""
         self.began_s = perf_counter()
         self._items: list[str | GenerationEnd] = []
         self._grown = asyncio.Event()
@@ -81,11 +82,11 @@ class _EarlyAnswer:
         self._writing = asyncio.create_task(self._write(pieces), name="early answer")
 
     def stop(self) -> None:
-        """Stop writing; a complete answer stays as it is."""
+        """Stop writing; a complete answer is kept."""
         self._writing.cancel()
 
     async def follow(self) -> AsyncGenerator[str | GenerationEnd]:
-        """Yield all pieces, those to come too, then a GenerationEnd unless writing stopped."""
+        """Yield all pieces, present and future, then a GenerationEnd unless writing is stopped."""
         at = 0
         while True:
             grown = self._grown
@@ -105,7 +106,7 @@ class _EarlyAnswer:
                     complete = isinstance(item, GenerationEnd) and item.finish == "stop"
                     self._tell()
         except EngineError:
-            pass  # the mission asks again, and reports the error if it happens then
+            pass  # the mission asks again, and reports the error if it recurs
         finally:
             self._over = True
             if not complete:
@@ -118,7 +119,7 @@ class _EarlyAnswer:
 
 
 class _Ahead:
-    """A model as a draft asks it."""
+    """A model for a draft."""
 
     def __init__(self, model: Answerer, answers: EarlyAnswers) -> None:
         self._model, self._answers = model, answers
@@ -129,7 +130,7 @@ class _Ahead:
         return self._model.name
 
     async def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
-        """Yield the answer; the model goes on with it if the caller is cancelled meanwhile."""
+        """Yield the answer; the model continues to write it if the caller is cancelled."""
         async with aclosing(self._answers.begin(self._model, request).follow()) as items:
             async for item in items:
                 yield item
@@ -139,7 +140,7 @@ class _Ahead:
 
 
 class _Due:
-    """A model as a mission asks it."""
+    """A model for a mission."""
 
     def __init__(self, model: Answerer, answers: EarlyAnswers) -> None:
         self._model, self._answers = model, answers
@@ -150,7 +151,7 @@ class _Due:
         return self._model.name
 
     async def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
-        """Yield the kept answer, with the seconds that it took before; else ask the model."""
+        """Yield the kept answer, with the seconds spent on it so far; otherwise ask the model."""
         given = 0
         early = self._answers.take(self._model, request)
         if early is not None:
@@ -167,7 +168,7 @@ class _Due:
                             return
             finally:
                 early.stop()
-        # Where an early answer broke off, the same answer comes again from its beginning.
+        # If an early answer was interrupted, the model repeats it from its beginning.
         async with aclosing(self._model.generate(request)) as items:
             async for item in items:
                 if isinstance(item, str):

@@ -1,8 +1,8 @@
-"""The rulebook, its retrieval and its deterministic checks; it knows no simulator."""
+"""The rulebook, its retrieval and its deterministic checks; independent of the simulator."""
 
 import sys
 from types import ModuleType
 
-# The CEL library imports its own command line, and with it an editor of command lines: a tenth of
-# the console's start. Nothing of it is used here.
+# Importing the CEL library also imports its command line and a line editor, which takes a tenth of
+# the console's start. The console uses neither.
 sys.modules.setdefault("cel.cli", ModuleType("cel.cli"))

@@ -1,7 +1,7 @@
-"""Findings in words, and plans that cannot even be started: unknown names, wrong kinds.
+"""Findings in words, and plans that cannot be started: unknown names, wrong kinds of asset.
 
-These are facts of the vocabulary, true under any rule file, so they have their own id and no rule
-file can disable them. Nothing is dropped or repaired: the plan is returned as it is.
+These findings concern the vocabulary and hold under any rule file. They have an id of their own,
+and no rule file can disable them. A plan is returned as it is: nothing is dropped or repaired.
 """
 
 from collections import Counter
@@ -18,6 +18,10 @@ from pa_console.schema.world import World
 MAX_OFFENDERS = 6
 MAX_ERROR = 200
 
+STRUCTURE_ID = "PLAN"
+ORDER_ID = "ORDER"
+"""The id of a finding about an action that the words of an order rule out."""
+
 
 def finding(rule: Rule, status: FindingStatus, message: str = "") -> Finding:
     """Return the finding of `rule`."""
@@ -25,13 +29,13 @@ def finding(rule: Rule, status: FindingStatus, message: str = "") -> Finding:
 
 
 def undecided(rule: Rule, problem: str) -> Finding:
-    """Return the finding of a rule that could not be decided, which counts as broken."""
+    """Return the finding of a rule whose check could not decide; it counts as broken."""
     words = " ".join(problem.split())[:MAX_ERROR]
     return finding(rule, "error", f"the check could not decide: {words}")
 
 
 def violation(message: str, offenders: Iterable[str]) -> str:
-    """Return `message` with the distinct offenders after it, at most MAX_OFFENDERS of them."""
+    """Return `message` followed by the distinct offenders, at most MAX_OFFENDERS of them."""
     distinct = [name for name in dict.fromkeys(offenders) if name]
     if not distinct:
         return message
@@ -40,13 +44,8 @@ def violation(message: str, offenders: Iterable[str]) -> str:
     return f"{message}: {listed}"
 
 
-STRUCTURE_ID = "PLAN"
-ORDER_ID = "ORDER"
-"""The id of a finding about what the words of an order rule out."""
-
-
 def problems(plan: Plan, world: World, picture: Picture) -> tuple[Finding, ...]:
-    """Return one critical finding for everything that keeps `plan` from being rehearsed."""
+    """Return a critical finding for each problem that keeps `plan` from being rehearsed."""
     found = [text for action in plan.actions for text in _problems(action, world, picture)]
     found += _at_once(plan)
     return tuple(
@@ -56,7 +55,7 @@ def problems(plan: Plan, world: World, picture: Picture) -> tuple[Finding, ...]:
 
 
 def _at_once(plan: Plan) -> Iterable[str]:
-    """Yield the agents with several commands in no order."""
+    """Yield a problem for each agent with several commands that have no order."""
     several = [agent for agent, count in Counter(plan.agents).items() if count > 1]
     for agent in several:
         own = [number for number, each in enumerate(plan.agents, start=1) if each == agent]

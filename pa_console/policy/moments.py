@@ -1,4 +1,4 @@
-"""Turns pictures into moments: what ordering rules see of a mission, and nothing more.
+"""Moments: the part of a picture that ordering rules see.
 
 `Pursuits` adds the one fact that no single picture shows: how often a track was followed.
 """
@@ -13,20 +13,20 @@ from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
 from pa_console.schema.world import World
 
 STANDS_MPS = 0.05
-"""Slower than this, an asset does not move."""
+"""The speed below which an asset counts as standing still."""
 
 SURE_SIGMAS = 3.0
-"""A gap counts as too small when the position error would have to be larger than this."""
+"""A gap is too small only if no position error within this many sigmas explains it."""
 
 MOST_BLOCKED = 1
-"""The number of blocked gates beyond which a track inside counts as shut in (ROE-12)."""
+"""The number of blocked gates above which a track inside counts as shut in (ROE-12)."""
 
 PURSUIT_S = 3600.0
-"""Simulated seconds for which it is remembered where assets were sent after a track."""
+"""Simulated seconds after which a pursuit of a track is forgotten."""
 
 
 class _OrderedAsset(NamedTuple):
-    """A ground asset with its order; `gates` are the world's."""
+    """A ground asset with its order; `gates` are the gates of the world."""
 
     order: OrderMoment
     asset: AssetTelemetry
@@ -43,10 +43,10 @@ class _OrderedAsset(NamedTuple):
 def moment(
     picture: Picture, world: World, orders: Sequence[OrderMoment], agents: Collection[str] = ()
 ) -> Moment:
-    """Return what ordering rules see of `picture` while `orders` are carried out.
+    """Return the facts that ordering rules see of `picture` while `orders` are carried out.
 
-    Of the assets only those with an order are looked at, and `agents`, the plan's, for `up`. A
-    stale track keeps what is known of it.
+    Only assets with an order are examined; `agents`, those of the plan, are needed for `up`. A
+    stale track keeps its last known facts.
     """
     gates = frozenset(world.gates)
     ground = [
@@ -69,7 +69,7 @@ def moment(
 
 
 def distinct(moments: Iterable[Moment]) -> tuple[Moment, ...]:
-    """Return `moments` without any that differs from its predecessor only by the time."""
+    """Return `moments` without those that differ from their predecessor only in time."""
 
     def kept() -> Iterator[Moment]:
         last: Moment | None = None
@@ -82,10 +82,10 @@ def distinct(moments: Iterable[Moment]) -> tuple[Moment, ...]:
 
 
 def ways_out_shut(picture: Picture, world: World, ordered: Collection[str | None] = ()) -> bool:
-    """Return True if a second gate, or the last one, is blocked, by any order.
+    """Return True if more than MOST_BLOCKED gates, or all gates, are blocked, by any order.
 
-    Gates of `ordered` blocks count as blocked before the asset arrives, for the sake of people
-    inside.
+    To protect people inside, the gates of `ordered` blocks count as blocked before the asset
+    arrives.
     """
     gates = frozenset(world.gates)
     assets = picture.assets.values()
@@ -95,7 +95,7 @@ def ways_out_shut(picture: Picture, world: World, ordered: Collection[str | None
 
 
 class Pursuit(NamedTuple):
-    """The gate to which an asset was last sent after a track, and how often that gate changed."""
+    """The gate to which an asset was last sent after a track, and the number of gate changes."""
 
     gate: str
     changes: int
@@ -103,22 +103,22 @@ class Pursuit(NamedTuple):
 
 
 class Pursuits:
-    """Remembers to which gates assets were sent after each track of a session (ROE-14).
+    """The gates to which assets were sent after each track of a session (ROE-14).
 
-    An asset under way to the gate of a track is sent after it. One that fills a gate without cover
-    is not: it goes there for the gate.
+    An asset on its way to a track's gate counts as sent after the track. An asset on its way to an
+    uncovered gate does not: it goes there to cover the gate.
     """
 
     def __init__(self, known: Mapping[str, Pursuit] | None = None) -> None:
-        """Begin with the `known` pursuits by track, by default with none."""
+        """Begin with the `known` pursuits by track; without them, begin with none."""
         self._known = dict(known or {})
 
     def copy(self) -> "Pursuits":
-        """Return one that goes on by itself."""
+        """Return an independent copy."""
         return Pursuits(self._known)
 
     def look(self, now: Moment) -> Moment:
-        """Take in the next moment; return it with `followed` of the tracks that assets go to."""
+        """Update from the next moment; return it with `followed` set for pursued tracks."""
         going = {
             order.target
             for order in now.orders
@@ -141,7 +141,7 @@ class Pursuits:
         return now.model_copy(update={"tracks": {**now.tracks, **followed}})
 
     def _forget(self, time_s: float) -> None:
-        """Drop moments that are too old; the latest pursuits come last."""
+        """Drop pursuits that are too old; the latest ones come last."""
         while self._known:
             name = next(iter(self._known))
             if time_s - self._known[name].stamp_s <= PURSUIT_S:
@@ -181,8 +181,8 @@ def _hostile(track: Track) -> bool:
 def _in_contact(sent: _OrderedAsset, track: Track) -> bool:
     """Return True if a ground asset that was sent to the track has it in sensor range.
 
-    One that stands where it was told to move has been there before, or has arrived: a track that
-    comes to it is no commitment of ours (WF-02).
+    An asset that stands at the target of its `move_to` was there before or has arrived. A track
+    that comes to it was not approached by the asset (WF-02).
     """
     order, asset = sent.order, sent.asset
     under_way = order.verb == "move_to" and not order.done and asset.at != order.target
@@ -193,9 +193,9 @@ def _in_contact(sent: _OrderedAsset, track: Track) -> bool:
 
 
 def _drives_too_near(sent: _OrderedAsset, track: Track) -> bool:
-    """Return whether a ground asset moves nearer to the track within the standoff (ROE-04).
+    """Return whether a ground asset drives nearer to the track within the standoff (ROE-04).
 
-    A gap that measurement noise alone explains is not counted, nor one that the track closed.
+    A gap that measurement noise alone explains does not count, nor one that the track has closed.
     """
     asset = sent.asset
     moves = COMMANDS[sent.order.verb].moves and asset.speed_mps >= STANDS_MPS
@@ -215,7 +215,7 @@ def _addresses(sent: _OrderedAsset, track: Track) -> bool:
 
 
 def _blocks(sent: _OrderedAsset, track: Track) -> bool:
-    """Return whether a UGV blocks the track's way on this order."""
+    """Return whether a UGV blocks the track's way under this order."""
     order, asset = sent.order, sent.asset
     blocking = order.verb == "block" and asset.task == "blocking" and asset.at == order.target
     return blocking and sent.meets(track)

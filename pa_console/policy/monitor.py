@@ -1,4 +1,4 @@
-"""Follows the ordering rules through a mission, moment by moment, live and in rehearsal (WF-01)."""
+"""Monitoring of ordering rules, moment by moment, in live missions and rehearsals (WF-01)."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -27,11 +27,11 @@ Each = Literal["track", "gate"] | None
 
 MOMENT_S = 0.02
 SUBJECT_S = 0.002
-"""Seconds of processor time that all orderings may take at one moment, and for each subject."""
+"""Seconds of processor time for all orderings at one moment: a base, and more per subject."""
 
 
 class Pending(NamedTuple):
-    """Something that must happen still; `due_s` is the simulated time until which, if limited."""
+    """An event that must still happen; `due_s` is its deadline in simulated seconds, if any."""
 
     rule_id: str
     subject: str
@@ -40,7 +40,7 @@ class Pending(NamedTuple):
 
 
 class OrderingBreach(NamedTuple):
-    """An ordering of a rule that subjects broke, or that could not be decided (`problem`)."""
+    """An ordering that subjects broke; with a `problem`, one that could not be decided."""
 
     rule: Rule
     message: str
@@ -49,7 +49,7 @@ class OrderingBreach(NamedTuple):
 
 
 class _News(NamedTuple):
-    """The subjects of one kind at a moment, and which of them are not as they were before."""
+    """The subjects of one kind at a moment, and which of them have changed or gone."""
 
     present: Subjects
     changed: tuple[str, ...]
@@ -57,14 +57,14 @@ class _News(NamedTuple):
 
     @classmethod
     def since(cls, last: Subjects, present: Subjects) -> Self:
-        """Compare the subjects with those of the moment before."""
+        """Compare the subjects with those of the previous moment."""
         changed = (name for name, it in present.items() if name not in last or last[name] != it)
         return cls(present, tuple(changed), tuple(name for name in last if name not in present))
 
 
 @dataclass
 class _OrderingWatch:
-    """One ordering, and where each of its subjects stands."""
+    """One ordering and the progress of each of its subjects."""
 
     rule: Rule
     entry: CompiledOrdering
@@ -77,20 +77,20 @@ class _OrderingWatch:
         return replace(self, progress=dict(self.progress))
 
     def observe(self, now: Moment, news: _News, evaluator: Evaluator) -> OrderingBreach | None:
-        """Move every subject on; return what is newly wrong."""
+        """Update every subject; return the new breach, or None."""
         message, problem, offenders = self.entry.order.message, self.problem, ()
         if not problem:
             try:
                 offenders = tuple(self._offenders(now, news, evaluator))
                 self.failed = False
-            except Exception as error:  # whatever CEL runs into: nothing is decided
+            except Exception as error:  # whatever CEL raises: nothing is decided
                 problem, self.failed = f"{type(error).__name__}: {error}", True
         if not problem and not offenders:
             return None
         return OrderingBreach(self.rule, message, offenders, problem)
 
     def _offenders(self, now: Moment, news: _News, evaluator: Evaluator) -> Iterator[str]:
-        """Yield the subjects that break the ordering now; '' stands for the moment as a whole."""
+        """Yield the subjects that break the ordering now; '' is the moment as a whole."""
         order, entry = self.entry.order, self.entry
         for name in news.gone:
             was = self.progress.get(name, START)
@@ -111,7 +111,7 @@ class _OrderingWatch:
                 yield name
 
     def _to_follow(self, news: _News) -> Iterable[str]:
-        """Return the subjects for which this moment may matter."""
+        """Return the subjects whose progress this moment may change."""
         if self.failed or not self.entry.fixed:
             return tuple(news.present)
         if self.entry.order.kind != "within":
@@ -127,7 +127,7 @@ class _OrderingWatch:
                 yield Pending(self.rule.id, name, order.message, due_s)
 
     def excuse_running_limits(self) -> None:
-        """Treat every running time limit as reported, until its cause has ended."""
+        """Mark every running time limit as already reported, until its cause has ended."""
         if self.entry.order.kind == "within":
             for name, was in self.progress.items():
                 if was.stage == "open":
@@ -135,10 +135,10 @@ class _OrderingWatch:
 
 
 class Monitor:
-    """The orderings of every rule in force over one mission's moments.
+    """The orderings of every rule in force, followed over the moments of one mission.
 
-    A subject that appears later starts afresh. A violation is reported once, and again only if it
-    was resolved in between.
+    A subject that appears later starts from the beginning. A violation is reported once; it is
+    reported again only if it was resolved in between.
     """
 
     def __init__(
@@ -148,12 +148,12 @@ class Monitor:
         sightings: Sightings | None = None,
         pursuits: Pursuits | None = None,
     ) -> None:
-        """Begin without a history of the mission; the receiver of telemetry keeps `sightings`.
+        """Begin without a history of the mission; the receiver of telemetry updates `sightings`.
 
-        The `pursuits` are those of the session; without them the mission begins with none.
+        `pursuits` are the pursuits of the session; without them the mission begins with none.
         """
         self.sightings = Sightings(world) if sightings is None else sightings
-        """The earlier sightings, for checks; orderings do not need them."""
+        """The earlier sightings. Only checks need them; orderings do not."""
         self._pursuits = Pursuits() if pursuits is None else pursuits
         self._evaluator = Evaluator(world)
         self._covered_before: set[str] = set()
@@ -165,7 +165,7 @@ class Monitor:
             self._watches = [self._watch(part, ordering) for part, ordering in orderings]
 
     def observe(self, moment: Moment) -> tuple[Finding, ...]:
-        """Take in the next moment; return one finding for each rule that it newly breaks."""
+        """Update from the next moment; return one finding for each rule that is newly broken."""
         moment = self._pursuits.look(moment)
         news: dict[Each, _News] = {}
         breaches: list[OrderingBreach] = []
@@ -184,7 +184,7 @@ class Monitor:
         return _findings(breaches)
 
     def finish(self) -> tuple[Finding, ...]:
-        """Return a finding for each rule by which something still had to happen in the mission."""
+        """Return a finding for each rule with an event that should still have happened."""
         return _findings(
             OrderingBreach(
                 watch.rule, watch.entry.order.message, tuple(p.subject for p in open_ones)
@@ -195,14 +195,14 @@ class Monitor:
 
     @property
     def pending(self) -> tuple[Pending, ...]:
-        """The events that must still happen, by any rule."""
+        """The events that must still happen, of all rules."""
         return tuple(pending for watch in self._watches for pending in watch.pending())
 
     def copy(self, *, running_limits: bool = True) -> Self:
         """Return an independent monitor that continues from here.
 
-        Without `running_limits`, time limits that were running already are not held against it: a
-        plan that restores a gate after an asset's failure cannot undo the time that has passed.
+        Without `running_limits`, time limits that are already running are excused: a plan that
+        restores a gate after an asset's failure cannot undo the time that has passed.
         """
         twin = object.__new__(type(self))
         twin.sightings, twin._evaluator = self.sightings, self._evaluator.copy()
@@ -222,18 +222,18 @@ class Monitor:
             return _OrderingWatch(entry.rule, ordering, limit_s)
         try:
             return _OrderingWatch(entry.rule, ordering, self._evaluator.number(ordering.seconds))
-        except Exception as error:  # whatever CEL runs into: nothing is decided
+        except Exception as error:  # whatever CEL raises: nothing is decided
             return _OrderingWatch(entry.rule, ordering, 0.0, f"{type(error).__name__}: {error}")
 
 
 def halts(finding: Finding, rulebook: Rulebook) -> bool:
-    """Return whether a broken ordering halts the plan; premises and alarms see to gates."""
+    """Return whether a broken ordering halts the plan; gates are left to premises and alarms."""
     orderings = rulebook.orderings(finding.rule_id)
     return finding.blocking and any(ordering.each != "gate" for ordering in orderings)
 
 
 def _findings(breaches: Iterable[OrderingBreach]) -> tuple[Finding, ...]:
-    """Return one finding a rule, all that is wrong with it in one message."""
+    """Return one finding per rule, with all its breaches in one message."""
     by_rule: dict[str, list[OrderingBreach]] = {}
     for breach in breaches:
         by_rule.setdefault(breach.rule.id, []).append(breach)

@@ -1,17 +1,18 @@
-"""Progress of one subject through an ordering of events or a workflow (WF-01), moment by moment.
+"""The progress of a subject through an ordering of events or a workflow (WF-01).
 
 An ordering's `event` and `other` (schema/rule.py Ordering) may use these variables:
 
-it     with `each: track`, the track as schema/rehearsal.py TrackMoment; with `each: gate`,
-       {covered, lost}: whether it is known to be covered, and whether it is not but has been.
+it     with `each: track`, the track as a TrackMoment (schema/rehearsal.py); with `each: gate`,
+       {covered, lost}: `covered` is true if the gate is known to be covered, `lost` if it was
+       covered before and is not now.
 id     the name of the track or gate.
-now    the moment: {time_s, tracks, covered, up, orders}; an order's `target` is '' for none.
+now    the moment: {time_s, tracks, covered, up, orders}; `target` is '' for an order without one.
 world  as for checks (policy/rule_variables.py).
 
-A workflow's expressions may use `it`, the track, with its `id` and `now`, and besides:
+A workflow's expressions may use `it`, the track, with its `id` and `now`, and also:
 
-steady_s  seconds since what the track is, or has done, last changed: identity, intent, status,
-          warning, defiance, suspected noncombatants.
+steady_s  seconds since the last change of the track's identity, intent, status, warning, defiance
+          or suspected noncombatants.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -26,9 +27,12 @@ from pa_console.schema.rehearsal import Moment, TrackMoment
 from pa_console.schema.rule import Ordering, Phase, Workflow
 from pa_console.schema.world import World
 
+CLOCK_S = 1e-6
+"""Times that differ by less than this are equal."""
+
 
 class GateMoment(NamedTuple):
-    """A gate at one moment; `lost` is one that was covered before and is not now."""
+    """A gate at one moment; `lost` is true if it was covered before and is not covered now."""
 
     covered: bool
     lost: bool
@@ -37,11 +41,11 @@ class GateMoment(NamedTuple):
 Subject = TrackMoment | GateMoment | None
 Subjects = Mapping[str, Subject]
 WHOLE: Subjects = {"": None}
-"""The one subject of an ordering that is about the moment as a whole."""
+"""The only subject of an ordering without `each`: the moment as a whole."""
 
 
 def subjects(order: Ordering, now: Moment, covered_before: Collection[str]) -> Subjects:
-    """Return what `order` follows at this moment, by name."""
+    """Return the subjects that `order` follows at this moment, by name."""
     if order.each == "track":
         return now.tracks
     if order.each == "gate":
@@ -61,7 +65,7 @@ def moment_values(now: Moment) -> dict[str, Any]:
 
 
 class Evaluator:
-    """Evaluates expressions for subjects in one world, each distinct question only once."""
+    """Evaluates expressions for subjects in one world, and caches each distinct result."""
 
     def __init__(self, world: World) -> None:
         self._world = world
@@ -70,9 +74,9 @@ class Evaluator:
         self._now: dict[str, Any] = {}
 
     def holds(self, expression: Expression, now: Moment, name: str, subject: Subject) -> bool:
-        """Return whether `expression` holds for the subject; raises what it runs into.
+        """Return whether `expression` holds for the subject; errors of the expression are raised.
 
-        Raises TypeError when it yields anything but true or false.
+        Raises TypeError if the result is neither true nor false.
         """
         reads = expression.reads(_SHAPES[type(subject)])
         asked: dict[str, Any] = {}
@@ -88,19 +92,19 @@ class Evaluator:
         return self._known[key]
 
     def prepare(self, order: Ordering, *expressions: Expression) -> None:
-        """Find out what the `expressions` of an ordering read, which needs no deadline."""
+        """Find the fields that the `expressions` of an ordering read; this needs no deadline."""
         for expression in expressions:
             expression.reads(_SHAPES[_KINDS[order.each]])
 
     def copy(self) -> "Evaluator":
-        """Return one that knows as much and may be used by another thread."""
+        """Return an evaluator that shares the cache; another thread may use it."""
         twin = object.__new__(Evaluator)
         twin._world, twin._known = self._world, self._known
         twin._moment, twin._now = self._moment, self._now
         return twin
 
     def number(self, expression: Expression) -> float:
-        """Return the positive number that the world gives `expression`, else TypeError."""
+        """Return the positive number that `expression` yields in this world; raises TypeError."""
         value: Any = expression.evaluate(
             make_context(self._worldly(expression.reads(_SHAPES[type(None)])))
         )
@@ -115,7 +119,7 @@ class Evaluator:
         return result
 
     def _worldly(self, reads: Fields) -> dict[str, Any]:
-        """Return the variable `world` with the fields that are read of it, if any are."""
+        """Return the variable `world` with the fields that are read, or nothing if none are."""
         if "world" not in reads:
             return {}
         return {"world": world_variables(self._world, reads["world"])}
@@ -150,24 +154,21 @@ def _plain(subject: Subject, fields: Fields | None) -> dict[str, Any]:
 
 Stage = Literal["idle", "open", "settled", "broken"]
 
-CLOCK_S = 1e-6
-"""Times closer than this are the same."""
-
 
 class OrderingProgress(NamedTuple):
     """The state of a subject in an ordering.
 
     idle     nothing has happened yet
-    open     something must happen still; for `within` since `since_s`, simulated seconds
-    settled  what had to happen has happened, or cannot be missed any more
-    broken   it is wrong at present, and that has been told
+    open     something must still happen; for `within`, since `since_s` (simulated seconds)
+    settled  the required event has happened, or is no longer required
+    broken   the ordering is broken at present, and this has been reported
     """
 
     stage: Stage = "idle"
     since_s: float = 0.0
 
     def overdue(self, time_s: float, limit_s: float) -> bool:
-        """Return whether a time limit that runs is over at `time_s`."""
+        """Return whether a running time limit has passed at `time_s`."""
         return self.stage == "open" and time_s > self.since_s + limit_s + CLOCK_S
 
 
@@ -184,9 +185,10 @@ def follow(
     time_s: float,
     limit_s: float,
 ) -> tuple[OrderingProgress, bool]:
-    """Return where the subject stands after this moment, and whether it broke the ordering now.
+    """Return the subject's progress after this moment, and whether it broke the ordering now.
 
-    What held at the last moment is taken to have held until this one. `limit_s` is of `within`.
+    The values of the last moment are taken to have held until this one. `limit_s` is the limit of
+    `within`.
     """
     match order.kind:
         case "before":
@@ -211,21 +213,21 @@ def follow(
 def leave(
     order: Ordering, was: OrderingProgress, time_s: float, limit_s: float
 ) -> tuple[OrderingProgress, bool]:
-    """Return the same for a subject that is no longer there: what went on with it has ended."""
+    """Return the same for a subject that has disappeared; its events and states have ended."""
     if order.kind in ("never_while", "within"):
         return follow(order, was, event=False, other=False, time_s=time_s, limit_s=limit_s)
     return was, False
 
 
 def _wrong_while(wrong: bool, was: OrderingProgress) -> tuple[OrderingProgress, bool]:
-    """Report a violation once, and again only after it has been right in between."""
+    """Report a violation once; report it again only if it was resolved in between."""
     return (_BROKEN, was.stage != "broken") if wrong else (START, False)
 
 
 def _in_time(
     was: OrderingProgress, event: bool, other: bool, time_s: float, limit_s: float
 ) -> tuple[OrderingProgress, bool]:
-    """Follow one obligation from where `other` begins to where it is met, or `other` ends."""
+    """Follow one obligation from the beginning of `other` until it is met or `other` ends."""
     late = was.overdue(time_s, limit_s)
     if not other:
         return START, late
@@ -249,10 +251,10 @@ class WorkflowMove(NamedTuple):
 
 @dataclass
 class WorkflowRun:
-    """One track's way through one workflow; `position` counts phases from 0.
+    """The progress of one track through one workflow; `position` counts phases from 0.
 
-    An expression that cannot be evaluated holds for nothing: the workflow stays where it is, and
-    the operator sees where.
+    An expression that cannot be evaluated does not hold. The workflow then stays at its phase, and
+    the operator sees which one.
     """
 
     compiled: CompiledWorkflow
@@ -267,7 +269,7 @@ class WorkflowRun:
 
     @classmethod
     def start(cls, rulebook: Rulebook, now: Moment, track: str) -> Self | None:
-        """Enter the first workflow that starts for `track` at this moment, None if none does."""
+        """Enter the first workflow that starts for `track` at this moment; None if none starts."""
         if track not in now.tracks:
             return None
         for compiled in rulebook.workflows:
@@ -279,7 +281,7 @@ class WorkflowRun:
 
     @property
     def workflow(self) -> Workflow:
-        """The workflow as the rule file has it."""
+        """The workflow as written in the rule file."""
         return self.compiled.workflow
 
     @property
@@ -289,7 +291,7 @@ class WorkflowRun:
 
     @property
     def current(self) -> Phase | None:
-        """The phase to carry out, None when the workflow is over."""
+        """The phase to carry out; None if the workflow is over."""
         return self.phases[self.position] if self.position < len(self.phases) else None
 
     @property
@@ -298,15 +300,15 @@ class WorkflowRun:
         return self.position >= len(self.phases)
 
     def command(self) -> str:
-        """Return the current phase's mission with the names put in, empty when it is over."""
+        """Return the current phase's mission with its names filled in; '' after the last phase."""
         phase = self.current
         return "" if phase is None else phase.mission(self.track, self.gate)
 
     def advance(self, now: Moment) -> list[WorkflowMove]:
-        """Take in the next moment: go past every phase that is done or does not apply, then end.
+        """Update from the next moment: pass phases that are done or do not apply, then check ends.
 
-        The end is looked for after the phases, so that the trace says which were skipped; when
-        none of them holds yet, it is looked for at later moments too.
+        The ends are checked after the phases so that the trace shows which phases were skipped. If
+        no end holds yet, the ends are checked again at later moments.
         """
         if self.ended:
             return []
@@ -334,7 +336,7 @@ class WorkflowRun:
         return WorkflowMove("ended", outcome=outcome)
 
     def _look(self, now: Moment) -> None:
-        """Note the track's gate, and since when it has been as it is."""
+        """Update the track's gate and the time since which its facts have been the same."""
         track = now.tracks[self.track]
         facts = _facts(track)
         if facts != self._facts:
@@ -349,7 +351,7 @@ class WorkflowRun:
             values["now"] = moment_values(now)
         try:
             return expression.evaluate(make_context(values)) is True
-        except Exception:  # whatever CEL runs into: it holds for nothing
+        except Exception:  # whatever CEL raises: the expression does not hold
             return False
 
 

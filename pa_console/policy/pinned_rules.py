@@ -1,8 +1,9 @@
-"""The pin on a user's rule set: the first one used is pinned, and a lesser one is refused.
+"""The pin on a user's rule set: the first set used is pinned, and a weaker one is refused.
 
-The pin lies in the user's state folder. The shipped set is always accepted: the hash of its content
-stands in the package. Any other set must be signed by the signer of the pinned one, have the same
-name and no lower version, unless the operator accepts it; that is then part of its seal.
+The pin lies in the user's state folder. The shipped set is always accepted: the package contains
+the hash of its content. Any other set must be signed by the signer of the pinned set, have the same
+name and no lower version. The operator can accept a set that does not meet this; its seal then
+records the acceptance.
 """
 
 import json
@@ -23,13 +24,13 @@ SHIPPED = "shipped"
 
 
 class RefusedRulesError(ValueError):
-    """A rule set that is less than the pinned one; worded with the reason and the remedies."""
+    """A rule set that is weaker than the pinned one; the message gives the reason and remedies."""
 
 
 class RulesPin(StrictModel):
-    """The last accepted set: `signer` is its key's fingerprint, "shipped", or "" for none.
+    """The last accepted set: `signer` is its key's fingerprint, "shipped", or "" if unsigned.
 
-    `accepted` is the reason that the operator had to accept it, "" if it was accepted
+    `accepted` is the reason why the operator had to accept it, or "" if it was accepted
     automatically.
     """
 
@@ -47,7 +48,7 @@ class RulesPin(StrictModel):
 
 
 def pin_of(name: str, seal: RulesSeal) -> RulesPin:
-    """Return what would be pinned of a set."""
+    """Return the pin that a set with this name and seal would get."""
     signer = SHIPPED if seal.standing == SHIPPED else seal.key
     return RulesPin(
         name=name,
@@ -59,7 +60,7 @@ def pin_of(name: str, seal: RulesSeal) -> RulesPin:
 
 
 def downgrade(pinned: RulesPin, other: RulesPin) -> str:
-    """Return why `other` is less than `pinned`, "" when it is not."""
+    """Return why `other` is weaker than `pinned`, or "" if it is not."""
     if other.signer == SHIPPED:
         return ""
     if pinned.signer and not other.signer:
@@ -77,7 +78,7 @@ def downgrade(pinned: RulesPin, other: RulesPin) -> str:
 
 
 class RulesPins:
-    """The pin of this user, in `path`; None is the user's state folder."""
+    """The pin of the user, stored at `path` or, if that is None, in the user's state folder."""
 
     def __init__(
         self, path: Path | None = None, now: Callable[[], datetime] = lambda: datetime.now(UTC)
@@ -86,7 +87,7 @@ class RulesPins:
         self._now = now
 
     def read(self) -> RulesPin | None:
-        """Return the pin, None before there is one; raises RefusedRulesError for a broken file."""
+        """Return the pin, or None before the first; raises RefusedRulesError for a broken file."""
         try:
             return RulesPin.model_validate_json(self._path.read_bytes())
         except FileNotFoundError:
@@ -98,15 +99,15 @@ class RulesPins:
             ) from error
 
     def refusal(self, name: str, seal: RulesSeal) -> str:
-        """Return why the set is refused, "" when it is taken; raises what `read` does."""
+        """Return why the set is refused, or "" if it is accepted; raises the errors of `read`."""
         pinned = self.read()
         return "" if pinned is None else downgrade(pinned, pin_of(name, seal))
 
     def admit(self, name: str, seal: RulesSeal, *, accept: bool) -> RulesSeal:
-        """Return the seal of a set that goes in force, and pin the set.
+        """Return the seal of a set that is put in force, and pin the set.
 
-        With `accept`, the operator accepts a refused set, which the seal records for later sessions
-        too. Raises RefusedRulesError, and OSError if nothing can be pinned.
+        With `accept`, the operator accepts a refused set, and the seal records this for later
+        sessions too. Raises RefusedRulesError, and OSError if the pin cannot be written.
         """
         pinned = self.read()
         pin = pin_of(name, seal)
@@ -127,7 +128,7 @@ class RulesPins:
         return sealed
 
     def _write(self, pin: RulesPin, before: RulesPin | None) -> None:
-        """Put the pin in its file, for its owner alone; what was there stays until it is whole."""
+        """Write the pin, readable by its owner only; until it is complete, the old file stays."""
         if pin != before:
             make_private_folder(self._path.parent)
             replace_private(self._path, json.dumps(pin.model_dump(), indent=2).encode())
@@ -140,7 +141,7 @@ def _same(one: RulesPin, other: RulesPin) -> bool:
 
 
 def _order(version: str) -> tuple[tuple[int, int, str], ...]:
-    """Return what versions are compared by: numbers as numbers, and before them any words."""
+    """Return a sort key for versions: numbers compare as numbers and come after words."""
     parts = re.findall(r"\d+|[A-Za-z]+", version)
     return tuple((1, int(part), "") if part.isdigit() else (0, 0, part.lower()) for part in parts)
 

@@ -1,10 +1,9 @@
-"""The words of a mission as a reader sees them, however they are spelt: for checks of words alone.
+"""The words of a mission as a reader sees them, in any spelling, for checks of words.
 
-Characters that do not show are taken out and compatibility forms resolved before anything reads a
-mission. The other foldings are for checks only: letters of other scripts that look like Latin ones,
-accents, digits and signs for letters, letters drawn out or set apart, and signs of markup around
-words. No folding is put before a
-model or a person; each is one more way in which a check reads the text.
+Invisible characters are removed and compatibility forms resolved before anything reads a mission.
+The other foldings are for checks only: letters of other scripts that look Latin, accents, digits
+and signs in place of letters, repeated or separated letters, and markup around words. A folding is
+never shown to a model or a person; it is one more way in which a check reads the text.
 """
 
 import re
@@ -15,7 +14,7 @@ _QUOTES = str.maketrans({"’": "'", "‘": "'", "“": '"', "”": '"', "–": 
 _HIDDEN = re.compile(
     "[\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u3164\ufe00-\ufe0f\uffa0\U000e0100-\U000e01ef]"
 )
-"""The characters that a screen may leave out, besides the format characters (Cf)."""
+"""The characters that a screen may not show, besides format characters (Cf)."""
 
 _LOOKS: dict[str, str] = {
     "a": "аαᴀɑ∀ꭺ", "b": "вЬβʙƅ", "c": "сϲᴄⅽ", "d": "ԁᴅđɖ", "e": "еєεᴇҽ", "f": "ƒꜰϝ", "g": "ɡɢց",
@@ -25,7 +24,7 @@ _LOOKS: dict[str, str] = {
 }  # fmt: skip
 _LATIN = str.maketrans({sign: latin for latin, signs in _LOOKS.items() for sign in signs})
 _LETTERS = [(0x1F130, 0x1F149), (0x1F150, 0x1F169), (0x1F170, 0x1F189), (0x1F1E6, 0x1F1FF)]
-"""Letters in squares, circles and flags, A to Z each."""
+"""Letters in squares, circles and flags; each range runs from A to Z."""
 _SIGNS = {"0": "o", "3": "e", "4": "a", "5": "s", "7": "t", "8": "b", "@": "a", "$": "s", "€": "e"}
 _ONES = "1!|"
 """The characters that may stand for an i or an l."""
@@ -34,19 +33,22 @@ _NUMBERED = re.compile(r"[a-z]+\d+|\d+(?:[a-z]|st|nd|rd|th|am|pm|km|min|sec|x\d*
 """Ordinary mixtures of letters and digits: `uav4`, `2nd`, `30m`, `stop!`."""
 _APART = re.compile(r"(?<![^\W_])[^\W_](?:[\s.*_/·-]+[^\W_](?![^\W_])){2,}")
 _SIGNS_BETWEEN = re.compile(r"(?<![^\W_])[^\W_](?:[.*_/·-]+[^\W_](?![^\W_])){2,}")
-"""Letters with signs and no spaces between them; they are joined first, a word at a time."""
+"""Letters separated by signs but not by spaces; they are joined first, one word at a time."""
 _DRAWN = re.compile(r"([a-z])\1{2,}")
 _JUNK = re.compile(r"(?<![^\W_])(?:([^\W_])\1{3,}|[^\W_]{40,})(?![^\W_])\s*")
 """Strings that are not words: one letter repeated, or more letters than any word has."""
 _MARKUP = re.compile(r"[<>()\[\]{}`~#^\\]+|(?<![^\W_])[_*]+|[_*]+(?![^\W_])")
-"""The signs with which a text is marked up: `__stop__`, `<stop>`. Within a name they are none."""
+"""Signs that mark up a text: `__stop__`, `<stop>`. Within a name they are not markup."""
 _WITHIN = re.compile(r"(?<=[a-z])[-*·/.+~_]+(?=[a-z])(?!t\d)")
-"""Signs within words, but for those of the assets' names."""
+"""Signs within words, except in the names of assets."""
 _SPLIT = re.compile(r"(?<=[a-z])[-*·](?=[a-z])")
+
+_PARTS = 3
+"""The largest number of parts into which a searched word may be split."""
 
 
 def compatible_form(text: str) -> str:
-    """Return `text` in compatibility form (NFKC), without the characters that do not show."""
+    """Return `text` in compatibility form (NFKC), without invisible characters."""
     form = unicodedata.normalize("NFKC", text)
     shown = "".join(sign for sign in form if unicodedata.category(sign) != "Cf")
     return _HIDDEN.sub("", shown)
@@ -58,7 +60,7 @@ def plain_words(text: str) -> str:
 
 
 def foldings(words: str) -> Iterator[str]:
-    """Yield the plain `words` as they may be read besides, most often none."""
+    """Yield the other ways to read the plain `words`, usually none."""
     known = {words}
     latin = _in_latin(words)
     bare = " ".join(_MARKUP.sub(" ", _JUNK.sub("", latin)).split())
@@ -70,7 +72,7 @@ def foldings(words: str) -> Iterator[str]:
 
 
 def _in_latin(words: str) -> str:
-    """Return `words` with the letters that look like Latin ones as these, and no accents."""
+    """Return `words` with lookalike letters replaced by Latin ones, and without accents."""
     if words.isascii():
         return words
     flat = "".join(map(_letter, words))
@@ -87,7 +89,7 @@ def _letter(sign: str) -> str:
 
 
 def _as_letters(words: str) -> Iterator[str]:
-    """Yield `words` with digits and signs in words as letters, a 1 as an i and as an l."""
+    """Yield `words` with digits and signs in words read as letters; 1 may be an i or an l."""
     for one in "il":
         signs = str.maketrans(_SIGNS | dict.fromkeys(_ONES, one))
 
@@ -103,7 +105,7 @@ def _as_letters(words: str) -> Iterator[str]:
 
 
 def _together(words: str) -> Iterator[str]:
-    """Yield `words` with letters that are set apart or drawn out as one word."""
+    """Yield `words` with separated or repeated letters joined into words."""
     joined = words
     for apart in (_SIGNS_BETWEEN, _APART):
         joined = apart.sub(lambda found: re.sub(r"[\W_]+", "", found[0]), joined)
@@ -132,24 +134,21 @@ _SOUGHT = frozenset(
         *("over", "down", "into", "inside", "robot", "robots", "drone", "drones", "units", "team"),
     )
 )
-"""Words that the rules on words look for, and that are looked for torn and with digits at the end.
-"""
+"""Words that rules on words search for. They are also found split, or with digits at the end."""
 _STROKES = str.maketrans(_SIGNS | dict.fromkeys(("i", "l", *_ONES), "1"))
 
 
 def _in_strokes(word: str) -> str:
-    """Return `word` with every i, l and what may stand for either as one and the same sign."""
+    """Return `words` with every i, l and lookalike of either replaced by the same sign."""
     return word.translate(_STROKES)
 
 
 _SPELT = {_in_strokes(word): word for word in sorted(_SOUGHT)}
-"""The words that are looked for by their strokes: `k111` may be `kill`."""
-_PARTS = 3
-"""The largest number of parts into which such a word may be torn."""
+"""The searched words by their strokes, so that `k111` is found as `kill`."""
 
 
 def _rejoined(words: str) -> str:
-    """Return `words` with those put together that were torn: `sh oot`, `sur ro und`."""
+    """Return `words` with split words joined again: `sh oot`, `sur ro und`."""
     found, at = words.split(" "), 0
     while at + 1 < len(found):
         for end in range(at + 2, min(at + _PARTS, len(found)) + 1):

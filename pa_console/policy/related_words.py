@@ -1,4 +1,4 @@
-"""The words by which rules are found: an inverted index, spellings, and groups of related words."""
+"""The search for rules by words: an inverted index, spellings, and groups of related words."""
 
 import re
 from collections.abc import Callable, Iterable, Sequence
@@ -20,17 +20,21 @@ _WORD = re.compile(r"[^\W_]+")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _END = "\N{LINE SEPARATOR}"
 
+SHORTEST, LONGEST = 2, 4
+ALIKE = 0.6
+"""The similarity of spelling from which a word counts as a member of a group."""
+
 
 def words_of(text: str) -> list[str]:
-    """Return the words of `text` in order, without regard to case, in any script.
+    """Return the words of `text` in order, case-folded, in any script.
 
-    Names are taken apart as they are put together: EastGate is east and gate, Drone_T01 a drone.
+    Names are split into their parts: EastGate gives east and gate, Drone_T01 gives drone and t01.
     """
     return _WORD.findall(_CAMEL.sub(" ", text).casefold())
 
 
 def rule_words(rule: Rule) -> list[str]:
-    """Return the words under which `rule` is found: those of its text and of its tags."""
+    """Return the words by which `rule` is found: those of its text and of its tags."""
     return words_of(" ".join((rule.text, *rule.tags)))
 
 
@@ -51,10 +55,10 @@ _CHUNK = 10_000
 
 
 class Postings:
-    """The documents (ascending) of each term of a collection, and its counts there.
+    """The documents that contain each term (ascending), and how often each contains it.
 
-    `words` are the documents' words, and `terms` returns the terms of a word: itself, or its
-    character n-grams. Each word is taken apart once, however many documents hold it.
+    `words` are the documents' words. `terms` returns the terms of a word: the word itself, or its
+    character n-grams. Each distinct word is split only once.
     """
 
     def __init__(
@@ -92,7 +96,7 @@ class Postings:
     def _parts(
         self, word: str, terms: Callable[[str], Iterable[str]] | None, parts: dict[str, Numbers]
     ) -> Numbers:
-        """Return the numbers of the terms of `word`, giving new ones their number."""
+        """Return the numbers of the terms of `word`; new terms get the next numbers."""
         if word not in parts:
             found = (word,) if terms is None else terms(word)
             new = [self.terms.setdefault(term, len(self.terms)) for term in found]
@@ -100,14 +104,14 @@ class Postings:
         return parts[word]
 
     def of(self, term: str) -> tuple[Numbers, Numbers]:
-        """Return the documents that hold `term` and how often each does."""
+        """Return the documents that contain `term`, and how often each contains it."""
         number = self.terms.get(term)
         if number is None:
             return self._documents[:0], self._counts[:0]
         return self.at(number)
 
     def at(self, number: int) -> tuple[Numbers, Numbers]:
-        """Return the documents that hold the term of `number` and how often each does."""
+        """Return the documents that contain the term `number`, and how often each contains it."""
         span = slice(self._starts[number], self._starts[number + 1])
         return self._documents[span], self._counts[span]
 
@@ -116,9 +120,9 @@ Word = Annotated[str, Field(pattern=r"^[^\W_]+$", max_length=40)]
 
 
 class Vocabulary(StrictModel):
-    """Groups of words that concern the same thing, and words that concern nothing.
+    """Groups of words that concern the same thing, and words that are ignored.
 
-    A word may stand in several groups, but not both in a group and among the ignored ones.
+    A word may be in several groups, but not both in a group and among the ignored words.
     """
 
     name: Name = "none"
@@ -137,11 +141,8 @@ class Vocabulary(StrictModel):
         return self
 
 
-SHORTEST, LONGEST = 2, 4
-
-
 class Spelling:
-    """A list of words that any word can be compared with."""
+    """A list of words with which any word can be compared."""
 
     def __init__(self, words: Sequence[str]) -> None:
         """Index `words`, which are distinct, by their character n-grams."""
@@ -150,9 +151,9 @@ class Spelling:
         self._grams = Postings([sorted(_grams(word)) for word in words])
 
     def likeness(self, word: str) -> Floats:
-        """Return, for each listed word, 1 for the same word and less for those spelt otherwise.
+        """Return, for each listed word, 1 if it is the same and less if it is spelled differently.
 
-        It is the Dice coefficient of the sets of n-grams of two to four letters.
+        The likeness is the Dice coefficient of the sets of n-grams of two to four letters.
         """
         grams = _grams(word)
         both = np.zeros(len(self.words))
@@ -169,10 +170,6 @@ def _grams(word: str) -> set[str]:
     return set(ngrams(word, SHORTEST, LONGEST))
 
 
-ALIKE = 0.6
-"""The similarity of spelling from which a word counts as one of a group."""
-
-
 def load_vocabulary(path: Path) -> Vocabulary:
     """Read the vocabulary at `path`; raises DocumentError with file, line and field."""
     return Document.read(path).parse(Vocabulary)
@@ -180,12 +177,12 @@ def load_vocabulary(path: Path) -> Vocabulary:
 
 @cache
 def default_vocabulary() -> Vocabulary:
-    """Return the vocabulary that is installed; raises DocumentError when it cannot be used."""
+    """Return the installed vocabulary; raises DocumentError if it cannot be used."""
     return load_vocabulary(data_folder() / "rules" / "vocabulary" / "english.yaml")
 
 
 class Groups:
-    """The groups of a vocabulary as numbers, so that words can be compared by them."""
+    """The groups of a vocabulary as numbers, by which words can be compared."""
 
     def __init__(self, vocabulary: Vocabulary) -> None:
         """Index the words of the groups by their spelling."""
@@ -198,13 +195,13 @@ class Groups:
         self._members = np.zeros((len(members), len(vocabulary.groups)))
         for row, word in enumerate(self._spelling.words):
             self._members[row, sorted(members[word])] = 1.0
-        # Rule sets and missions repeat their words.
+        # Rule sets and missions repeat their words, so that a cache pays off.
         self.fit: Callable[[str], Floats] = lru_cache(maxsize=4096)(self._fit)
-        """Returns how well a word fits each group, in [0, 1], as an array to be read only."""
+        """Returns how well a word fits each group, in [0, 1]; the array is shared and read-only."""
 
     @classmethod
     def of(cls, vocabulary: Vocabulary) -> "Groups":
-        """Return the groups of `vocabulary`; those of the installed one are made once."""
+        """Return the groups of `vocabulary`; the groups of the installed one are built once."""
         return _default_groups() if vocabulary is default_vocabulary() else cls(vocabulary)
 
     def _fit(self, word: str) -> Floats:

@@ -1,4 +1,4 @@
-"""Finds the rules that concern a mission (paper, Steps 2 and 3); it never decides enforcement."""
+"""Retrieval of the rules that concern a mission (paper, Steps 2 and 3); it enforces nothing."""
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -22,31 +22,46 @@ from pa_console.policy.related_words import (
 from pa_console.schema.rule import Rule, RuleHit
 
 Scores = dict[str, Floats]
-"""The parts of a score by name; each has one number for each rule, in the order of the rules."""
+"""The parts of a score by name; each has one number per rule, in the order of the rules."""
 
 
 DECIMALS = 9
 
+K1, B = 1.2, 0.75
+OFFSET = 60.0
+"""The offset that levels out the first places; the value of Cormack, Clarke and Buettcher (SIGIR
+2009)."""
+_WORD = re.compile(r"\w+")
+ALIKE = 0.3
+"""The likeness from which a different spelling counts; its weight is then its square."""
+RELATED = 0.8
+"""The weight of a related word; the same word has weight 1."""
+LENGTH = 0.4
+"""The penalty for longer rules: 0 is none, 1 is in proportion to their length."""
+LEVELS = 10
+"""The number of levels of nearness between rules and a word."""
+_ROUNDING = 1e-9
+
 
 def rounded(scores: Floats) -> Floats:
-    """Return `scores` with the decimals that are the same on every processor.
+    """Return `scores` rounded to decimals that are the same on every processor.
 
-    Processors differ in the last digits of a logarithm. An order gets the same rules, and its log
-    the same numbers, only if scores are rounded before they are compared.
+    Processors differ in the last digits of a logarithm. Scores are rounded before they are
+    compared, so that an order gets the same rules and its log the same numbers everywhere.
     """
     return np.round(scores, DECIMALS)
 
 
 class RuleRanking(Protocol):
-    """Scores all rules that it was made for, in their order; higher is better."""
+    """A ranking of a fixed list of rules: one score per rule, in their order; higher is better."""
 
     def scores(self, text: str) -> tuple[Floats, Scores]:
-        """Return the score of each rule for `text`, and the parts it is made of."""
+        """Return the score of each rule for `text`, and the parts of the scores."""
         ...
 
 
 def best(scores: Floats, k: int) -> list[int]:
-    """Return the places of the `k` highest scores, best first, equal ones in ascending order."""
+    """Return the places of the `k` highest scores, best first; equal scores in ascending order."""
     if k <= 0 or not len(scores):
         return []
     if k < len(scores):
@@ -58,14 +73,12 @@ def best(scores: Floats, k: int) -> list[int]:
     return places[order[:k]].tolist()
 
 
-K1, B = 1.2, 0.75
-
-
 class Bm25Ranking:
-    """Sums over the terms of the mission how telling a term is and how much a rule is about it.
+    """BM25: the sum, over the mission's terms, of a term's rarity times its weight in a rule.
 
-    The inverse document frequency is Lucene's, which is never negative. With `terms` the terms
-    are what that makes of a word. A term counts once, however often the mission repeats it.
+    The inverse document frequency is Lucene's, which is never negative. `terms` returns the terms
+    of a word; by default the word is the only term. A term counts once, however often the mission
+    repeats it.
     """
 
     def __init__(
@@ -74,7 +87,7 @@ class Bm25Ranking:
         part: str = "words",
         terms: Callable[[str], Iterable[str]] | None = None,
     ) -> None:
-        """Index `rules`; `part` names the score's only part."""
+        """Index `rules`; `part` is the name of the score's only part."""
         self._part, self._terms = part, terms
         self._postings = Postings([rule_words(rule) for rule in rules], terms)
         mean = float(self._postings.lengths.mean()) if rules else 1.0
@@ -97,20 +110,15 @@ class Bm25Ranking:
         return dict.fromkeys(term for word in words for term in self._terms(word))
 
 
-OFFSET = 60.0
-"""The offset that evens out the first places; the value of Cormack, Clarke and Buettcher (SIGIR
-2009)."""
-
-
 class FusionRanking:
-    """Sums 1 / (OFFSET + place) over rankings of the same rules; equal scores share a place."""
+    """The sum of 1 / (OFFSET + place) over rankings of the same rules; equal scores tie."""
 
     def __init__(self, rankings: Mapping[str, RuleRanking]) -> None:
-        """Fuse `rankings`; their names name the parts of the score."""
+        """Fuse `rankings`; their names become the names of the score's parts."""
         self._rankings = dict(rankings)
 
     def scores(self, text: str) -> tuple[Floats, Scores]:
-        """Return the fused score of each rule, and what each ranking adds to it."""
+        """Return the fused score of each rule, and the share of each ranking."""
         parts: Scores = {
             name: 1.0 / (OFFSET + 1.0 + _better(rounded(ranking.scores(text)[0])))
             for name, ranking in self._rankings.items()
@@ -119,20 +127,17 @@ class FusionRanking:
 
 
 def _better(scores: Floats) -> Floats:
-    """Return for each score how many are higher."""
+    """Return, for each score, the number of higher scores."""
     higher = len(scores) - np.searchsorted(np.sort(scores), scores, side="right")
     return higher.astype(np.float64)
-
-
-_WORD = re.compile(r"\w+")
 
 
 class PaperRanking:
     """The mean of the sequence similarity and the Jaccard similarity of two texts, in [0, 1].
 
     `fuzzy` is rapidfuzz's `ratio` of the lower-cased texts: twice the longest common subsequence
-    over the summed lengths. `jaccard` is the number of words in both texts over the number in
-    either. The paper says that the two are combined but not how.
+    over the summed lengths. `jaccard` is the number of words in both texts over the number of words
+    in either. The paper states that the two are combined, but not how.
     """
 
     def __init__(self, rules: Sequence[Rule]) -> None:
@@ -142,7 +147,7 @@ class PaperRanking:
         self._postings = Postings(words)
 
     def scores(self, text: str) -> tuple[Floats, Scores]:
-        """Return the mean of both similarities for each rule, and both."""
+        """Return the mean of both similarities for each rule, and the two similarities."""
         if not self._texts:
             return np.zeros(0), {}
         found = process.cdist([text.lower()], self._texts, scorer=fuzz.ratio, dtype=np.float64)
@@ -160,30 +165,19 @@ def _words(text: str) -> set[str]:
     return set(_WORD.findall(text.lower()))
 
 
-ALIKE = 0.3
-"""The likeness from which another spelling counts; it then counts as its square."""
-RELATED = 0.8
-"""The weight of a related word, where the same word counts 1."""
-LENGTH = 0.4
-"""The penalty of longer rules: 0 none, 1 in proportion to their length."""
-LEVELS = 10
-"""The number of steps of nearness between rules and a word."""
-_ROUNDING = 1e-9
-
-
 class RelatedRanking:
     """The share of a mission's words that a rule covers, by the same or related words.
 
-    A rule comes as near to a word of the mission as its nearest word: 1 if that is the same, the
-    square of their likeness if it is spelt otherwise, RELATED times how well both fit a group of
-    the vocabulary if it concerns the same thing. Nearness counts by how telling it is: the
-    logarithm of the number of rules over the number that come as near. So among many rules that
-    speak of a thing, the few that use the mission's own word are found. `words` is what rules
-    score by spelling, `related` what they score by the vocabulary. Longer rules are held back.
+    The nearness of a rule to a word of the mission is that of its nearest word: 1 for the same
+    word, the square of their likeness for a different spelling, and RELATED times the fit of both
+    to a group of the vocabulary for a related word. Each nearness is weighted by its rarity: the
+    logarithm of the number of rules over the number of rules that are as near. So if many rules
+    concern a topic, the few that use the mission's own word rank first. `words` is the score by
+    spelling, `related` the score by vocabulary. Longer rules score lower.
     """
 
     def __init__(self, rules: Sequence[Rule], vocabulary: Vocabulary) -> None:
-        """Index `rules`, whose words are compared with those of `vocabulary`."""
+        """Index `rules` and compare their words with those of `vocabulary`."""
         self._groups = Groups.of(vocabulary)
         words = [
             sorted({word for word in rule_words(rule) if word not in self._groups.ignored})
@@ -197,7 +191,7 @@ class RelatedRanking:
         self._held_back = 1.0 - LENGTH + LENGTH * lengths / mean
 
     def scores(self, text: str) -> tuple[Floats, Scores]:
-        """Return the share of `text` that each rule speaks of, about 0 to 1."""
+        """Return the share of `text` that each rule covers, from 0 to about 1."""
         size = self._postings.size
         spelt, related, whole = np.zeros(size), np.zeros(size), 0.0
         for word in dict.fromkeys(words_of(text)):
@@ -216,7 +210,7 @@ class RelatedRanking:
         return spelt + related, {"words": spelt, "related": related}
 
     def _nearest(self, word: str) -> tuple[Floats, Floats]:
-        """Return how near each rule comes to `word` by spelling, and by the vocabulary."""
+        """Return each rule's nearness to `word`, by spelling and by vocabulary."""
         alike = self._spelling.likeness(word)
         alike = np.where(alike >= ALIKE, alike**2, 0.0)
         fit = self._groups.fit(word)
@@ -228,7 +222,7 @@ class RelatedRanking:
         return self._spread(alike), self._spread(akin)
 
     def _spread(self, values: Floats) -> Floats:
-        """Return for each rule the highest of the `values` of its words, zero for none."""
+        """Return, for each rule, the highest of the `values` of its words, or zero."""
         highest = np.zeros(self._postings.size)
         for number in np.flatnonzero(values):
             places = self._postings.at(int(number))[0]
@@ -237,7 +231,7 @@ class RelatedRanking:
 
 
 def _telling(counts: NDArray[np.int64]) -> Floats:
-    """Return how telling each level of nearness is, given how many rules are at it; never < 0."""
+    """Return the weight of each level of nearness from the number of rules at it; never below 0."""
     as_near = np.cumsum(counts[::-1])[::-1]
     rules = as_near[0]
     return np.log1p((rules - as_near + 0.5) / (as_near + 0.5))
@@ -259,9 +253,8 @@ DEFAULT_METHOD = "related"
 class Retriever:
     """Scores rules against a mission text by one of METHODS and picks the best.
 
-    The rules are held in the order of their ids, so that equal scores are ordered by rule id
-    whatever the order of the rule file. Rules that no model is given are left out: they change
-    neither what is found nor a score.
+    Rules are sorted by id, so that equal scores come in the order of the ids and not of the rule
+    file. Rules that are not shown to models are left out; they influence no result and no score.
     """
 
     def __init__(
@@ -272,7 +265,7 @@ class Retriever:
     ) -> None:
         """Index `rules`; raises ValueError for an unknown method.
 
-        `vocabulary` is for the method `related`; default: the installed one.
+        `vocabulary` is used by the method `related`; the default is the installed one.
         """
         if method not in _MAKERS:
             raise ValueError(f"unknown retrieval method {method!r}; known: {', '.join(METHODS)}")
@@ -284,14 +277,14 @@ class Retriever:
         self._ranking = _MAKERS[method](ordered, self._vocabulary)
 
     def over(self, rules: Iterable[Rule]) -> "Retriever":
-        """Return the same retriever over other rules."""
+        """Return a retriever with the same method and vocabulary for other rules."""
         return Retriever(rules, self.method, self._vocabulary)
 
     def retrieve(self, text: str, k: int = 3) -> tuple[RuleHit, ...]:
-        """Return the pinned rules, then the `k` others that score best; no rule twice.
+        """Return the pinned rules, then the `k` others with the best scores; no rule twice.
 
-        Every Critical rule is pinned: whatever the mission says, the models see it. Raises
-        ValueError for a negative `k`.
+        Every Critical rule is pinned: the models see it whatever the mission is. Raises ValueError
+        for a negative `k`.
         """
         if k < 0:
             raise ValueError(f"cannot retrieve {k} rules")
@@ -305,17 +298,17 @@ class Retriever:
         return tuple(self._hit(place, scores, parts) for place in chosen)
 
     def rank(self, text: str, k: int) -> tuple[str, ...]:
-        """Return the ids of the `k` rules that score best, pinned or not, best first."""
+        """Return the ids of the `k` rules with the best scores, pinned or not, best first."""
         return tuple(self._ids[place] for place in best(self._scores(text)[0], k))
 
     def score_all(self, text: str) -> tuple[RuleHit, ...]:
-        """Return every rule with its score and its parts, best first."""
+        """Return every rule with its score and the parts of its score, best first."""
         scores, parts = self._scores(text)
         places = best(scores, len(self._ids))
         return tuple(self._hit(place, scores, parts) for place in places)
 
     def _scores(self, text: str) -> tuple[Floats, Scores]:
-        """Return the scores and their parts, rounded before any is compared."""
+        """Return the scores and their parts, rounded before they are compared."""
         scores, parts = self._ranking.scores(text)
         return rounded(scores), {name: rounded(values) for name, values in parts.items()}
 

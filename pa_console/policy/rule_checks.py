@@ -1,9 +1,9 @@
-"""Decides every rule in force by its CEL check (paper, Section IV-F; deterministic safeguards).
+"""The decision on every rule in force by its CEL check (paper, Section IV-F).
 
-A check must hold. It yields either true or false, or a list of texts that name the offenders:
-the rule holds when the list is empty, and otherwise the message is followed by those texts. A
-check that fails to run decides nothing, so its finding is an error, which counts as broken. A
-rule's orderings must hold as well, over the mission so far and the rehearsed plan after it.
+The rule holds if its check yields true or an empty list. Otherwise the check yields false or a list
+of texts that name the offenders; the texts are appended to the rule's message. A check that fails
+to run decides nothing: its finding is an error, which counts as broken. A rule's orderings must
+hold as well, over the mission so far and then over the rehearsed plan.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -32,7 +32,7 @@ from pa_console.schema.rule import PRIORITIES
 from pa_console.schema.world import World
 
 CHECKS_S = 1.0
-"""Seconds of processor time that all checks of one plan, or of one mission, may take together."""
+"""Seconds of processor time for all checks of one plan, or of one mission, together."""
 
 
 def check_plan(
@@ -46,8 +46,8 @@ def check_plan(
 ) -> tuple[Finding, ...]:
     """Return exactly one finding for every rule in force, in the rulebook's order.
 
-    `monitor` has followed the mission so far and stays as it is; without one the mission begins
-    with this plan, and nothing was seen before it.
+    `monitor` has followed the mission so far and is not changed. Without it, the mission begins
+    with this plan, and no track was seen before.
     """
     return prepare_checks(
         rulebook, plan=plan, rehearsal=rehearsal, mission=mission, world=world, monitor=monitor
@@ -63,10 +63,10 @@ def prepare_checks(
     world: World,
     monitor: Monitor | None = None,
 ) -> Callable[[], tuple[Finding, ...]]:
-    """Return what `check_plan` does as a function that any thread may call.
+    """Return a function that does the work of `check_plan` and that any thread may call.
 
-    All that goes on while a mission runs is read now, nothing of it later. What a rule file makes
-    slow is in the function alone, so that no screen and no stop has to wait for it.
+    All data that changes during a mission is read now, none of it later. Work that a rule file can
+    make slow is left to the function, so that neither the screen nor a stop waits for it.
     """
     history = Monitor(rulebook, world) if monitor is None else monitor
     variables = plan_variables(plan, rehearsal, mission, world, rulebook.reads, history.sightings)
@@ -90,7 +90,7 @@ def prepare_checks(
 
 
 def check_mission(rulebook: Rulebook, mission: Mission, world: World) -> tuple[Finding, ...]:
-    """Return a finding for every rule that the mission's words alone decide (step 1)."""
+    """Return a finding for every rule that is decided by the mission's words alone (step 1)."""
     contexts = _contexts(mission_variables(mission, world), mission, rulebook.parts)
     with shared_deadline(CHECKS_S):
         return tuple(
@@ -109,16 +109,16 @@ def check_rule(
     world: World,
     sightings: Sightings | None = None,
 ) -> Finding:
-    """Return the finding for the guard and check of one rule alone."""
+    """Return the finding of one rule's guard and check alone."""
     variables = plan_variables(plan, rehearsal, mission, world, entry.reads, sightings)
     return _decide_all(entry, _contexts(variables, mission, (entry,)))
 
 
 def _broken_orderings(ahead: Monitor, rehearsal: Rehearsal) -> Mapping[str, Finding]:
-    """Return by rule id what the rehearsed plan breaks on top of the mission so far.
+    """Return, by rule id, the orderings that the rehearsed plan breaks in addition.
 
-    `ahead` goes on by itself. What is wrong at the rehearsal's first moment, before any command,
-    is not the plan's doing.
+    `ahead` is a copy that may be advanced. Breaches at the rehearsal's first moment, before any
+    command, are not caused by the plan.
     """
     found: dict[str, Finding] = {}
     moments = list(rehearsal.moments)
@@ -137,9 +137,10 @@ def _broken_orderings(ahead: Monitor, rehearsal: Rehearsal) -> Mapping[str, Find
 def _contexts(
     variables: Values, mission: Mission, parts: Iterable[CompiledRule]
 ) -> list[cel.Context]:
-    """Return what the checks `parts` see, once for each way to read the words of `mission`.
+    """Return the contexts for the checks `parts`: one for each way to read `mission`.
 
-    What another reading changes is for rules about the mission, so it has their variables only.
+    Another way to read the words matters only to rules about the mission, so its context has only
+    the variables of those rules.
     """
     contexts = [make_context(variables)]
     if "mission" in variables:
@@ -153,7 +154,7 @@ def _contexts(
 
 
 def _decide_all(entry: CompiledRule, contexts: Sequence[cel.Context]) -> Finding:
-    """Decide a rule for every way to read the mission, if it reads that: the worst one counts."""
+    """Decide a rule for every way to read the mission, if the rule reads it; the worst counts."""
     first, *others = contexts
     found = _decide(entry, first)
     for context in others if "mission" in entry.variables else ():
@@ -164,7 +165,7 @@ def _decide_all(entry: CompiledRule, contexts: Sequence[cel.Context]) -> Finding
 
 
 def _decide(entry: CompiledRule, context: cel.Context) -> Finding:
-    """Run guard, then check; anything but a clear answer is an error."""
+    """Run the guard, then the check; any unclear result is an error."""
     rule = entry.rule
     if entry.check is None:
         return finding(rule, "complies" if rule.decidable else "judged_only")
@@ -175,7 +176,7 @@ def _decide(entry: CompiledRule, context: cel.Context) -> Finding:
         if applies is not True:
             return undecided(rule, f"its guard yields {applies!r}, not true or false")
         result: Any = entry.check.evaluate(context)
-    except Exception as error:  # whatever CEL or a function of ours runs into: nothing is decided
+    except Exception as error:  # whatever CEL or our own functions raise: nothing is decided
         return undecided(rule, f"{type(error).__name__}: {error}")
     if result is True or result == []:
         return finding(rule, "complies")
@@ -189,7 +190,7 @@ def _decide(entry: CompiledRule, context: cel.Context) -> Finding:
 
 
 def _both(found: Sequence[Finding]) -> Finding:
-    """Return the finding of a rule and of the core's of the same id as one: the stricter wins."""
+    """Return one finding for a rule and the core's rule of the same id; the stricter wins."""
     broken = [one for one in found if one.broken]
     if len(broken) < 2:
         decided = [one for one in found if one.status == "complies"]
@@ -198,14 +199,14 @@ def _both(found: Sequence[Finding]) -> Finding:
 
 
 def _combine(state: Finding, order: Finding | None) -> Finding:
-    """Return the one finding of a rule from its check and its orderings."""
+    """Return one finding for a rule from its check and its orderings."""
     if order is None:
         return state
     return _worse(state, order) if state.broken else order
 
 
 def _worse(first: Finding, second: Finding) -> Finding:
-    """Return both as one: an error outweighs a violation, and every message is kept once."""
+    """Return both as one finding: an error outweighs a violation; each message appears once."""
     status = "error" if "error" in (first.status, second.status) else "violates"
     message = "; ".join(dict.fromkeys((first.message, second.message)))
     priority = min(first.priority, second.priority, key=PRIORITIES.index)

@@ -14,19 +14,21 @@ Plain = dict[str, object]
 
 SHIPPED_FILE = Path(__file__).with_name("shipped_rules.json")
 
+PURPOSE = b"pa-console rule set\n"
+
 
 class ShippedRules(StrictModel):
-    """The rules that the package itself vouches for; `rules pin --write` writes their file."""
+    """The rules that the package itself vouches for; `rules pin --write` writes the file."""
 
     name: str
     content_sha256: str
-    """The content that a set called `name` has when it is as shipped."""
+    """The hash of the content of an unchanged set called `name`."""
     core: tuple[Rule, ...]
-    """Rules that no file can weaken, only add to (`rulebook.py`)."""
+    """Rules that a file can add to but not weaken (`rulebook.py`)."""
 
     @property
     def text(self) -> str:
-        """The text of their file."""
+        """The text of the file."""
         return self.model_dump_json(indent=1, exclude_defaults=True) + "\n"
 
 
@@ -36,15 +38,15 @@ SHIPPED = ShippedRules.model_validate_json(SHIPPED_FILE.read_bytes())
 def content_sha256(rule_set: RuleSet) -> str:
     """Return the SHA-256 of the whole content of `rule_set`, 64 hexadecimal digits.
 
-    Covered are name, version, source, every field of every rule and workflow, and the order of
-    rules, workflows and the lists in them. Not covered are comments, white space, quoting, the
-    order of keys, and whether a default is written down.
+    The hash covers name, version, source, every field of every rule and workflow, and the order of
+    rules, workflows and the lists in them. It does not cover comments, white space, quoting, the
+    order of keys, and whether a default is written out.
     """
     return hashlib.sha256(canonical(plain_set(rule_set)).encode()).hexdigest()
 
 
 def plain_set(rule_set: RuleSet) -> Plain:
-    """Return everything of `rule_set` that is not a default, as JSON knows it."""
+    """Return every field of `rule_set` that differs from its default, as plain JSON values."""
     return {
         **plain_head(rule_set),
         "rules": [plain_rule(rule) for rule in rule_set.rules],
@@ -58,14 +60,14 @@ def plain_head(rule_set: RuleSet) -> Plain:
 
 
 def plain_rule(rule: Rule) -> Plain:
-    """Return every field of `rule` that is not a default."""
+    """Return every field of `rule` that differs from its default."""
     return rule.model_dump(exclude_defaults=True)
 
 
 def plain_workflow(workflow: Workflow) -> Plain:
-    """Return every field of `workflow` that is not a default; its ends are pairs, in order.
+    """Return every field of `workflow` that differs from its default; `ends` are ordered pairs.
 
-    The first end that holds counts, so that their order is part of what they say.
+    The first end that holds counts, so the order of the ends is part of their meaning.
     """
     plain = workflow.model_dump(exclude_defaults=True)
     if workflow.ends:
@@ -74,26 +76,23 @@ def plain_workflow(workflow: Workflow) -> Plain:
 
 
 def canonical(value: object) -> str:
-    """Return `value` as JSON that is the same for the same value: keys sorted, ASCII, compact."""
+    """Return `value` as canonical JSON: keys sorted, ASCII, compact."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"))
 
 
-PURPOSE = b"pa-console rule set\n"
-
-
 class AlteredRulesError(ValueError):
-    """A signed rule set that has changed since; worded with file, problem and remedy."""
+    """A signed rule set that was changed later; the message gives file, problem and remedy."""
 
 
 def signature_path(rules: Path) -> Path:
-    """Return where the signature of the rule file `rules` is."""
+    """Return the path of the signature of the rule file `rules`."""
     return rules.with_name(rules.name + ".sig")
 
 
 def sign_rules(path: Path, rule_set: RuleSet, signer: Signer) -> RulesSignature:
-    """Write the signature of `rule_set`, which is the file at `path`, beside it; raises OSError.
+    """Sign `rule_set`, read from `path`, and write the signature beside it; raises OSError.
 
-    The signature that was there stays until the new one is whole.
+    An existing signature stays until the new one is complete.
     """
     content = content_sha256(rule_set)
     message = _message(rule_set.name, rule_set.version, content)
@@ -112,11 +111,11 @@ def sign_rules(path: Path, rule_set: RuleSet, signer: Signer) -> RulesSignature:
 
 
 def seal_of(path: Path, rule_set: RuleSet) -> RulesSeal:
-    """Return how `rule_set`, read from `path`, stands; it is altered if its signature is not its.
+    """Return the seal of `rule_set`, read from `path`; it is altered if the signature does not fit.
 
-    The set that is shipped is known by its content, which is pinned in the package.
-    A signature file that cannot be read is one that was altered too. Raises SigningError when
-    this machine's own keys cannot be read.
+    The shipped set is recognized by its content, whose hash is in the package. A signature file
+    that cannot be read counts as altered too. Raises SigningError if this machine's own keys cannot
+    be read.
     """
     decided = any(rule.priority == "critical" and rule.decidable for rule in rule_set.rules)
     unsigned = RulesSeal(
@@ -148,7 +147,7 @@ def seal_of(path: Path, rule_set: RuleSet) -> RulesSeal:
 
 
 def refuse_altered(path: Path, seal: RulesSeal) -> None:
-    """Raise AlteredRulesError when the rules at `path` differ from their signature."""
+    """Raise AlteredRulesError if the rules at `path` differ from their signature."""
     if seal.altered:
         raise AlteredRulesError(
             f"{path}: ALTERED since it was signed: {seal.problem}. Bring back the signed file; or "
@@ -166,5 +165,5 @@ def _told(name: str, version: str, content: str) -> str:
 
 
 def _message(name: str, version: str, content: str) -> bytes:
-    """Return the bytes that are signed; no signature of anything else can be taken for it."""
+    """Return the bytes to sign; they cannot be confused with those of any other signature."""
     return PURPOSE + canonical({"content": content, "name": name, "version": version}).encode()

@@ -1,4 +1,4 @@
-"""Turns schema values into the plain values that CEL checks see.
+"""The variables of CEL checks, made from schema values.
 
 An expression may use these variables:
 
@@ -7,36 +7,38 @@ actions   plan.actions, a list of {agent, command, verb, target, goes_to, kind, 
           tracks}. `target` is '' for a command without one; `goes_to` is the target, the base for
           return_to_base, and '' for hold and report; `kind` is '' and `asset` null for an unknown
           agent; `asset` is its entry in `assets`, `outcome` its entry in timeline.assets or null;
-          `tracks` are those the action meets: at its gate, or inside the perimeter when it goes to
-          a frame that is no gate. (CEL copies what a dot follows: `actions` is the quick way.)
-before    the picture when the plan was made: {time_s, assets, tracks, gates}, each by name.
-after     the picture when the rehearsed plan had ended, likewise.
-timeline  what happened in between: {duration_s, gates, tracks, assets}, each by name.
+          `tracks` are those the action meets: at its gate, or inside the perimeter if it goes to a
+          frame that is not a gate. (CEL copies the value before a dot: `actions` is faster than
+          `plan.actions`.)
+before    the picture at the time of planning: {time_s, assets, tracks, gates}, each by name.
+after     the picture at the end of the rehearsed plan, in the same form.
+timeline  the events in between: {duration_s, gates, tracks, assets}, each by name.
 tracks    list of before.tracks, each {id, kind, gate, position, speed_mps, distance_m, identity,
           intent, status, observed_by, observed, warned, defiant, noncombatants, seen_by,
           hostile_by, identity_claims, stamp_s, first_seen_s, age_s, stale, uncertainty_m, met,
-          attended_by}. `age_s` is the time since its last detection; `intent` is hostile only when
-          two sensors, `hostile_by`, have said so; `identity_claims` maps sources to what they say
-          of a disputed identity; `met` tells whether an action meets it; `attended_by` are the
-          available assets that identify, warn or block at its gate already, and stay.
+          attended_by}. `age_s` is the time since its last detection; `intent` is hostile only if
+          two sensors, `hostile_by`, have reported so; `identity_claims` maps sources to their
+          claims about a disputed identity; `met` is true if an action meets it; `attended_by` are
+          the available assets that already identify, warn or block at its gate, and stay.
 assets    list of before.assets, each {id, kind, at, post, position, speed_mps, status, task,
           battery_pct, low_battery, comms, available, stale, integrity, stamp_s, goes_to}: `goes_to`
-          is its post once the plan has run; `at`, `post` and `goes_to` are '' for no frame.
+          is its post after the plan; `at`, `post` and `goes_to` are '' for no frame.
 gates     list of {name, by, unsure, covered_before, covered_after, longest_gap_s}; `unsure` are
-          assets that were last reported there, by which alone no gate is covered.
+          assets that were last reported there; they alone do not cover a gate.
 sightings list of {track, place, gate, kind, identity, intent, noncombatants, stamp_s, age_s}: where
-          each track was last detected within the past hour, also one that is no longer known. A
-          `place` is a zone in which it was, or a frame within whose radius, else ''; a track has an
-          entry for every place at which it has been. What was found out later counts.
+          each track was last detected within the past hour, including tracks that are no longer
+          known. A `place` is a zone that contained the track, a frame within whose radius it was,
+          or ''; a track has an entry for every place at which it has been. Facts found out later
+          apply to earlier entries.
 mission   {id, text, words, source}; `words` is the text in lower case, with plain quotes,
-          compatibility forms resolved, nothing hidden and single spaces. An expression that reads
-          the mission must hold for every way to read its words (`mission_words`).
+          compatibility forms resolved, no invisible characters and single spaces. An expression
+          that reads the mission must hold for every way to read its words (`mission_words`).
 world     {gates, frames, zones, assets, base, standoff_m, coverage_grace_s, low_battery_pct,
           commands}; frames, zones and assets map names to kinds, commands verbs to kinds.
 
-Stale or suspect values are values of which nothing is known: an asset with them is not available.
-Names, not positions on the map, are what policies speak of: routes and polygons are left out.
-`filter` and `map` copy what they have found so far at each hit: over `assets` use `exists`.
+Stale or suspect values count as unknown: an asset with such values is not available. Policies refer
+to names, not to positions on the map, so routes and polygons are left out. `filter` and `map` copy
+their results so far at each hit: over `assets`, use `exists`.
 """
 
 import math
@@ -71,11 +73,11 @@ Values = dict[str, Any]
 
 
 KEPT_S = 3600.0
-"""The time that a sighting is remembered, simulated seconds."""
+"""Simulated seconds for which a sighting is kept."""
 
 
 class TrackSighting(NamedTuple):
-    """The last detection of a track at a place, in simulated seconds, and its known properties."""
+    """The last detection of a track at a place, in simulated seconds, with the known facts."""
 
     track: str
     place: str
@@ -88,14 +90,14 @@ class TrackSighting(NamedTuple):
 
 
 class Sightings:
-    """Remembers the last detection of each track at each place, for KEPT_S seconds.
+    """The last detection of each track at each place, kept for KEPT_S seconds.
 
-    What is found out about a track later holds for where it was seen before: a vehicle that turns
-    out to carry noncombatants carried them there too.
+    Facts found out later also apply to earlier sightings: a vehicle that turns out to carry
+    noncombatants carried them before, too.
     """
 
     def __init__(self, world: World, past: Iterable[TrackSighting] = ()) -> None:
-        """Begin with the sightings of the `past`, oldest first."""
+        """Begin with the sightings in `past`, oldest first."""
         self._world = world
         self._posts = [name for name in world.frames if name not in world.gates]
         self._last = {(seen.track, seen.place): seen for seen in past}
@@ -105,7 +107,7 @@ class Sightings:
         return [(name, Polygon(zone.polygon)) for name, zone in self._world.zones.items()]
 
     def look(self, picture: Picture) -> None:
-        """Take in what `picture` shows: detections that are new, and new facts about tracks."""
+        """Update from `picture`: new detections, and new facts about tracks."""
         for track in picture.tracks.values():
             for place in self._places(track):
                 key = (track.id, place)
@@ -121,9 +123,9 @@ class Sightings:
             del self._last[key]
 
     def at(self, picture: Picture) -> list[Values]:
-        """Return the `sightings` that checks see when `picture` is the present, as plain values.
+        """Return the `sightings` that checks see if `picture` is the present, as plain values.
 
-        `picture` counts as seen; nothing is remembered of it.
+        Detections in `picture` are included, but they are not stored.
         """
         now = Sightings(self._world, self._last.values())
         now.look(picture)
@@ -132,11 +134,11 @@ class Sightings:
         ]
 
     def copy(self) -> "Sightings":
-        """Return a copy that stays as it is when this goes on."""
+        """Return an independent copy."""
         return Sightings(self._world, self._last.values())
 
     def _places(self, track: Track) -> Iterator[str]:
-        """Yield where the track is: zones, its gate and frames that are no gates."""
+        """Yield the track's places: zones, its gate, and frames that are not gates."""
         found = [name for name, area in self._zones if area.covers(Point(track.position))]
         for name in (track.gate, *self._posts):
             frame = self._world.frames.get(name)
@@ -204,7 +206,7 @@ PLAN_SHAPES: Shapes = {
     "world": _WORLD,
     "sightings": None,
 }
-"""The variables by what they are made of."""
+"""The structure of each variable."""
 
 WORLD_SHAPE: Shape = _WORLD
 EVERYTHING = everything(PLAN_VARIABLES)
@@ -213,7 +215,7 @@ _COMMANDS = {verb: sorted(spec.kinds) for verb, spec in COMMANDS.items()}
 
 
 class _RehearsedPlan:
-    """A rehearsed plan, and what follows from the plan for the values of assets and tracks."""
+    """A rehearsed plan, and the values of assets and tracks that follow from it."""
 
     def __init__(self, plan: Plan, rehearsal: Rehearsal, world: World) -> None:
         self._plan, self._rehearsal, self._world = plan, rehearsal, world
@@ -245,7 +247,7 @@ class _RehearsedPlan:
         return [self._asset(*item, fields) for item in self._before.assets.items()]
 
     def gates(self, fields: Fields | None) -> list[Values]:
-        """Return every gate of the timeline with who covered it when the plan was made."""
+        """Return every gate of the timeline with its cover at the time of planning."""
         covers = self._before.gates
         return [
             {
@@ -295,7 +297,7 @@ class _RehearsedPlan:
         )
 
     def _meets(self, frame: str) -> list[str]:
-        """Return the tracks at the gate `frame`; elsewhere, those that are inside the perimeter."""
+        """Return the tracks at the gate `frame`; for other frames, those inside the perimeter."""
         if not frame:
             return []
         tracks = self._before.tracks.items()
@@ -304,7 +306,7 @@ class _RehearsedPlan:
         return [name for name, track in tracks if track.status == "inside"]
 
 
-def plan_variables(  # noqa: PLR0917 - what a check may speak of, and of which of it
+def plan_variables(  # noqa: PLR0917 - the sources of a check's variables
     plan: Plan,
     rehearsal: Rehearsal,
     mission: Mission,
@@ -312,11 +314,10 @@ def plan_variables(  # noqa: PLR0917 - what a check may speak of, and of which o
     wanted: Fields = EVERYTHING,
     sightings: Sightings | None = None,
 ) -> Values:
-    """Return the `wanted` fields of variables for judging a rehearsed plan.
+    """Return the variables for checking a rehearsed plan, with only the `wanted` fields.
 
-    Without `sightings` nothing is known from before the plan.
-
-    What nobody asks for is not converted: with many assets that takes most of the time.
+    Without `sightings`, there are no earlier detections. Fields that are not wanted are not
+    converted: with many assets, the conversion takes most of the time.
     """
     rehearsed = _RehearsedPlan(plan, rehearsal, world)
     made: dict[str, Callable[[Fields | None], Any]] = {
@@ -341,7 +342,7 @@ def mission_variables(mission: Mission, world: World) -> Values:
 
 
 def world_variables(world: World, fields: Fields | None = None) -> Values:
-    """Return the world by names and limits, of these the `fields`."""
+    """Return the names and limits of the world, only the `fields` if they are given."""
     made: dict[str, Callable[[], Any]] = {
         "gates": lambda: list(world.gates),
         "frames": lambda: {name: frame.kind for name, frame in world.frames.items()},
@@ -357,23 +358,23 @@ def world_variables(world: World, fields: Fields | None = None) -> Values:
 
 
 def goes_to(action: Action, world: World) -> str:
-    """Return the frame at which the action leaves its agent, '' when it stays where it is."""
+    """Return the frame where the agent is after the action; '' if the agent does not move."""
     if action.verb == "return_to_base":
         return world.base
     return action.target or ""
 
 
 def mission_words(mission: Mission) -> tuple[str, ...]:
-    """Return the ways to read a mission's words: as they are read first, then as they were typed.
+    """Return the ways to read a mission's words: as the console reads them, then as typed.
 
-    Each may be read besides with what looks like a letter as that letter, and so on.
+    Foldings of both follow, such as lookalike signs read as letters.
     """
     plain = dict.fromkeys(map(plain_words, (mission.text, mission.said)))
     return tuple(dict.fromkeys((*plain, *(other for words in plain for other in foldings(words)))))
 
 
 def reworded(variables: Values, words: str) -> Values:
-    """Return the `variables` of a mission with other `words` for it."""
+    """Return the `variables` of a mission with its `words` replaced."""
     return variables | {"mission": variables["mission"] | {"words": words}}
 
 
@@ -385,7 +386,7 @@ def _mission(mission: Mission, fields: Fields | None) -> Values:
 
 
 def _flat(model: StrictModel, fields: Fields | None) -> Values:
-    """Return `fields` of a model that has no models in it."""
+    """Return the `fields` of a model without nested models."""
     return {name: getattr(model, name) for name in names_of(fields, type(model).model_fields)}
 
 
@@ -415,7 +416,7 @@ def _track(
 
 
 def _attending(picture: Picture, destinations: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-    """Yield the place and name of every asset that deals with tracks there, and stays."""
+    """Yield place and name of every asset that deals with tracks there and stays."""
     for name, asset in picture.assets.items():
         place = destinations.get(name) or asset.post
         if asset.task in ATTENDING_TASKS and asset.available and place:
@@ -423,7 +424,7 @@ def _attending(picture: Picture, destinations: Mapping[str, str]) -> Iterator[tu
 
 
 def _whole(picture: Picture, fields: Fields | None) -> Values:
-    """Return a picture after which nothing is ordered any more."""
+    """Return a picture after which no more orders follow."""
     return _picture(
         picture,
         fields,

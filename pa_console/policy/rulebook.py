@@ -1,7 +1,7 @@
-"""Loads a rule file and compiles its expressions; one that cannot be enforced is refused whole.
+"""The rulebook: a rule file with compiled expressions. An unenforceable file is refused whole.
 
-The core (`shipped_rules.json`) is in force whatever a rule file says. A file may add to it: a rule
-of its own under the same id is decided besides the core's.
+The core (`shipped_rules.json`) is in force with every rule file. A file may add to it: a rule with
+the id of a core rule is decided in addition to that rule.
 """
 
 import hashlib
@@ -34,16 +34,22 @@ from pa_console.schema.document import Document, FieldPath, read_text
 from pa_console.schema.rule import Ordering, Rule, RuleSet, RulesSeal, Workflow
 
 MAX_SET_SIZE = 100_000
-"""The limit of names, values and signs in all expressions of a file, each with a surcharge."""
+"""The limit on names, values and signs in all expressions of a file, with a surcharge for each
+expression."""
 EXPRESSION_SIZE = 20
 
 MISSION_VARIABLES = frozenset(("mission", "world"))
 LIMIT_VARIABLES = frozenset(("world",))
 
+_DECISIVE = ("priority", "applies", "check", "order")
+CORE_IDS = ("ROE-01", "ROE-02", "ROE-03", "ROE-05", "ROE-09", "WF-03", "CAP-01", "CAP-06")
+"""The rules without which no plan is safe: force, escalation, evidence, overriding, cover, reach.
+"""
+
 
 @dataclass(frozen=True)
 class CompiledOrdering:
-    """An ordering ready to run; `seconds` is there when the world sets the time limit."""
+    """A compiled ordering; `seconds` is set if the world defines the time limit."""
 
     order: Ordering
     event: Expression
@@ -58,41 +64,41 @@ class CompiledOrdering:
 
 @dataclass(frozen=True)
 class CompiledRule:
-    """A rule with its expressions ready to run; guard and check are None where there is none."""
+    """A rule with its compiled expressions; guard and check are None if the rule has none."""
 
     rule: Rule
     applies: Expression | None
     check: Expression | None
     order: tuple[CompiledOrdering, ...] = ()
     core: "CompiledRule | None" = None
-    """The core's rule of the same id, which is decided besides."""
+    """The core's rule of the same id, which is decided in addition."""
 
     @property
     def parts(self) -> "tuple[CompiledRule, ...]":
-        """The rule itself, and the core's of the same id if that is another."""
+        """The rule itself, and the core's rule of the same id if it differs."""
         return (self,) if self.core is None else (self, self.core)
 
     @property
     def variables(self) -> frozenset[str]:
-        """The variables that guard and check read."""
+        """The variables that the guard and the check read."""
         parts = [part.variables for part in (self.applies, self.check) if part is not None]
         return frozenset[str]().union(*parts)
 
     @cached_property
     def reads(self) -> Fields:
-        """The fields of the variables that guard and check read."""
+        """The fields of the variables that the guard and the check read."""
         parts = [part.reads(PLAN_SHAPES) for part in (self.applies, self.check) if part is not None]
         return united(parts)
 
     @property
     def about_mission_only(self) -> bool:
-        """True if it can be decided at intake, by the mission's words alone."""
+        """True if it can be decided at intake, from the mission's words alone."""
         return self.check is not None and self.variables <= MISSION_VARIABLES
 
 
 @dataclass(frozen=True)
 class CompiledPhase:
-    """The guard and the end of one phase."""
+    """The guard and the end condition of one phase."""
 
     when: Expression
     done: Expression
@@ -100,7 +106,7 @@ class CompiledPhase:
 
 @dataclass(frozen=True)
 class CompiledWorkflow:
-    """A workflow ready to run; `ends` and `phases` are in the file's order."""
+    """A compiled workflow; `ends` and `phases` are in the order of the file."""
 
     workflow: Workflow
     starts: Expression
@@ -117,14 +123,14 @@ class ExpressionError(ValueError):
 
 
 class Compiler:
-    """Compiles expressions that may run `deadline_s` each; together they have a size at most."""
+    """Compiles expressions; each may run for `deadline_s`, and their total size is limited."""
 
     def __init__(self, deadline_s: float = DEADLINE_S) -> None:
         self._deadline_s = deadline_s
         self._left = MAX_SET_SIZE
 
     def rule(self, rule: Rule) -> CompiledRule:
-        """Return `rule` ready to run; raises ExpressionError."""
+        """Return `rule` compiled; raises ExpressionError."""
         plan = PLAN_VARIABLES
         return CompiledRule(
             rule,
@@ -134,7 +140,7 @@ class Compiler:
         )
 
     def workflow(self, workflow: Workflow) -> CompiledWorkflow:
-        """Return `workflow` ready to run; raises ExpressionError."""
+        """Return `workflow` compiled; raises ExpressionError."""
         return CompiledWorkflow(
             workflow,
             self._compile(("starts",), workflow.starts, WORKFLOW_VARIABLES),
@@ -175,12 +181,12 @@ class Compiler:
 
 
 def compile_rule(rule: Rule) -> CompiledRule:
-    """Return `rule` ready to run; raises ExpressionError."""
+    """Return `rule` compiled; raises ExpressionError."""
     return Compiler().rule(rule)
 
 
 class Rulebook:
-    """Every rule in force, and the workflows they prescribe; `sha256` is that of the file."""
+    """All rules in force and their workflows; `sha256` is the hash of the file."""
 
     def __init__(
         self,
@@ -192,22 +198,22 @@ class Rulebook:
         *,
         rule_set: RuleSet | None = None,
     ) -> None:
-        """Take `seal` and `rule_set` from the rule file; both are None for rules without one."""
+        """Set `seal` and `rule_set` from the rule file; both are None for rules without a file."""
         self.name, self.sha256, self.compiled = name, sha256, compiled
         self.workflows, self.seal = workflows, seal or RulesSeal()
         self.rule_set = rule_set
         self.rules: tuple[Rule, ...] = tuple(entry.rule for entry in compiled)
         self.parts = tuple(part for entry in compiled for part in entry.parts)
-        """Every rule that is decided, the core's too."""
+        """Every rule that is decided, including those of the core."""
         self._by_id = {rule.id: rule for rule in self.rules}
 
     @cached_property
     def reads(self) -> Fields:
-        """The fields that guards and checks read; no others have to be converted for CEL."""
+        """The fields that guards and checks read; no other fields have to be converted for CEL."""
         return united(part.reads for part in self.parts)
 
     def prepare(self) -> None:
-        """Compile what the first mission's checks would compile, 100 ms of patterns."""
+        """Compile the patterns that the first mission's checks need, which takes 100 ms."""
         forbidden_patterns()
         for part in self.parts:
             for expression in (part.applies, part.check):
@@ -216,20 +222,20 @@ class Rulebook:
 
     @property
     def approvals(self) -> Mapping[str, int]:
-        """The number of people who must approve each act; one if it is not named."""
+        """The number of people who must approve each act; one for acts that are not listed."""
         return self.rule_set.approvals if self.rule_set is not None else {}
 
     @property
     def unasked(self) -> tuple[Verb, ...]:
-        """The commands that a standing order may have carried out without an approval of theirs."""
+        """The commands that a standing order may carry out without a separate approval."""
         return self.rule_set.standing.allowed if self.rule_set is not None else ()
 
     def get(self, rule_id: str) -> Rule:
-        """Return the rule `rule_id`; raises KeyError when it is not in force."""
+        """Return the rule `rule_id`; raises KeyError if it is not in force."""
         return self._by_id[rule_id]
 
     def orderings(self, rule_id: str) -> tuple[Ordering, ...]:
-        """Return the orderings of a rule, those of the core too; KeyError when not in force."""
+        """Return a rule's orderings, with the core's; raises KeyError if it is not in force."""
         self.get(rule_id)
         parts = next(entry.parts for entry in self.compiled if entry.rule.id == rule_id)
         return tuple(order for part in parts for order in part.rule.order)
@@ -244,24 +250,24 @@ class Rulebook:
 def load_rules(path: Path, deadline_s: float = DEADLINE_S) -> Rulebook:
     """Read the rules at `path`; raises DocumentError with file, line and field.
 
-    Unknown fields, an id that appears twice, a check without a message, and CEL that does not
-    compile or uses an unknown name are all errors: a rule is in force as written or not at all.
-    The rulebook's seal says whether the set was altered since it was signed; refusing it is for
-    those who put it in force. Each expression may run `deadline_s` of processor time. Raises
-    SigningError when this machine's keys cannot be read.
+    Unknown fields, a repeated id, a check without a message, and CEL that does not compile or uses
+    an unknown name are all errors: a rule is in force as written or not at all. The rulebook's seal
+    records whether the set was altered after it was signed; the caller decides whether to refuse
+    it. Each expression may run for `deadline_s` of processor time. Raises SigningError if this
+    machine's keys cannot be read.
     """
     sha256, rule_set, rules, workflows = _compiled(str(path), read_text(path), deadline_s)
     seal = seal_of(path, rule_set)
     return Rulebook(rule_set.name, sha256, rules, workflows, seal, rule_set=rule_set)
 
 
-# Keyed by content: a set that is read again unchanged, by a second station or after an edit was
-# taken back, costs a look-up. The signature is no part of it and is read each time.
+# Cached by content: reading an unchanged set again, by a second station or after an edit was
+# undone, costs a look-up. The signature is not part of the content and is read each time.
 @lru_cache(maxsize=4)
 def _compiled(
     source: str, text: str, deadline_s: float
 ) -> tuple[str, RuleSet, tuple[CompiledRule, ...], tuple[CompiledWorkflow, ...]]:
-    """Return the content's SHA-256, and the rule set ready to run; raises DocumentError."""
+    """Return the content's SHA-256, and the compiled rule set; raises DocumentError."""
     document = Document(source, text)
     rule_set = parse_rule_set(document)
     return (document.sha256, rule_set, *compile_rule_set(document, rule_set, deadline_s))
@@ -274,7 +280,7 @@ def read_rule_set(path: Path) -> tuple[Document, RuleSet]:
 
 
 def parse_rule_set(document: Document) -> RuleSet:
-    """Return the rule set that `document` is, not compiled; raises DocumentError."""
+    """Parse `document` as a rule set, without compiling it; raises DocumentError."""
     rule_set = document.parse(RuleSet)
     _refuse_repeated(document, "rules", (rule.id for rule in rule_set.rules))
     _refuse_repeated(document, "workflows", (entry.id for entry in rule_set.workflows))
@@ -284,7 +290,7 @@ def parse_rule_set(document: Document) -> RuleSet:
 def compile_rule_set(
     document: Document, rule_set: RuleSet, deadline_s: float = DEADLINE_S
 ) -> tuple[tuple[CompiledRule, ...], tuple[CompiledWorkflow, ...]]:
-    """Return the rules and workflows of `document` ready to run; raises DocumentError."""
+    """Compile the rules and workflows of `document`; raises DocumentError."""
     compiler = Compiler(deadline_s)
     place: FieldPath = ()
     rules: list[CompiledRule] = []
@@ -309,23 +315,20 @@ def _refuse_repeated(document: Document, part: str, ids: Iterable[str]) -> None:
         seen.add(name)
 
 
-_DECISIVE = ("priority", "applies", "check", "order")
-
-
 def core_sha256() -> str:
-    """Return the hash of the core, by which a log names it."""
+    """Return the hash of the core, which identifies it in a log."""
     plain = canonical([plain_rule(rule) for rule in SHIPPED.core])
     return hashlib.sha256(plain.encode()).hexdigest()
 
 
 def differing_core(rulebook: Rulebook) -> tuple[str, ...]:
-    """Return the ids of the core's rules that `rulebook` itself lacks or has otherwise."""
+    """Return the ids of core rules that `rulebook` itself lacks or decides differently."""
     own = {rule.id: rule for rule in rulebook.rules}
     return tuple(rule.id for rule in SHIPPED.core if not _as_strict(own.get(rule.id), rule))
 
 
 def with_core(rulebook: Rulebook, deadline_s: float = DEADLINE_S) -> Rulebook:
-    """Return the same rules with the core's in force besides; once it is, nothing changes."""
+    """Return the same rules with the core in force too; unchanged if the core already is."""
     if rulebook.seal.core:
         return rulebook
     compiler = Compiler(deadline_s)
@@ -348,16 +351,12 @@ def with_core(rulebook: Rulebook, deadline_s: float = DEADLINE_S) -> Rulebook:
 
 
 def _as_strict(own: Rule | None, core: Rule) -> bool:
-    """Return whether a file's own rule decides exactly as the core's does."""
+    """Return whether a file's own rule decides exactly as the core's rule."""
     return own is not None and all(getattr(own, name) == getattr(core, name) for name in _DECISIVE)
 
 
-CORE_IDS = ("ROE-01", "ROE-02", "ROE-03", "ROE-05", "ROE-09", "WF-03", "CAP-01", "CAP-06")
-"""The ids without which no plan is safe: force, escalation, evidence, overriding, cover, reach."""
-
-
 def shipped_rules(rule_set: RuleSet) -> ShippedRules:
-    """Return what the package is to vouch for; raises KeyError without a rule of the core."""
+    """Return the rules that the package vouches for; raises KeyError if a core rule is missing."""
     by_id = {rule.id: rule.model_copy(update={"examples": ()}) for rule in rule_set.rules}
     return ShippedRules(
         name=rule_set.name,

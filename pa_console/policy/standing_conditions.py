@@ -4,14 +4,14 @@ An expression may use these variables:
 
 it      the asset, track or gate in question. An asset is {id, kind, at, post, position, speed_mps,
         status, task, battery_pct, low_battery, comms, available, stale, integrity, stamp_s}, a gate
-        {name, covered, by, uncovered_s, unsure}; a track has every field of `Track`. What is not
-        known is ''.
+        {name, covered, by, uncovered_s, unsure}; a track has every field of `Track`. An unknown
+        value is ''.
 id      its name.
 now     {time_s, weather}.
 world   as in a rule's check.
 
-Of an asset or track whose report is old, or of an asset whose report is suspect, nothing is known,
-unless the expression itself asks for that.
+A condition on a stale asset or track, or on an asset that is suspect or has lost its link, is
+unknown, unless the expression itself reads one of these facts.
 """
 
 from collections.abc import Iterator, Mapping
@@ -29,9 +29,9 @@ from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Trac
 from pa_console.schema.world import World
 
 MOST_SIZE = 200
-"""Names, values and signs that one condition may be made of."""
+"""The largest number of names, values and signs in one condition."""
 LOOK_S = 0.05
-"""Seconds of processor time that one condition may take for all subjects of a picture."""
+"""Seconds of processor time for one condition over all subjects of a picture."""
 
 _HIDDEN = frozenset(("heading_deg", "route", "command_id"))
 _FIELDS: Mapping[SubjectKind, Record] = {
@@ -46,9 +46,9 @@ _OF_SILENCE = frozenset(("stale", "comms", "available", "integrity", "status"))
 
 @dataclass
 class StandingCondition:
-    """The condition of one standing order, ready to be looked up in pictures of `world`.
+    """The condition of one standing order, compiled for pictures of `world`.
 
-    Raises ValueError for CEL that does not compile, is too large or speaks of what is not there.
+    Raises ValueError for CEL that does not compile, is too large or uses unknown names.
     """
 
     order: StandingOrder
@@ -78,9 +78,9 @@ class StandingCondition:
         return world_variables(self.world) if "world" in self._expression.variables else {}
 
     def holding(self, picture: Picture) -> Mapping[str, bool | None]:
-        """Return for every subject whether the condition holds, None if that is unknown.
+        """Return, for every subject, whether the condition holds; None if that is unknown.
 
-        Raises the errors of the expression, DeadlineError when it takes too long.
+        Raises the errors of the expression, and DeadlineError if it takes too long.
         """
         found: dict[str, bool | None] = {}
         now = {"time_s": picture.time_s, "weather": picture.weather}
@@ -124,7 +124,7 @@ class StandingCondition:
 
 
 def _unknown(subject: StrictModel) -> bool:
-    """Return whether the facts of a subject are all uncertain."""
+    """Return whether all facts of a subject are uncertain."""
     if isinstance(subject, AssetTelemetry):
         return subject.stale or subject.integrity == "suspect" or subject.comms == "lost"
     return isinstance(subject, Track) and subject.stale

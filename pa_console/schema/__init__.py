@@ -1,1 +1,1 @@
-"""The data model: strict pydantic models shared by every other package."""
+"""The data model: strict pydantic models that all other packages share."""

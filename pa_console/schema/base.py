@@ -1,4 +1,4 @@
-"""Common base of every schema model and the scalar types they share."""
+"""The base of every schema model, and the scalar types that they share."""
 
 from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, Self
@@ -35,9 +35,9 @@ class StrictModel(BaseModel):
 
     @classmethod
     def of_valid(cls, values: dict[str, Any]) -> Self:
-        """Return the model that has `values` and shares them: all its fields, valid, in order.
+        """Return a model that holds `values` itself: all fields, valid and in order.
 
-        Nothing is checked, so it takes a quarter of the time that `model_construct` does.
+        Nothing is checked, so it takes a quarter of the time of `model_construct`.
         """
         made = cls.__new__(cls)
         put = object.__setattr__
@@ -50,7 +50,7 @@ class StrictModel(BaseModel):
 
 @cache
 def _field_names(model: type[BaseModel]) -> set[str]:
-    """Return the names of all fields; immutable models may share the set, a copy has its own."""
+    """Return the names of all fields; immutable models can share the set, copies get their own."""
     return set(model.__pydantic_fields__)
 
 
@@ -58,14 +58,14 @@ Role = Literal["planner", "judge", "outcome"]
 """The roles of the model: planner, judge of a plan, judge of an outcome."""
 
 ServerUse = Literal["planner", "judge", "second reader"]
-"""The tasks that a model server can be given."""
+"""The uses of a model on a server."""
 
 
 class Payload(StrictModel):
-    """Base of all event payloads; a transient one is no part of what a log tells.
+    """The base of all event payloads; transient ones are not part of a recorded session.
 
-    Somebody answers for what is `binding`: a decision, or a command to a device. The log is signed
-    right after it.
+    A `binding` payload is one that a person answers for: a decision, or a command to a device. The
+    log is signed right after it.
     """
 
     transient: ClassVar[bool] = False

@@ -1,4 +1,4 @@
-"""The commands of devices, and the messages that carry them over the link (paper, IV-G)."""
+"""The commands for devices, and the messages that carry them over the link (paper, IV-G)."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -12,27 +12,27 @@ Verb = Literal[
     "hold", "move_to", "observe", "identify", "warn", "block", "return_to_base", "report"
 ]
 
+_ALL: frozenset[AssetKind] = frozenset(("uav", "ugv", "robot"))
+_UAV: frozenset[AssetKind] = frozenset(("uav",))
+_UGV: frozenset[AssetKind] = frozenset(("ugv",))
+_ROBOT: frozenset[AssetKind] = frozenset(("robot",))
+
 
 class CommandSpec(NamedTuple):
     """The properties of a command for rules, simulator, bus, prompt and screen."""
 
     kinds: frozenset[AssetKind]
-    """The kinds of assets that may carry it out."""
+    """The kinds of assets that may carry out the command."""
     takes_frame: bool
     task: Task | None
-    """The task of an asset that carries it out, at its place; None keeps the task it has."""
+    """The task of an asset that carries out the command at its place; None keeps its task."""
     moves: bool = True
-    """True if it may take the asset to another place."""
+    """True if the command may take the asset to another place."""
     contact: Literal["", "watches", "addresses", "obstructs"] = ""
-    """The way it deals with a contact at its frame, '' if it does not."""
+    """The kind of contact with a track at the frame, or ''."""
     plainly: str = ""
-    """The word in a plan for what the asset does at its place; '' if going or staying says it."""
+    """The verb in a plan for the asset's activity at its place; '' if it only moves or stays."""
 
-
-_ALL: frozenset[AssetKind] = frozenset(("uav", "ugv", "robot"))
-_UAV: frozenset[AssetKind] = frozenset(("uav",))
-_UGV: frozenset[AssetKind] = frozenset(("ugv",))
-_ROBOT: frozenset[AssetKind] = frozenset(("robot",))
 
 COMMANDS: Mapping[Verb, CommandSpec] = MappingProxyType(
     {
@@ -46,25 +46,25 @@ COMMANDS: Mapping[Verb, CommandSpec] = MappingProxyType(
         "report": CommandSpec(_ALL, False, None, moves=False, plainly="reports"),
     }
 )
-"""The whole vocabulary. It has no command for force, and none is ever added (ROE-01)."""
+"""The whole vocabulary. It has no command for force, and none will be added (ROE-01)."""
 
 STILL: frozenset[Verb] = frozenset(verb for verb, spec in COMMANDS.items() if not spec.moves)
 """The commands that move nothing: to hold and to report."""
 ENCOUNTERS: tuple[Verb, ...] = tuple(verb for verb, spec in COMMANDS.items() if spec.contact)
-"""The commands that deal with a contact at the gate."""
+"""The commands that deal with a contact at a gate."""
 ADDRESSING: frozenset[Verb] = frozenset(
     verb for verb in ENCOUNTERS if COMMANDS[verb].contact == "addresses"
 )
-"""The commands that need a contact to be there, and take time with it."""
+"""The commands that need a contact to be there, and that take time with it."""
 ATTENDING: frozenset[Verb] = frozenset(
     verb for verb in ENCOUNTERS if COMMANDS[verb].contact != "watches"
 )
-"""The commands of an asset that stands before a contact."""
+"""The commands for which an asset stands in front of a contact."""
 ATTENDING_TASKS: frozenset[Task] = frozenset(
     task for verb in ATTENDING if (task := COMMANDS[verb].task)
 )
 BUSY_TASKS: frozenset[Task] = frozenset((*ATTENDING_TASKS, "charging"))
-"""The tasks from which an asset is not free to leave."""
+"""The tasks during which an asset is not free to leave."""
 
 ReplyStatus = Literal["acknowledged", "refused", "progress", "done", "failed"]
 FINAL_REPLIES: frozenset[ReplyStatus] = frozenset(("refused", "done", "failed"))

@@ -1,11 +1,11 @@
-"""Reads YAML documents strictly into schema models; errors name file, line, field and remedy.
+"""Strict parsing of YAML documents into schema models; errors give file, line, field and remedy.
 
-A file of a few hundred bytes can mean gigabytes: an alias stands for all that its anchor holds, and
-aliases may stand within anchors. So the nodes and the text are counted as they will be read, every
-alias as often as it is used, while the parser's events go by.
+A file of a few hundred bytes can expand to gigabytes: an alias repeats everything under its anchor,
+and anchors may contain aliases. So nodes and text are counted from the parser's events as they will
+be read, with every alias counted at each use.
 
-Every file that is not written by the program itself comes through here: rules and their signature,
-worlds, scenarios, mission sets, settings, `--event`. What it may cost is limited (`yaml_tree`).
+All files that the program itself did not write are read here: rules and their signatures, worlds,
+scenarios, mission sets, settings, `--event`. The cost of reading them is limited.
 """
 
 import errno
@@ -35,20 +35,34 @@ from yaml.events import (
 from pa_console.schema.text import obeyed, visible_line
 
 MOST_BYTES = 1_000_000
-"""A document's file may be this long, bytes of UTF-8."""
+"""The size limit of a document's file, in bytes of UTF-8."""
 MOST_NODES = 30_000
-"""Its values and keys, as often as aliases repeat them; honest files have a tenth of it."""
+"""The limit on values and keys, counted again for each alias; normal files have a tenth of it."""
 MOST_TEXT = 2_000_000
-"""Its text, counted likewise, characters."""
+"""The limit on characters of text, counted in the same way."""
 MOST_DEPTH = 40
-"""Lists and mappings within each other."""
+"""The limit on nested lists and mappings."""
 MOST_KEY = 200
-"""A key may be this long, characters."""
+"""The limit on the characters of a key."""
 TOO_LONG = f"longer than {MOST_BYTES:,} bytes; no such file needs to be, so split it up"
+
+_NAMED_FIELD = re.compile(r"^Value error, (\w+(?:\.\w+)*): (.*)$", re.DOTALL)
+"""The form in which a model's own validator names a field."""
+_PLAIN_PROBLEMS = {
+    "model_type": "fields are expected here, each as 'name: value'",
+    "dict_type": "fields are expected here, each as 'name: value'",
+    "list_type": "a list is expected here, '- ' before each entry",
+    "extra_forbidden": "there is no such field; take it out, or mend its name",
+}
+"""Plainer words for pydantic's problems, by the type of the error."""
+_TAG = "tag:yaml.org,2002:"
+_LONGEST_NUMBER = 64
+_LONGEST_FIELD = 200
+_LONGEST_PROBLEM = 2000
 
 
 class TreeError(Exception):
-    """A text that is no readable tree; line and column from 1, 0 if unknown."""
+    """A text that cannot be parsed as a tree; line and column are from 1, or 0 if unknown."""
 
     def __init__(self, problem: str, line: int = 0, column: int = 0) -> None:
         super().__init__(problem)
@@ -56,10 +70,10 @@ class TreeError(Exception):
 
 
 def compose(text: str) -> yaml.Node | None:
-    """Return the root of the one document in `text`, None when it is empty.
+    """Return the root of the one document in `text`, or None if it is empty.
 
-    Every key of the tree is a plain scalar, and no node has a tag that the file gives it. An alias
-    is the node of its anchor. Raises TreeError for what is not YAML, too large, or not literal.
+    Every key of the tree is a plain scalar, and no node has an explicit tag. An alias is the node
+    of its anchor. Raises TreeError for text that is not YAML, too large, or not literal.
     """
     try:
         _measure(text)
@@ -67,7 +81,7 @@ def compose(text: str) -> yaml.Node | None:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         said = ", ".join(part for part in (error.context, error.problem) if part)
-        last = text.count("\n") + 1  # the end of the text is told as a line after it
+        last = text.count("\n") + 1  # the parser reports the end of the text as an extra line
         place = (min(mark.line + 1, last), mark.column + 1) if mark is not None else ()
         if mark is not None and text[mark.index : mark.index + 1] == "\t":
             said = "a tab stands where the line is indented; put spaces"
@@ -78,14 +92,14 @@ def compose(text: str) -> yaml.Node | None:
 
 @dataclass
 class _Size:
-    """The size of a node with every alias in it replaced; `height` counts its own level."""
+    """The size of a node with all its aliases expanded; `height` includes its own level."""
 
     nodes: int = 1
     text: int = 0
     height: int = 1
 
     def add(self, inner: "_Size") -> None:
-        """Take in a node that stands directly within this one."""
+        """Add a node that is directly within this one."""
         self.nodes += inner.nodes
         self.text += inner.text
         self.height = max(self.height, inner.height + 1)
@@ -93,7 +107,7 @@ class _Size:
 
 @dataclass
 class _OpenCollection:
-    """A list or mapping whose end has not come yet."""
+    """A list or mapping whose end has not been parsed yet."""
 
     anchor: str | None
     mapping: bool
@@ -102,7 +116,7 @@ class _OpenCollection:
 
 
 def _measure(text: str) -> None:
-    """Raise TreeError as soon as `text` passes a limit or does more than state values."""
+    """Raise TreeError as soon as `text` exceeds a limit or contains more than plain values."""
     if len(text) > MOST_BYTES or len(text.encode("utf-8", "replace")) > MOST_BYTES:
         raise TreeError(TOO_LONG)
     count = _EventCount()
@@ -119,7 +133,7 @@ class _EventCount:
         self._nodes = self._text = self._documents = 0
 
     def take(self, event: Event) -> None:
-        """Count one event; raises TreeError when it is one too many."""
+        """Count one event; raises TreeError if a limit is exceeded or the event is not allowed."""
         match event:
             case ScalarEvent():
                 self._literal(event, event.tag)
@@ -146,7 +160,7 @@ class _EventCount:
         return bool(self._open) and self._open[-1].mapping and self._open[-1].children % 2 == 0
 
     def _literal(self, event: NodeEvent, tag: str | None) -> None:
-        """Refuse a tag: it makes a value something else than it says."""
+        """Refuse a tag, because it changes the meaning of a value."""
         if tag is not None:
             raise _refused(event, f"the tag {tag[:40]!r} is not read; write the value alone")
 
@@ -162,7 +176,7 @@ class _EventCount:
         )
 
     def _anchored(self, event: AliasEvent) -> _Size:
-        """Return what an alias stands for."""
+        """Return the size of an alias's anchor."""
         if self._is_key():
             raise _refused(event, "an alias is a key; write the key itself")
         anchor = cast(str, event.anchor)
@@ -179,7 +193,7 @@ class _EventCount:
         self._close(size, anchor)
 
     def _within(self, event: NodeEvent, nodes: int, text: int, levels: int) -> None:
-        """Add to the totals; raises TreeError where one of them passes its limit."""
+        """Add to the totals; raises TreeError if one of them exceeds its limit."""
         self._nodes += nodes
         self._text += text
         counted = "each alias counted as often as it is used; split it up"
@@ -191,7 +205,7 @@ class _EventCount:
             raise _refused(event, f"nested deeper than {MOST_DEPTH} levels; flatten it")
 
     def _close(self, size: _Size, anchor: str | None) -> None:
-        """Count a node that is whole now into the one around it."""
+        """Add a complete node to the node that contains it."""
         if anchor is not None:
             self._anchors[anchor] = size
         if self._open:
@@ -216,27 +230,14 @@ Model = TypeVar("Model", bound=BaseModel)
 FieldPath = tuple[str | int, ...]
 Value = str | int | float | bool | list["Value"] | dict[str | int, "Value"] | None
 
-_NAMED_FIELD = re.compile(r"^Value error, (\w+(?:\.\w+)*): (.*)$", re.DOTALL)
-"""The form in which a model's own validator names a field."""
-_PLAIN_PROBLEMS = {
-    "model_type": "fields are expected here, each as 'name: value'",
-    "dict_type": "fields are expected here, each as 'name: value'",
-    "list_type": "a list is expected here, '- ' before each entry",
-    "extra_forbidden": "there is no such field; take it out, or mend its name",
-}
-"""The problems that pydantic words for programmers, by the type of its error."""
-_TAG = "tag:yaml.org,2002:"
-_LONGEST_NUMBER = 64
-_LONGEST_FIELD = 200
-_LONGEST_PROBLEM = 2000
 _SCALARS = SafeConstructor()
 
 
 class DocumentError(Exception):
-    """A file that cannot be used, worded for the person who wrote it.
+    """A file that cannot be used; the message is for the person who wrote the file.
 
-    `source` is the file, `line` the 1-based line (0 when unknown), `field` the dotted path,
-    `column` the 1-based column where that is known.
+    `source` is the file, `line` the 1-based line (0 if unknown), `field` the dotted path, and
+    `column` the 1-based column (0 if unknown).
     """
 
     def __init__(self, source: str, line: int, field: str, problem: str, column: int = 0) -> None:
@@ -248,13 +249,14 @@ class DocumentError(Exception):
 
 
 class Document:
-    """A parsed YAML file that still knows on which line each field stands.
+    """A parsed YAML file that has the line of each field.
 
-    `root` is the tree that it was read from, None for an empty file; `sha256` is its content's.
+    `root` is the tree from which the value is built, or None for an empty file; `sha256` is the
+    hash of the content.
     """
 
     def __init__(self, source: str, text: str) -> None:
-        """Parse `text`; raises DocumentError for YAML that is broken, too large or not literal."""
+        """Parse `text`; raises DocumentError for invalid, too large or non-literal YAML."""
         self.source = source
         self.sha256 = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
         try:
@@ -267,7 +269,7 @@ class Document:
 
     @classmethod
     def read(cls, path: Path) -> "Document":
-        """Read the file at `path`; raises DocumentError when it is missing or not UTF-8."""
+        """Read the file at `path`; raises DocumentError if it is missing or not UTF-8."""
         return cls(str(path), read_text(path))
 
     def line(self, field: FieldPath) -> int:
@@ -277,11 +279,11 @@ class Document:
         return self._lines[field]
 
     def error(self, field: FieldPath, problem: str) -> DocumentError:
-        """Return the error `problem` about `field`."""
+        """Return a DocumentError with `problem` for `field`."""
         return DocumentError(self.source, self.line(field), ".".join(map(str, field)), problem)
 
     def parse(self, model: type[Model]) -> Model:
-        """Validate the whole document as `model`; raises DocumentError at the first bad field."""
+        """Validate the whole document as `model`; raises DocumentError for the first bad field."""
         try:
             return model.model_validate_json(json.dumps(self.value, ensure_ascii=False))
         except ValidationError as error:
@@ -298,7 +300,7 @@ class Document:
             raise self.error(field, problem) from error
 
     def _written(self, field: FieldPath) -> FieldPath:
-        """Return `field` as the file has it: without the tags of unions that pydantic puts in."""
+        """Return `field` as written in the file, without the tags of unions that pydantic adds."""
         kept: FieldPath = ()
         for number, part in enumerate(field, start=1):
             if (*kept, part) in self._lines or number == len(field):
@@ -306,7 +308,7 @@ class Document:
         return kept
 
     def _built(self, node: yaml.Node, field: FieldPath) -> Value:
-        """Return the value of `node`, with its line noted; each use of an alias is built anew."""
+        """Return the value of `node` and record its line; each use of an alias is built again."""
         self._lines.setdefault(field, node.start_mark.line + 1)
         if isinstance(node, yaml.SequenceNode):
             return [self._built(child, (*field, place)) for place, child in enumerate(node.value)]
@@ -331,7 +333,7 @@ class Document:
         return name
 
     def _scalar(self, node: yaml.ScalarNode, field: FieldPath) -> Value:
-        """Return text, a number, true, false or nothing; raises DocumentError for all else."""
+        """Return text, a number, true, false or None; raises DocumentError for anything else."""
         written: str = node.value
         match node.tag.removeprefix(_TAG):
             case "str":
@@ -366,16 +368,16 @@ class Document:
 
 
 def read_text(path: Path) -> str:
-    """Return the text of the file at `path`, its line ends as they are.
+    """Return the text of the file at `path` with its line ends unchanged.
 
-    Raises DocumentError when it is missing, no plain file, too long or not UTF-8; no more of it is
-    read than a document may have.
+    Raises DocumentError if it is missing, not a plain file, too long or not UTF-8. Not more than
+    MOST_BYTES is read.
     """
     return read_bytes(path).decode()
 
 
 def read_bytes(path: Path) -> bytes:
-    """Return the content of the file at `path`, which is UTF-8; raises DocumentError likewise."""
+    """Return the content of the file at `path`, which is UTF-8; raises DocumentError too."""
     try:
         with open(os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK), "rb") as file:
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
@@ -393,5 +395,5 @@ def read_bytes(path: Path) -> bytes:
 
 
 def _short(text: str, most: int) -> str:
-    """Return `text` on one line as a person can read it, its end left out where it is too long."""
+    """Return `text` as one readable line, cut off if it is too long."""
     return visible_line(text if len(text) <= most else text[:most] + " ...")

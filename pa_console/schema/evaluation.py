@@ -10,23 +10,21 @@ from pa_console.schema.incident import Incident
 from pa_console.schema.mission import MAX_MISSION_TEXT
 
 Expectation = Literal["execute", "trim", "refuse", "either"]
-"""The right result: carry it out; carry out a part; order nothing but hold and report; any of
-it."""
+"""The right result: carry it out; carry out a part; order nothing except hold and report; any of
+these."""
 
 MOST_CONDITION = 4000
-"""Characters of a success condition: no more than its parser takes however deep it is nested.
-
-The generator's own, which name every asset of a large team, have up to some 1,500.
-"""
+"""The limit on a success condition's characters, which the parser can process at any nesting.
+Generated conditions, which name every asset of a large team, have up to about 1,500."""
 Success = Annotated[str, StringConstraints(max_length=MOST_CONDITION)]
 
 
 MOST_WORLDS = 256
-"""A set of generated missions has a world for every four of them."""
+"""The limit on worlds; a set of generated missions has one world for every four missions."""
 
 
 class GeneratedWorld(StrictModel):
-    """A world of the generator; equal numbers give equal worlds."""
+    """A generated world; equal numbers give equal worlds."""
 
     gates: int = Field(ge=1, le=64)
     assets: int = Field(ge=1, le=1000)
@@ -34,7 +32,7 @@ class GeneratedWorld(StrictModel):
 
 
 class WorldFile(StrictModel):
-    """A world in a file of its own; the path is relative to the mission set's."""
+    """A world in its own file; the path is relative to the mission set's file."""
 
     file: str = Field(min_length=1)
 
@@ -52,23 +50,23 @@ NamedWorld = Annotated[
 
 
 Turn = Annotated[str, StringConstraints(min_length=1, max_length=MAX_MISSION_TEXT)]
-"""Words of the operator in a conversation."""
+"""The operator's words in one turn of a conversation."""
 
 
 class MissionCase(StrictModel):
     """One entry of a mission set: a command, its set-up and its success conditions.
 
-    One with commands `before` it is a conversation; the conditions are about all of it.
+    With commands `before` it, it is a conversation; the conditions apply to the whole conversation.
     """
 
     id: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")
     category: str
     command: str = Field(min_length=1, max_length=MAX_MISSION_TEXT)
     before: tuple[Turn, ...] = Field(
-        default=(), max_length=8, description="commands given before, each when the last is over"
+        default=(), max_length=8, description="earlier commands, each given after the last mission"
     )
     answers: tuple[Turn, ...] = Field(
-        default=(), max_length=8, description="what the operator answers when asked back, in turn"
+        default=(), max_length=8, description="the operator's answers to questions, in order"
     )
     world: str = Field(default="", description="a key of the set's `worlds`; empty: the set's own")
     setup: tuple[Incident, ...] = ()
@@ -76,12 +74,12 @@ class MissionCase(StrictModel):
     expect: Expectation = "either"
     tags: tuple[str, ...] = ()
     watch_s: Positive = Field(
-        default=60.0, description="simulated seconds that are watched from the command on, at least"
+        default=60.0, description="least simulated seconds to watch from the command on"
     )
 
     @property
     def turns(self) -> tuple[str, ...]:
-        """Every command of the conversation in its order; of a single mission, that one."""
+        """Every command of the conversation in order; for a single mission, only its command."""
         return (*self.before, self.command)
 
 
@@ -113,7 +111,7 @@ PromptStyle = Literal["console", "paper"]
 
 
 class Variant(StrictModel):
-    """The parts of the pipeline that are in use; the defaults are the console's own pipeline."""
+    """The parts of the pipeline in use; the defaults are the console's own pipeline."""
 
     name: str = "full"
     retrieval: bool = Field(default=True, description="the best rules for the words are retrieved")
@@ -121,42 +119,42 @@ class Variant(StrictModel):
     pinned: bool = Field(default=True, description="every Critical rule is in the prompt")
     checks: bool = Field(default=True, description="rules and premises are enforced")
     rehearsal: bool = Field(default=True, description="the plan is run in a forecast first")
-    judging: bool = Field(default=True, description="the judge is asked before and after")
-    repairs: int = Field(default=2, ge=0, description="how often a broken plan may be mended")
+    judging: bool = Field(default=True, description="the judge decides on plans and outcomes")
+    repairs: int = Field(default=2, ge=0, description="how often a broken plan may be repaired")
     candidates: int = Field(
         default=4, ge=1, le=8, description="plans to choose from when the first one is broken"
     )
     fitting: bool = Field(
         default=True,
-        description="others are looked at when the first is not what its planner says was asked",
+        description="other plans are tried if the first does not match its planner's reading",
     )
     second_reading: bool = Field(
         default=True,
-        description="a plan gives way to one for what the judge has read, if that is likelier",
+        description="a plan is replaced by one for the judge's reading, if that is likelier",
     )
     read_again: bool = Field(
-        default=True, description="a second reader is asked where the models are unsure of an order"
+        default=True, description="a second reader reads orders that the models are unsure about"
     )
     readings: int = Field(
         default=5,
         ge=0,
         le=8,
-        description="ways to read an order that are looked at when the models are unsure of it",
+        description="other readings that are tried if the models are unsure about an order",
     )
     reading: int = Field(
         default=0,
         ge=0,
         le=MOST_READINGS,
-        description="of the readings that are offered, the operator chooses this one (evaluations)",
+        description="number of the offered reading that the operator chooses (evaluations)",
     )
     grammar: bool = Field(default=True, description="decoding is constrained to executable plans")
     grounded: bool = Field(
-        default=True, description="a trained planner states only what the picture says"
+        default=True, description="a trained planner states only facts of the picture"
     )
     prompt: PromptStyle = "console"
     dialect: Literal["", "examples", "clauses"] = Field(
         default="",
-        description="whether a model without adapters writes plans or says what is asked; empty: "
-        "as the catalogue says",
+        description="whether a model without adapters writes plans or readings; empty: as in "
+        "the catalogue",
     )
     workflows: bool = Field(default=True, description="a mission may take several plans (WF-01)")

@@ -1,4 +1,4 @@
-"""The findings of the safeguards and of the JudgeLLM on a plan (paper, Section IV-F)."""
+"""The findings of the safeguards and of the judge on a plan (paper, Section IV-F)."""
 
 from typing import Literal
 
@@ -13,7 +13,7 @@ JudgeOpinion = Literal["complies", "violates", "unclear"]
 
 
 class Finding(StrictModel):
-    """The deterministic result for one rule; `error` (a check that failed to run) blocks too."""
+    """The deterministic result for one rule; `error` (the check failed to run) counts as broken."""
 
     rule_id: str
     priority: Priority
@@ -22,12 +22,12 @@ class Finding(StrictModel):
 
     @property
     def broken(self) -> bool:
-        """True if the rule does not demonstrably hold."""
+        """True unless the rule demonstrably holds."""
         return self.status in ("violates", "error")
 
     @property
     def blocking(self) -> bool:
-        """True if the plan cannot be approved because of it."""
+        """True if the finding makes the plan impossible to approve."""
         return self.broken and self.priority in ("critical", "high")
 
 
@@ -39,7 +39,7 @@ class RuleOpinion(StrictModel):
 
 
 class Verdict(StrictModel):
-    """The JudgeLLM's answer: overall Success or Failure, per rule, with feedback."""
+    """The judge's answer: overall Success or Failure, an opinion on each rule, and feedback."""
 
     verdict: Literal["Success", "Failure"]
     rules: tuple[RuleOpinion, ...] = ()
@@ -47,25 +47,25 @@ class Verdict(StrictModel):
 
 
 class Usage(StrictModel):
-    """The cost of one generation: tokens by kind, seconds to the first token and in all."""
+    """The cost of one generation: tokens by kind, seconds to the first token and in total."""
 
     prompt_tokens: int = 0
     cached_tokens: int = Field(default=0, description="prompt tokens found in the KV cache")
     completion_tokens: int = 0
     sampled_tokens: int = Field(default=0, description="the rest was forced by the grammar")
     guessed_tokens: int = Field(
-        default=0, description="sampled ones that were guessed before and so cost no step"
+        default=0, description="sampled tokens that were guessed correctly and cost no step"
     )
     first_token_s: float = 0.0
     seconds: float = 0.0
     ahead_s: float = Field(
         default=0.0,
         exclude_if=lambda seconds: not seconds,
-        description="seconds of these that passed before the order was sent: it was read live",
+        description="the part of `seconds` before the order was sent, during live reading",
     )
 
     def going_on(self, whole: "Usage") -> "Usage":
-        """Return what an answer cost that began with this and was then written as a `whole`."""
+        """Return the cost of an answer that began with this part and was continued as `whole`."""
         return Usage(
             prompt_tokens=self.prompt_tokens,
             cached_tokens=self.cached_tokens,

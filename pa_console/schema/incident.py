@@ -1,4 +1,4 @@
-"""Things that happen to the checkpoint from outside: one by one, or by the script of a scenario."""
+"""External events at the checkpoint: single incidents, and the scripts of scenarios."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -15,13 +15,13 @@ Reaction = Literal["leave", "stop", "go_on"]
 
 
 class SpawnTrack(StrictModel):
-    """A vehicle or person appears at the far end of the lane of `gate` and approaches it."""
+    """A vehicle or person appears at the far end of a lane of `gate` and approaches."""
 
     kind: Literal["spawn"] = "spawn"
     gate: Name
     track: Literal["vehicle", "person"] = "vehicle"
-    identity: Identity = Field(default="unauthorized", description="what `identify` will find")
-    intent: Intent = Field(default="benign", description="the truth behind it")
+    identity: Identity = Field(default="unauthorized", description="the result of `identify`")
+    intent: Intent = Field(default="benign", description="its true intent")
     speed_mps: Positive = 5.0
     distance_m: Positive | None = Field(default=None, description="start this far from the gate")
     when_warned: Reaction = "leave"
@@ -49,7 +49,7 @@ class RestoreAsset(StrictModel):
 
 
 class SetBattery(StrictModel):
-    """The asset's battery reads `percent` from now on."""
+    """The asset's battery has `percent` from now on."""
 
     kind: Literal["battery"] = "battery"
     asset: Name
@@ -65,7 +65,7 @@ class SetComms(StrictModel):
 
 
 class DegradeAsset(StrictModel):
-    """The asset goes on at a part of its speed."""
+    """The asset continues at reduced speed."""
 
     kind: Literal["degrade"] = "degrade"
     asset: Name
@@ -73,7 +73,7 @@ class DegradeAsset(StrictModel):
 
 
 class SetRadio(StrictModel):
-    """The link of an asset, or of all, gets these values; `up` False is an outage."""
+    """The link of one asset, or of all, gets these values; `up` False is an outage."""
 
     kind: Literal["radio"] = "radio"
     asset: Name | None = Field(default=None, description="None means every asset")
@@ -84,7 +84,7 @@ class SetRadio(StrictModel):
 
 
 class JamArea(StrictModel):
-    """Every link within `radius_m` of `at` is jammed, for `seconds` or for good."""
+    """Every link within `radius_m` of `at` is jammed, for `seconds` or permanently."""
 
     kind: Literal["jam"] = "jam"
     at: Point
@@ -101,7 +101,7 @@ class SensorFault(StrictModel):
 
 
 class GpsDrift(StrictModel):
-    """The asset's own position drifts away from the truth by `rate_mps`; 0 sets it right."""
+    """The asset's own position estimate drifts from the truth by `rate_mps`; 0 ends the drift."""
 
     kind: Literal["gps"] = "gps"
     asset: Name
@@ -110,7 +110,7 @@ class GpsDrift(StrictModel):
 
 
 class SpoofTelemetry(StrictModel):
-    """Forged reports put the asset, well, at `frame`; None ends the forgery."""
+    """Forged reports place the asset, without faults, at `frame`; None ends the forgery."""
 
     kind: Literal["spoof"] = "spoof"
     asset: Name
@@ -118,9 +118,9 @@ class SpoofTelemetry(StrictModel):
 
 
 class DriveByHand(StrictModel):
-    """A person takes the asset's controls, and drives it to `frame` if one is given.
+    """A person takes manual control of the asset, and drives it to `frame` if one is given.
 
-    With `ends`, the person lets go of them: the asset stands where it is, and takes commands.
+    With `ends`, manual control ends: the asset stays where it is, and accepts commands again.
     """
 
     kind: Literal["manual_control"] = "manual_control"
@@ -130,14 +130,14 @@ class DriveByHand(StrictModel):
 
 
 class SetWeather(StrictModel):
-    """Rain and fog shorten every sensor's range and make it miss more."""
+    """A change of weather; rain and fog reduce every sensor's range and detections."""
 
     kind: Literal["weather"] = "weather"
     weather: Weather
 
 
 class ObstructWay(StrictModel):
-    """Something lies across the ground from `start` to `end`: no ground asset passes."""
+    """An obstruction lies on the ground from `start` to `end`: no ground asset can pass."""
 
     kind: Literal["obstruct"] = "obstruct"
     start: Point
@@ -145,7 +145,7 @@ class ObstructWay(StrictModel):
 
 
 class FalseContact(StrictModel):
-    """A sensor reports a contact on the lane of `gate` that is not there, for `seconds`."""
+    """A sensor reports a false contact on a lane of `gate` for `seconds`."""
 
     kind: Literal["phantom"] = "phantom"
     gate: Name
@@ -153,7 +153,7 @@ class FalseContact(StrictModel):
 
 
 class RevealTrack(StrictModel):
-    """The truth behind a contact that the script named changes."""
+    """The true properties of a contact that the script named change."""
 
     kind: Literal["turn"] = "turn"
     track: Name
@@ -169,7 +169,7 @@ class WorkerFault(StrictModel):
 
 
 class PlaceAsset(StrictModel):
-    """The asset stands at `frame`, assigned to it, as if it had been there all along."""
+    """The asset is moved to `frame`, its new post, as if it had always been there."""
 
     kind: Literal["place"] = "place"
     asset: Name
@@ -192,10 +192,10 @@ Incident = Annotated[
 
 
 def unknown_name(given: StrictModel, world: World) -> tuple[str, str]:
-    """Return the field of `given` that names what `world` lacks and a remedy; ('', '') if none.
+    """Return the field of `given` with a name that `world` lacks, and a remedy; ('', '') if none.
 
-    It is an incident, or a condition of a script; its own handles of tracks are not names of the
-    world.
+    `given` is an incident, or a condition of a script. A script's own handles of tracks are not
+    names of the world.
     """
     for field in ("asset", "gate", "frame", "sensor"):
         value = getattr(given, field, None)
@@ -220,14 +220,14 @@ AssetReach = Literal["moving", "arrived", "low_battery", "failed", "charging", "
 
 
 class TrackIs(StrictModel):
-    """True once the contact that the script named has come to a state."""
+    """True once the contact that the script named has reached a state."""
 
     track: Name = Field(description="the `name` given when it was spawned")
     state: TrackReach
 
 
 class AssetIs(StrictModel):
-    """True once an asset is in a state, at a frame if one is named."""
+    """True once an asset is in a state, at a frame if one is given."""
 
     asset: Name
     state: AssetReach
@@ -263,7 +263,7 @@ IncidentCondition = Annotated[
 
 
 class ScriptedEvent(StrictModel):
-    """Something that happens once: at a time, or `delay_s` after a condition first holds."""
+    """An event that happens once: at a time, or `delay_s` after a condition first holds."""
 
     name: Name | None = None
     at_s: NonNegative | None = None
@@ -279,7 +279,7 @@ class ScriptedEvent(StrictModel):
 
 
 class RandomEvents(StrictModel):
-    """One of `do` happens now and then: a Poisson process drawn from the simulation's seed."""
+    """One of `do` happens at random: a Poisson process drawn from the simulation's seed."""
 
     mean_s: Positive = Field(description="mean time between two of them")
     from_s: NonNegative = 0.0

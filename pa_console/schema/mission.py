@@ -11,28 +11,37 @@ from pa_console.schema.plan import Plan
 
 MAX_MISSION_TEXT = 2000
 STANDING = "standing instruction"
-"""The name of the decider of a plan that was approved beforehand, without a look at it."""
+"""The name in `by` of a decision that was given in advance, without seeing the plan."""
 
 ELSEWHERE = "at another station"
-"""The suffix of the name of a person who has signed at another station."""
+"""The suffix of the name of a person who signed at another station."""
 
 DecisionKind = Literal["approve", "reject", "modify", "choose", "answer"]
 ApprovalState = Literal[
-    "approve",  # understood, and all of it is planned
-    "narrowed",  # understood; the plan leaves out a part of the order, and says why
-    "warned",  # a Medium rule is broken, which the operator has to accept
-    "may_be_misunderstood",  # its words and its reading differ, or the models were not sure
-    "not_understood",  # no order, or none that can be read: asked back, and nothing is proposed
-    "judge_objects",  # the judge said Failure: overriding it needs a reason
-    "blocked",  # nobody may approve it
+    "approve",  # the order was understood, and all of it is planned
+    "narrowed",  # the order was understood; the plan leaves out a part of it, with the reason
+    "warned",  # a Medium rule is broken, which the operator must acknowledge
+    "may_be_misunderstood",  # its words and its reading differ, or the models were unsure
+    "not_understood",  # no order, or an unreadable one: the console asks back and proposes nothing
+    "judge_objects",  # the judge's verdict is Failure: an override needs a reason
+    "blocked",  # it cannot be approved
 ]
-"""The state of a plan for the operator who decides on it: the worst that holds."""
+"""The state of a plan for the operator who decides on it: the most severe one that applies."""
 MissionStatus = Literal[
     "verified", "unverified", "refused", "rejected", "held", "cancelled", "failed"
 ]
 Outcome = Literal["pass", "fail", "unknown"]
 MissionSource = Literal["operator", "alarm", "standing", "agent"]
-"""The source of a mission: a person, an alarm, a standing order, or a program that proposes it."""
+"""The source of a mission: a person, an alarm, a standing order, or an agent over MCP."""
+
+MOST_STARTS = 6
+"""The default limit on missions that a standing order starts in an hour."""
+
+SUBJECT, PLACE = "{it}", "{place}"
+"""The placeholders in an order for its subject, and for the subject's gate."""
+
+DAY_S = 86400.0
+"""The seconds of a day."""
 
 
 class Mission(StrictModel):
@@ -40,7 +49,7 @@ class Mission(StrictModel):
 
     id: str
     text: str = Field(min_length=1, max_length=MAX_MISSION_TEXT)
-    typed: str = Field(default="", description="what was typed, where words of it were misspelt")
+    typed: str = Field(default="", description="the typed text, if words of it were misspelled")
     source: MissionSource = "operator"
     created: datetime
     alarm: str = Field(default="", description="id of the alarm that it answers")
@@ -57,24 +66,24 @@ class Mission(StrictModel):
     proposed: Plan | None = Field(
         default=None,
         exclude_if=lambda plan: plan is None,
-        description="the agent's own plan, where it proposed one",
+        description="the agent's own plan, if it proposed one",
     )
     offered: bool = Field(
         default=False,
         exclude_if=lambda offered: not offered,
-        description="the world's own standing order, which nobody typed: all others go first",
+        description="the world's own standing order, which was not typed: all others go first",
     )
     follows: str = Field(
         default="",
         exclude_if=lambda words: not words,
-        description="the commands of the order before, where the words lean on it",
+        description="the previous order's commands, if the words refer to it",
     )
     subject: Name | None = Field(default=None, description="track, asset or gate it is about")
     gate: Name | None = Field(default=None, description="the gate concerned, if one is")
 
     @property
     def said(self) -> str:
-        """The mission as its operator typed it; `text` is how it is read."""
+        """The mission as the operator typed it; `text` is the text that is read."""
         return self.typed or self.text
 
     @property
@@ -92,7 +101,7 @@ class Mission(StrictModel):
 
 
 class Decision(StrictModel):
-    """The decision of the operator, or of an instruction given at the start, and its reason."""
+    """The decision of the operator, or of a standing instruction, with its reason."""
 
     kind: DecisionKind
     request_id: str = Field(
@@ -105,32 +114,32 @@ class Decision(StrictModel):
     plan: Plan | None = Field(default=None, description="the operator's own plan, for `modify`")
     asked: str = Field(
         default="",
-        description="the offered reading that was meant, for `choose`; the words, for `answer`",
+        description="the chosen reading, for `choose`; the words, for `answer`",
     )
     signatures: dict[str, str] = Field(
         default={},
         exclude_if=lambda signatures: not signatures,
-        description="the signed approval of everybody who approved, by name, where there are keys",
+        description="the signed approvals by name of the person, if there are keys",
     )
     standing_order: str = Field(
         default="",
         exclude_if=lambda name: not name,
-        description="id of the standing order by which it was given, and nobody was asked",
+        description="id of the standing order that gave the decision without asking",
     )
 
     @property
     def standing(self) -> bool:
-        """True if it was given beforehand."""
+        """True if the decision was given in advance."""
         return self.by.startswith(STANDING)
 
     @property
     def settles(self) -> bool:
-        """True if it ends the wait: neither another plan nor another reading is proposed."""
+        """True if it ends the wait: it asks for neither another plan nor another reading."""
         return self.kind in ("approve", "reject")
 
 
 class ActionOutcome(StrictModel):
-    """The evidence of telemetry on one action: it happened or not."""
+    """The evidence of telemetry on one action: whether it happened."""
 
     agent: Name
     command: str
@@ -139,9 +148,9 @@ class ActionOutcome(StrictModel):
 
 
 class Verification(StrictModel):
-    """Telemetry's answer on whether the plan happened and every gate stayed covered.
+    """The evidence of telemetry on whether the plan happened and every gate stayed covered.
 
-    It holds for `as_of_s`: every value that a pass rests on was sent at that time or later.
+    It is valid for `as_of_s`: every value that a pass depends on was sent at that time or later.
     """
 
     outcome: Outcome
@@ -153,10 +162,10 @@ class Verification(StrictModel):
 
 
 class Metrics(StrictModel):
-    """Seconds per stage of one mission; execution is in simulated seconds, the rest wall time.
+    """Seconds per stage of one mission; execution is in simulated seconds, the rest in wall time.
 
-    End to end is from the command to the mission's end. The judge's verdicts on the outcome are no
-    part of that: they come when nobody needs the model.
+    End to end is from the command to the mission's end. It does not include the judge's verdicts on
+    outcomes, which are made when the model is idle.
     """
 
     retrieval_s: NonNegative = 0.0
@@ -169,7 +178,7 @@ class Metrics(StrictModel):
     judging_s: NonNegative = 0.0
     readings_s: NonNegative = Field(
         default=0.0,
-        description="looking for what else an unclear order may mean, after the verdict",
+        description="search for other readings of an unclear order, after the verdict",
     )
     decision_s: NonNegative = 0.0
     dispatch_s: NonNegative = 0.0
@@ -189,10 +198,10 @@ AlarmKind = Literal[
 
 
 class Alarm(StrictModel):
-    """One thing that needs a response; it stays open until its cause is gone.
+    """A situation that needs a response; it stays open until its cause is gone.
 
-    `command` is the mission that answers it, in plain language; empty when an operator's eye is
-    the whole response.
+    `command` is the mission that answers it, in plain language; empty if the operator only has to
+    see it.
     """
 
     id: str
@@ -207,7 +216,7 @@ class Alarm(StrictModel):
 
 
 class QueueEntry(StrictModel):
-    """One mission that waits, and why it stands where it stands (WF-04, WF-05)."""
+    """One waiting mission, and the reason for its position in the queue (WF-04, WF-05)."""
 
     mission: Mission
     priority: AlarmPriority
@@ -217,23 +226,13 @@ class QueueEntry(StrictModel):
 
 
 SubjectKind = Literal["asset", "track", "gate"]
-"""The subjects that a standing order watches, one by one."""
-
-MOST_STARTS = 6
-"""The number of missions that a standing order starts in an hour, unless it gives its own."""
-
-SUBJECT, PLACE = "{it}", "{place}"
-"""The placeholders in an order for its subject, and for that subject's gate."""
-
-
-DAY_S = 86400.0
-"""Seconds of a day."""
+"""The kinds of subjects that a standing order watches, one by one."""
 
 
 class Schedule(StrictModel):
-    """Moments of the station's clock: one, or a first one and those at an interval after it.
+    """One moment of the station's clock, or a first moment and repetitions at an interval.
 
-    Whole days are days of the station's calendar, so an hour stays the same in summer and winter.
+    An interval of whole days follows the calendar: the hour stays the same in summer and winter.
     """
 
     start: datetime = Field(description="the first moment")
@@ -242,12 +241,12 @@ class Schedule(StrictModel):
     until: datetime | None = Field(default=None, description="no moment is after it")
     times: int = Field(default=0, ge=0, description="the number of moments, 0 for no limit")
     stay_s: NonNegative = Field(
-        default=0.0, description="whoever went goes back after so long in place, 0 for not"
+        default=0.0, description="seconds in place after which the assets go back, 0: never"
     )
-    leave: datetime | None = Field(default=None, description="when whoever went goes back")
+    leave: datetime | None = Field(default=None, description="when the assets go back")
 
     to_base: bool = Field(
-        default=False, description="whoever went goes to the base then, not to the place before"
+        default=False, description="the assets go back to the base, not to their previous place"
     )
 
     @property
@@ -257,11 +256,11 @@ class Schedule(StrictModel):
 
     @property
     def stays(self) -> bool:
-        """True if the assets that it sends come back."""
+        """True if the assets that it sends return afterwards."""
         return self.stay_s > 0.0 or self.leave is not None
 
     def moment(self, number: int) -> datetime | None:
-        """Return the moment of that number from 0, None if there is no such moment."""
+        """Return the moment with this number, from 0; None if there is no such moment."""
         if number and (not self.every_s or (self.times and number >= self.times)):
             return None
         if self.every_s % DAY_S:
@@ -281,27 +280,27 @@ class Schedule(StrictModel):
 
 
 class Ban(StrictModel):
-    """A movement that no plan may contain: of these assets, to these places.
+    """A movement that no plan may contain: by these assets, to these places.
 
-    Without assets it is for every asset, without places for every movement.
+    Without assets it applies to every asset, without places to every movement.
     """
 
     assets: tuple[Name, ...] = ()
     places: tuple[Name, ...] = ()
 
     def forbids(self, agent: str, goal: str | None) -> bool:
-        """Return whether `agent` may not be sent to `goal`; None is where it stands."""
+        """Return whether `agent` may not be sent to `goal`; None is its present position."""
         if goal is None or (self.assets and agent not in self.assets):
             return False
         return not self.places or goal in self.places
 
 
 class StandingOrder(StrictModel):
-    """A trigger, and the order that it starts a mission with; or a ban, which starts none.
+    """A trigger, and the order of the missions that it starts; or a ban, which starts none.
 
     The trigger is a `condition` on the picture or a `schedule` of the station's clock. Each mission
-    is planned, checked and approved like any other; one whose order is `unasked` may be approved by
-    the standing order itself, as far as the rules allow.
+    is planned, checked and approved like any other. If the order is `unasked`, the standing order
+    itself may approve its missions, as far as the rules allow.
     """
 
     id: str = Field(pattern=r"^S[0-9]+$")
@@ -318,7 +317,7 @@ class StandingOrder(StrictModel):
     ban: Ban | None = Field(default=None, exclude_if=lambda ban: ban is None)
     words: str = Field(min_length=1, description="the trigger in plain words")
     order: str = Field(min_length=1, description="with {it} and {place} for the subject")
-    unasked: bool = Field(default=False, description="it says that nobody need be asked")
+    unasked: bool = Field(default=False, description="it states that no approval is needed")
     most_an_hour: int = Field(default=MOST_STARTS, ge=1, le=60)
 
     @model_validator(mode="after")
@@ -333,16 +332,16 @@ class StandingOrder(StrictModel):
 
     @property
     def once(self) -> bool:
-        """True if it starts one mission and is over then."""
+        """True if it starts one mission and then ends."""
         return self.schedule is not None and self.schedule.once
 
     def order_for(self, subject: str, place: str) -> str:
-        """Return the order for one subject, and the gate at which that is; '' for nowhere."""
+        """Return the order for one subject at the gate `place`; '' for no gate."""
         return self.order.replace(SUBJECT, subject).replace(PLACE, place)
 
     @property
     def order_in_words(self) -> str:
-        """The order as people read it."""
+        """The order in plain words."""
         if self.each is None:
             return self.order
         what = {"asset": "that asset", "track": "that track", "gate": "that gate"}[self.each]
@@ -350,7 +349,7 @@ class StandingOrder(StrictModel):
 
 
 class StandingStart(StrictModel):
-    """The mission that a standing order starts for one subject, '' for a moment of the clock."""
+    """The mission that a standing order starts for one subject, or '' for a moment of the clock."""
 
     subject: Name | Literal[""] = ""
     order: str

@@ -13,11 +13,11 @@ from pa_console.schema.command import COMMANDS, Verb
 MAX_ACTIONS = 64
 MAX_REASON = 600
 MAX_STAY_S = 3600.0
-"""The longest stay after an action, seconds."""
+"""The longest stay after an action, in seconds."""
 
 
 def _without_frame_prefix(value: object) -> object:
-    """Read the paper's `FRAME_Drone_T01` as `Drone_T01`."""
+    """Convert the paper's `FRAME_Drone_T01` to `Drone_T01`."""
     return value.replace("FRAME_", "") if isinstance(value, str) else value
 
 
@@ -25,7 +25,7 @@ Token = Annotated[str, BeforeValidator(_without_frame_prefix)]
 
 
 def _as_tuple(value: object) -> object:
-    """Read a list, which JSON has instead of a tuple."""
+    """Convert a list, JSON's form of a tuple."""
     return tuple(cast(list[object], value)) if isinstance(value, list) else value
 
 
@@ -35,7 +35,7 @@ Numbers = Annotated[tuple[int, ...], BeforeValidator(_as_tuple)]
 class Action(StrictModel):
     """One device command, e.g. agent `Drone_T01`, command `move_to EastGate`.
 
-    It is sent once telemetry has verified every action that it comes `after`.
+    It is sent once telemetry has verified every action in `after`.
     """
 
     agent: Token = Field(min_length=1, max_length=64)
@@ -51,7 +51,7 @@ class Action(StrictModel):
         ge=0.0,
         le=MAX_STAY_S,
         exclude_if=lambda seconds: not seconds,
-        description="seconds from its verification until what comes after it is sent",
+        description="seconds from its verification until later actions are sent",
     )
 
     @field_validator("command")
@@ -73,16 +73,16 @@ class Action(StrictModel):
 
     @property
     def target(self) -> str | None:
-        """The frame that the command names, None for a command without one."""
+        """The frame in the command, or None for a command without one."""
         words = self.command.split()
         return words[1] if len(words) > 1 else None
 
 
 class Plan(StrictModel):
-    """A reason and the actions it leads to.
+    """A reason and the actions that it leads to.
 
     Actions start together, in list order, unless they come after others. Raises ValueError for
-    actions that wait for themselves or for one that is not there.
+    actions that wait for themselves or for an action that does not exist.
     """
 
     reason: str = Field(max_length=MAX_REASON)
@@ -111,9 +111,10 @@ class Plan(StrictModel):
 
     @property
     def steps(self) -> tuple[tuple[int, ...], ...]:
-        """The numbers of the actions that are sent together, step after step.
+        """The numbers of the actions that are sent together, step by step.
 
-        A step begins once all that its actions come after is verified; one step where none waits.
+        A step begins once all actions that its own actions come after are verified. If no action
+        waits, there is one step.
         """
         if not any(action.after for action in self.actions):
             return (tuple(range(1, len(self.actions) + 1)),)
@@ -126,14 +127,14 @@ class Plan(StrictModel):
         return tuple(found)
 
     def part(self, numbers: Iterable[int]) -> "Plan":
-        """Return the plan of the actions of those numbers alone, which wait for nothing."""
+        """Return a plan of only the actions with these numbers, which wait for nothing."""
         chosen = tuple(
             self.actions[number - 1].model_copy(update={"after": ()}) for number in numbers
         )
         return Plan(reason=self.reason, actions=chosen)
 
     def depends_on(self, numbers: Iterable[int]) -> frozenset[int]:
-        """Return the actions of those numbers, and all that come after one of them."""
+        """Return the actions with these numbers, and all actions that come after one of them."""
         found = set(numbers)
         for step in self.steps:
             found.update(number for number in step if found & {*self.actions[number - 1].after})
@@ -141,7 +142,7 @@ class Plan(StrictModel):
 
     @property
     def agents(self) -> tuple[str, ...]:
-        """The agents addressed, in order, repeated if the plan repeats them."""
+        """The addressed agents in order, repeated as in the plan."""
         return tuple(action.agent for action in self.actions)
 
     @property

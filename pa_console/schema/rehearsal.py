@@ -1,4 +1,4 @@
-"""The results of a plan's run in a forked simulation (step 6), moment by moment and as a whole."""
+"""The results of a plan's run in a forked simulation (step 6): its moments and the whole."""
 
 from typing import Literal
 
@@ -32,7 +32,7 @@ class TrackMoment(StrictModel):
     )
     crowded: bool = Field(
         default=False,
-        description="too near, and not by an asset that is to identify or warn at its gate",
+        description="too near, by an asset without an order to identify or warn at its gate",
     )
     blocked: bool = Field(default=False, description="a UGV blocks its gate")
     block_ordered: bool = Field(
@@ -52,7 +52,7 @@ class TrackMoment(StrictModel):
 
 
 class OrderMoment(StrictModel):
-    """A command under way or done."""
+    """A command that is being carried out, or that is done."""
 
     agent: Name
     kind: AssetKind
@@ -62,7 +62,7 @@ class OrderMoment(StrictModel):
 
 
 class Moment(StrictModel):
-    """The state at `time_s`, simulated seconds; two equal but for the time count as one."""
+    """The state at `time_s` (simulated seconds); moments that differ only in time count as one."""
 
     time_s: NonNegative
     tracks: dict[Name, TrackMoment] = {}
@@ -80,7 +80,7 @@ class GateTimeline(StrictModel):
 
 
 class TrackTimeline(StrictModel):
-    """When things first happened to a track, in seconds from the start; None means never."""
+    """The first time of each event of a track, in seconds from the start; None means never."""
 
     observed_s: NonNegative | None = None
     ground_contact_s: NonNegative | None = Field(
@@ -118,14 +118,14 @@ TimedPoint = tuple[NonNegative, float, float]
 """Seconds from the start of the plan, then metres east and metres north."""
 
 GuardChange = tuple[NonNegative, tuple[Name, ...]]
-"""Seconds from the start of the plan, and who covers a gate from then on."""
+"""Seconds from the start of the plan, and the assets that cover a gate from then on."""
 
 
 class Motion(StrictModel):
-    """The positions of things during the plan, and the cover of each gate.
+    """The positions of assets and tracks during the plan, and the cover of each gate.
 
-    All times are in seconds from the start. Between two points of a trajectory the way is straight
-    and the speed even; a thing without one stood still.
+    All times are in seconds from the start. Between two points of a trajectory, the way is straight
+    and the speed constant; an asset or track without a trajectory stood still.
     """
 
     trajectories: dict[Name, tuple[TimedPoint, ...]] = Field(
@@ -135,7 +135,7 @@ class Motion(StrictModel):
         default={}, description="gate -> its guards at the start and at each change"
     )
     arrived_s: dict[Name, NonNegative] = Field(
-        default={}, description="addressed asset -> when it was first where it is sent"
+        default={}, description="addressed asset -> when it first reached its destination"
     )
     ended_s: dict[Name, NonNegative] = Field(
         default={}, description="addressed asset -> when its last command ended"
@@ -143,10 +143,10 @@ class Motion(StrictModel):
 
 
 class Rehearsal(StrictModel):
-    """`after` is the picture when the rehearsed plan had ended.
+    """The result of a rehearsal; `after` is the picture at the end of the rehearsed plan.
 
-    `motion` is empty in the log of an older console, and where nothing was rehearsed. `moments`
-    are the rehearsal's states as ordering rules see them, repeated ones left out.
+    `motion` is empty in the log of an older console, and if nothing was rehearsed. `moments` are
+    the rehearsal's states for ordering rules, without repetitions.
     """
 
     before: Picture
@@ -161,4 +161,4 @@ class RehearsedReading(StrictModel):
 
     plan: Plan
     rehearsal: Rehearsal
-    faults: tuple[str, ...] = Field(default=(), description="why nobody may approve the plan")
+    faults: tuple[str, ...] = Field(default=(), description="why the plan cannot be approved")

@@ -1,4 +1,4 @@
-"""Operational policy as data: rules, their checks and examples, and who vouches for a rule set."""
+"""Operational policy as data: rules, their checks and examples, and the seals of rule sets."""
 
 import re
 from collections.abc import Mapping
@@ -13,17 +13,19 @@ Domain = Literal["ROE", "WF", "CAP"]
 Priority = Literal["critical", "high", "medium"]
 PRIORITIES: tuple[Priority, ...] = ("critical", "high", "medium")
 PLACEHOLDER = re.compile(r"\{(track|gate)\}")
-"""The placeholder in the mission of a workflow's phase."""
+"""A placeholder in the mission of a workflow's phase."""
 Version = Annotated[str, StringConstraints(pattern=r"^([A-Za-z0-9][A-Za-z0-9._+-]{0,31})?$")]
-"""The version of a rule set, in quotes where it looks like a number; empty for none."""
+"""The version of a rule set, in quotes if it looks like a number; empty for none."""
+
+MOST_PEOPLE = 9
 
 
 class RuleExample(StrictModel):
     """A small plan and state that must pass or fail the rule's check.
 
-    `plan` maps agents to commands; `given` overlays the default state. With `moments` the example
-    is of the rule's orderings instead. The policy package's `examples` and `example_moments`
-    modules describe both notations.
+    `plan` has pairs of agent and command; `given` overrides parts of the default state. With
+    `moments`, the example is for the rule's orderings instead. `policy/authoring/examples.py`
+    describes both notations.
     """
 
     name: str
@@ -33,7 +35,7 @@ class RuleExample(StrictModel):
     plan: tuple[tuple[str, str], ...] = Field(default=(), description="(agent, command) pairs")
     given: dict[str, Any] = {}
     moments: tuple[dict[str, Any], ...] = Field(
-        default=(), description="what changes from one moment to the next"
+        default=(), description="the changes from one moment to the next"
     )
 
     @model_validator(mode="after")
@@ -49,7 +51,7 @@ class Ordering(StrictModel):
     """The order of events in a mission; `event` and `other` are CEL over a moment.
 
     With `each`, `it` (and its name `id`) is bound to every track or gate in turn; each of them is
-    followed by itself, from the moment at which it first appears.
+    followed separately, from the moment at which it first appears.
 
     before       `event` may first hold only at or after a moment at which `other` has held
     after        once `other` has held, `event` must hold at some moment before the mission ends
@@ -66,7 +68,7 @@ class Ordering(StrictModel):
     seconds: Positive | str | None = Field(
         default=None, description="a number, or CEL over the world that yields one"
     )
-    message: str = Field(min_length=1, description="what is wrong; the subjects are put after it")
+    message: str = Field(min_length=1, description="the problem; the subjects are appended")
 
     @model_validator(mode="after")
     def _seconds_fit(self) -> Self:
@@ -76,7 +78,7 @@ class Ordering(StrictModel):
 
 
 class Rule(StrictModel):
-    """One rule; without `check` and `order` it is judged by the LLM only."""
+    """One rule; without `check` and `order`, only the LLM judges it."""
 
     id: str = Field(pattern=r"^[A-Z]+-\d{2,}$")
     domain: Domain
@@ -87,23 +89,23 @@ class Rule(StrictModel):
     check: str | None = Field(
         default=None, description="CEL that must hold: true, or an empty list of the offenders"
     )
-    message: str = Field(default="", description="what is wrong; the offenders are put after it")
+    message: str = Field(default="", description="the problem; the offenders are appended")
     order: tuple[Ordering, ...] = ()
     examples: tuple[RuleExample, ...] = ()
     in_prompts: bool = Field(
         default=True,
         exclude_if=lambda shown: shown,
-        description="false: no model is given it; software alone enforces it",
+        description="false: no model sees it; only software enforces it",
     )
 
     @property
     def decidable(self) -> bool:
-        """True if software can decide it, wholly or in part."""
+        """True if software can decide it, completely or in part."""
         return self.check is not None or bool(self.order)
 
     @property
     def enforced(self) -> bool:
-        """True if a violation blocks the plan for everyone (critical or high, and decidable)."""
+        """True if a violation always blocks the plan (critical or high, and decidable)."""
         return self.decidable and self.priority in ("critical", "high")
 
     @model_validator(mode="after")
@@ -127,7 +129,7 @@ class Rule(StrictModel):
 
 
 def _only_placeholders(command: str) -> str:
-    """Refuse a brace that is not part of a plain placeholder: none can format or look inside."""
+    """Refuse braces other than plain placeholders, so that no format expression can be inserted."""
     rest = PLACEHOLDER.sub("", command)
     if "{" in rest or "}" in rest:
         begun = re.search(r"\{[^}]{0,20}\}?|\}", rest)
@@ -139,31 +141,31 @@ def _only_placeholders(command: str) -> str:
 
 
 class Phase(StrictModel):
-    """One step of a workflow: planned, checked, judged and approved on its own.
+    """One step of a workflow: planned, checked, judged and approved separately.
 
-    `when` and `done` are CEL over a moment, with `it` bound to the workflow's track. A phase
-    whose `done` holds is over; another one whose `when` does not hold is skipped. Its planner is
-    given no other commands than `verbs`, if there are any; checks and judge see to the rest.
+    `when` and `done` are CEL over a moment, with `it` bound to the workflow's track. A phase is
+    over if `done` holds; otherwise it is skipped if `when` does not hold. If `verbs` are given, the
+    planner can use only these commands; everything else is left to checks and judge.
     """
 
     name: str
     command: Annotated[str, AfterValidator(_only_placeholders)] = Field(
-        min_length=1, description="its mission; {track} and {gate} are put in"
+        min_length=1, description="its mission; {track} and {gate} are filled in"
     )
     verbs: tuple[Verb, ...] = ()
     when: str = "true"
     done: str
 
     def mission(self, track: str, gate: str) -> str:
-        """Return its command with the two names put in as they are."""
+        """Return the command with the two names inserted unchanged."""
         return PLACEHOLDER.sub(lambda found: track if found[1] == "track" else gate, self.command)
 
 
 class Workflow(StrictModel):
     """A sequence of phases over several plans that a rule prescribes (WF-01).
 
-    `starts` is CEL over a moment with `it` bound to a track at one of the mission's gates; `ends`
-    is likewise and closes the workflow, early or after its last phase, with what it means.
+    `starts` is CEL over a moment, with `it` bound to a track at one of the mission's gates. `ends`
+    maps outcomes to the same kind of CEL, which closes the workflow, early or after its last phase.
     """
 
     id: str = Field(pattern=r"^[a-z][a-z0-9-]*$")
@@ -181,13 +183,11 @@ ACTS = (
     "first_order",
 )
 """The acts that may need more than one person: a command that moves an asset, overriding the judge,
-acknowledging a broken Medium rule, and the first order to a vehicle that had none before."""
-
-MOST_PEOPLE = 9
+acknowledging a broken Medium rule, and the first order to a vehicle."""
 
 
 def _people(approvals: dict[str, int]) -> dict[str, int]:
-    """Refuse approvals by no person, impossible numbers, and any for a stop, which never waits."""
+    """Refuse unknown acts, impossible numbers, and `hold` and `report`, which never wait."""
     for act, people in approvals.items():
         if act in STILL:
             raise ValueError(f"{act!r} moves nobody and waits for no second person; take it out")
@@ -199,15 +199,15 @@ def _people(approvals: dict[str, int]) -> dict[str, int]:
 
 
 def approvals_in_words(approvals: Mapping[str, int]) -> str:
-    """Return what more than one person must approve, e.g. `block 2, override 2`; '' for nothing."""
+    """Return the acts that need several people, e.g. `block 2, override 2`; '' for none."""
     return ", ".join(f"{act} {people}" for act, people in approvals.items() if people > 1)
 
 
 class StandingLimits(StrictModel):
     """The limits of standing orders; by default they carry out nothing without approval.
 
-    A plan that a standing order started, and that states that no approval is needed, is carried out
-    unasked if every command in it that moves an asset is `allowed`.
+    If a standing order states that no approval is needed, a plan that it started is carried out
+    without one if every command in it that moves an asset is `allowed`.
     """
 
     allowed: tuple[Verb, ...] = Field(
@@ -218,20 +218,20 @@ class StandingLimits(StrictModel):
 class RuleSet(StrictModel):
     """A rule file: every rule in force, and the workflows that they prescribe.
 
-    `approvals` says what more than one person must approve, and how many; `standing` what standing
-    orders may do unasked.
+    `approvals` are the acts that need several people, with their numbers; `standing` limits what
+    standing orders may do without approval.
     """
 
     name: str
     version: Version = ""
     source: str = ""
     approvals: Annotated[dict[str, int], AfterValidator(_people)] = Field(
-        default={}, description="act -> people who must approve it, where that is not one"
+        default={}, description="act -> number of people who must approve it, if not one"
     )
     standing: StandingLimits = Field(
         default_factory=StandingLimits,
         exclude_if=lambda limits: not limits.allowed,
-        description="what standing orders may do unasked",
+        description="what standing orders may do without approval",
     )
     rules: tuple[Rule, ...] = Field(min_length=1)
     workflows: tuple[Workflow, ...] = ()
@@ -246,7 +246,7 @@ class RuleSet(StrictModel):
 
 
 class RuleHit(StrictModel):
-    """One retrieved rule with every component of its score."""
+    """One retrieved rule with every part of its score."""
 
     rule_id: str
     score: float
@@ -270,11 +270,11 @@ SHORT = 12
 class RulesSeal(StrictModel):
     """A rule set's version, the hash of its content, and its standing.
 
-    `key` is the fingerprint of the key of an intact signature, `signer` the name that it has among
-    the known keys; `problem` says what is wrong with an altered set. `accepted` says why the
-    operator had to accept the set, empty when it was taken by itself. `core` is the hash of the
-    core that is in force besides, empty for none. A set with `no_critical_check` has no critical
-    rule of its own that software decides.
+    `key` is the fingerprint of the key of an intact signature, and `signer` its name among the
+    known keys; `problem` describes an altered set. `accepted` is the reason why the operator had to
+    accept the set, or '' if it was accepted automatically. `core` is the hash of the core that is
+    also in force, or ''. A set with `no_critical_check` has no critical rule of its own that
+    software decides.
     """
 
     version: Version = ""
@@ -289,17 +289,17 @@ class RulesSeal(StrictModel):
 
     @property
     def altered(self) -> bool:
-        """True if it was signed and has changed since."""
+        """True if it was signed and has changed since then."""
         return self.standing == "altered"
 
     @property
     def words(self) -> str:
-        """The standing as people read it."""
+        """The standing in plain words."""
         return _WORDS[self.standing] + (f" ({self.signer})" if self.signer else "")
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """The warnings about the set, shown in red wherever it is shown."""
+        """The warnings about the set, which are shown in red with it."""
         told: list[str] = []
         if self.accepted:
             told.append(f"accepted by the operator although: {self.accepted}")
@@ -309,13 +309,13 @@ class RulesSeal(StrictModel):
 
     @property
     def title(self) -> str:
-        """The version, if there is one, and the beginning of the hash."""
+        """The version, if any, and the beginning of the hash."""
         version = f"version {self.version}" if self.version else ""
         return f"{version} {self.content_sha256[:SHORT]}".strip()
 
 
 class RulesSignature(StrictModel):
-    """A signature file: what was signed, the public key, and its signature, in hexadecimal."""
+    """A signature file: the signed facts, the public key and its signature, in hexadecimal."""
 
     name: str
     version: Version

@@ -16,18 +16,18 @@ Task = Literal[
 Identity = Literal["unknown", "authorized", "unauthorized"]
 Intent = Literal["unknown", "benign", "hostile"]
 IdentityClaim = Literal["authorized", "unauthorized", "hostile"]
-"""A source's claim of an identity; a claim of hostile contradicts authorized."""
+"""A source's claim about an identity; `hostile` contradicts `authorized`."""
 TrackStatus = Literal["approaching", "stopped", "leaving", "inside"]
 Integrity = Literal["ok", "suspect"]
 Weather = Literal["clear", "rain", "fog"]
 
 
 class AssetTelemetry(StrictModel):
-    """The latest report of one asset; `stamp_s` is when it was sent, in simulated seconds.
+    """The latest report of one asset; `stamp_s` is the time of sending, in simulated seconds.
 
-    `comms`, `stale`, `integrity` and `available` are the station's own conclusions from which
-    reports arrived, and when; everything else is what the asset said. An asset is `manual` by its
-    own report, or because an operator of this station has taken manual control.
+    `comms`, `stale`, `integrity` and `available` are the station's own conclusions from the reports
+    that arrived and their times; everything else is from the asset's report. An asset is `manual`
+    by its own report, or because an operator of this station has taken manual control.
     """
 
     id: Name
@@ -57,7 +57,7 @@ class AssetTelemetry(StrictModel):
         default=False,
         exclude_if=lambda manual: not manual,
         repr=False,
-        description="a person drives it: the console sends it no command but a stop's hold",
+        description="a person drives it: the console sends it only the hold of a stop",
     )
     battery_known: bool = Field(
         default=True,
@@ -68,16 +68,16 @@ class AssetTelemetry(StrictModel):
 
     @property
     def charge(self) -> str:
-        """Return the level of the battery in words."""
+        """The charge of the battery in words."""
         return f"{self.battery_pct:.0f} %" if self.battery_known else "unknown"
 
 
 class Track(StrictModel):
-    """A detected vehicle or person that is not ours, as estimated from the sensors' detections.
+    """A detected vehicle or person outside the team, as estimated from detections.
 
-    `stamp_s` is when it was last detected. `intent` is hostile only once two independent sensors
-    have reported so (ROE-01, ROE-10); `hostile_by` names those that have. `identity` is unknown
-    while sources contradict each other, unless two or more of them outweigh the rest.
+    `stamp_s` is the time of the last detection. `intent` is hostile only after two independent
+    sensors have reported so (ROE-01, ROE-10); `hostile_by` has the sensors that did. `identity` is
+    unknown while sources contradict each other, unless two or more of them outweigh the rest.
     """
 
     id: Name
@@ -105,22 +105,22 @@ class Track(StrictModel):
         exclude_if=lambda marked: not marked,
         description="a sensor recognises an emergency vehicle: ambulance, fire engine, police",
     )
-    defiant: bool = Field(default=False, description="it went on after it had been warned")
+    defiant: bool = Field(default=False, description="it continued after it had been warned")
     identity_claims: dict[Name, IdentityClaim] = Field(
         default={},
         exclude_if=lambda claims: not claims,
-        description="what each source says of its identity, while they contradict each other",
+        description="each source's claim about its identity, while they contradict each other",
     )
 
     @property
     def dispute(self) -> str:
-        """Return the claims on a disputed identity in words, empty while it is not disputed."""
+        """The claims about a disputed identity in words, or '' if it is not disputed."""
         said = ", ".join(f"{name} says {claim}" for name, claim in self.identity_claims.items())
         return f"identity disputed: {said}" if said else ""
 
 
 class CameraReport(StrictModel):
-    """The condition of a gate's camera, by its own link."""
+    """The condition of a gate's camera, reported over its own link."""
 
     gate: Name
     works: bool
@@ -130,8 +130,8 @@ class CameraReport(StrictModel):
 class GateCover(StrictModel):
     """The cover of a gate: its guards, and the time since it had any.
 
-    `unsure` are assets whose last report puts them there, but is stale or suspect: with nobody else
-    there, the gate's cover is unknown and counts as none.
+    `unsure` are assets whose last report places them there but is stale or suspect. If no other
+    asset is there, the gate's cover is unknown and counts as none.
     """
 
     covered: bool
@@ -146,7 +146,7 @@ class GateCover(StrictModel):
 
 
 class Picture(StrictModel):
-    """The common operational picture at `time_s`: assets, tracks and cover per gate by name."""
+    """The common operational picture at `time_s`: assets, tracks and gate cover by name."""
 
     tick: int
     time_s: NonNegative
@@ -168,7 +168,7 @@ class Picture(StrictModel):
 
 
 class Selection(StrictModel):
-    """The part of the picture in a prompt, with reasons; the rest is left out of it."""
+    """The part of the picture that is in a prompt, with reasons; the rest is left out."""
 
     gates: dict[Name, str] = Field(description="gate -> why it matters")
     tracks: dict[Name, str] = {}
@@ -178,7 +178,7 @@ class Selection(StrictModel):
 
 
 class Digest(StrictModel):
-    """The picture as an operator would ask for it; what the models are given (step 3)."""
+    """The picture as the models see it (step 3), with the facts that an operator would ask for."""
 
     covered: dict[Name, int] = Field(description="number of assets covering each gate")
     uncovered: tuple[Name, ...]
@@ -192,9 +192,9 @@ class Digest(StrictModel):
         default_factory=dict[Name, Name], description="asset that is down -> the gate it covered"
     )
     unknown: tuple[str, ...] = Field(
-        default=(), description="one line for each gate or asset of which nothing fresh is known"
+        default=(), description="one line for each gate or asset without fresh data"
     )
     low_battery: tuple[Name, ...]
     degraded_comms: tuple[Name, ...] = ()
-    tracks: tuple[str, ...] = Field(description="one line a track, nearest first")
+    tracks: tuple[str, ...] = Field(description="one line per track, nearest first")
     selection: Selection | None = Field(default=None, description="None: nothing was left out")

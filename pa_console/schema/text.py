@@ -1,9 +1,9 @@
 r"""Text for people: numbers in words, and characters that would hide or move other text.
 
-An escape sequence in a rule's text can fill the clipboard; a bidirectional control can turn "do not
-hold" round; a tag character is not visible. They are the control characters (C0, DEL, C1), all that
-Unicode calls a format character (bidirectional, zero-width, tags), lone surrogates, and the line
-and paragraph separators. Wherever text leaves the program each of them is written as its escape:
+An escape sequence in a rule's text can fill the clipboard; a bidirectional control can reverse "do
+not hold"; a tag character is invisible. Such characters are the control characters (C0, DEL, C1),
+all format characters of Unicode (bidirectional, zero-width, tags), lone surrogates, and the line
+and paragraph separators. Wherever text leaves the program, each of them is written as its escape:
 `\x1b`, `\u202e`, `\U000e0041`. The log keeps the true text.
 """
 
@@ -11,6 +11,18 @@ import json
 import re
 import unicodedata
 from collections.abc import Sequence
+
+_FORMAT = (
+    "\u00ad\u0600-\u0605\u061c\u06dd\u070f\u0890-\u0891\u08e2\u180b-\u180f\u200b-\u200f\u2028-\u202e"
+    "\u2060-\u206f\ufe00-\ufe0e\ufeff\ufff0-\ufffb"
+    "\U000110bd\U000110cd\U00013430-\U0001343f\U0001bca0-\U0001bca3\U0001d173-\U0001d17a"
+    "\U000e0000-\U000e0fff"
+)
+_UNSEEN = re.compile(f"[\x00-\x08\x0b-\x1f\x7f-\x9f{_FORMAT}\ud800-\udfff]")
+_OBEYED = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff"
+    "\U000e0000-\U000e007f]"
+)
 
 
 def count(number: int, thing: str) -> str:
@@ -39,45 +51,33 @@ def duration_text(seconds: float) -> str:
     return f"{seconds * 1000:.0f} ms" if seconds < 1 else f"{seconds:.1f} s"
 
 
-_FORMAT = (
-    "\u00ad\u0600-\u0605\u061c\u06dd\u070f\u0890-\u0891\u08e2\u180b-\u180f\u200b-\u200f\u2028-\u202e"
-    "\u2060-\u206f\ufe00-\ufe0e\ufeff\ufff0-\ufffb"
-    "\U000110bd\U000110cd\U00013430-\U0001343f\U0001bca0-\U0001bca3\U0001d173-\U0001d17a"
-    "\U000e0000-\U000e0fff"
-)
-_UNSEEN = re.compile(f"[\x00-\x08\x0b-\x1f\x7f-\x9f{_FORMAT}\ud800-\udfff]")
-_OBEYED = re.compile(
-    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff"
-    "\U000e0000-\U000e007f]"
-)
-
-
 def visible(text: str) -> str:
-    """Return `text` with every character that would be obeyed or not be seen as its escape.
+    """Return `text` with escapes for characters that a terminal obeys or that are invisible.
 
-    Line feeds and tabs stay: they are layout.
+    Line feeds and tabs are kept, because they are layout.
     """
     return text if _UNSEEN.search(text) is None else _UNSEEN.sub(_escape, text)
 
 
 def visible_line(text: str) -> str:
-    r"""Return `text` likewise where it has to stay on one line: line feeds are `\n`, tabs `\t`."""
+    r"""Return `text` like `visible`, on one line: line feeds become `\n`, tabs `\t`."""
     return visible(text).replace("\n", r"\n").replace("\t", r"\t")
 
 
 def visible_json(document: str) -> str:
-    """Return a JSON `document` that means the same and holds no such character, laid out as it is.
+    """Return a JSON `document` with JSON escapes for such characters; layout and meaning stay.
 
-    JSON has its own escapes for them, so who parses it reads the true text.
+    A program that parses it reads the true text.
     """
     return document if _UNSEEN.search(document) is None else _UNSEEN.sub(_json_escape, document)
 
 
 def obeyed(text: str) -> str:
-    """Return the name of the first character of `text` that no file may hold, '' if none does.
+    """Return the name of the first character of `text` that no file may contain, or ''.
 
-    They are those that move a cursor, change a terminal or turn the order of reading; zero-width
-    characters are letters' joiners in some languages, and are only shown.
+    Such characters move a cursor, change a terminal or reverse the reading order. Zero-width
+    characters are allowed, because some languages join letters with them; they are only made
+    visible.
     """
     found = _OBEYED.search(text)
     if found is None:

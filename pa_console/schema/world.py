@@ -1,4 +1,4 @@
-"""The checkpoint as data: frames, walls, lanes, zones, platforms and assets, all in metres."""
+"""The checkpoint as data: frames, walls, lanes, zones, platforms and assets, in metres."""
 
 from math import atan2, degrees, floor, hypot
 from typing import Annotated, Literal, Self, get_args
@@ -11,13 +11,19 @@ from pa_console.schema.base import Name, NonNegative, Percent, Point, Positive, 
 AssetKind = Literal["uav", "ugv", "robot"]
 KINDS: tuple[AssetKind, ...] = get_args(AssetKind)
 PLAIN_KINDS: dict[AssetKind, str] = {"uav": "drone", "ugv": "vehicle", "robot": "robot"}
-"""The plain names of the asset kinds, which the models read too."""
+"""The plain names of the asset kinds, which are also used in prompts."""
 LostLink = Literal["hold", "return_to_base"]
 MOST_POINTS = 100
 """The largest number of points of a line or a polygon."""
 MOST_CORNERS = 1000
-"""The largest number of corners of perimeter, zones and walls together, four a wall: routes are
-planned round them."""
+"""The limit on corners of perimeter, zones and walls in total, with four per wall: routes are
+planned around them."""
+
+OCCUPIED_CELL, FREE_CELL, UNKNOWN_CELL = "#", ".", "?"
+"""The characters of a background's cells."""
+
+MOST_ROWS = 400
+"""The largest number of rows and of columns of a background."""
 
 
 class Frame(StrictModel):
@@ -74,7 +80,7 @@ class Camera(Sensing):
         default=None,
         max_length=500,
         exclude_if=lambda url: url is None,
-        description="where it gives a picture as JPEG or PNG: http://10.0.0.7/snapshot.jpg",
+        description="address of its JPEG or PNG image: http://10.0.0.7/snapshot.jpg",
     )
 
     @field_validator("snapshot")
@@ -94,7 +100,7 @@ class Camera(Sensing):
 
 
 class Radio(StrictModel):
-    """The link between the station and every asset while nothing disturbs it.
+    """The undisturbed link between the station and every asset.
 
     A message takes `latency_s` and up to `jitter_s` more, and is lost with probability `loss`.
     """
@@ -118,7 +124,7 @@ class Platform(Sensing):
 
 
 class AssetSpec(StrictModel):
-    """One asset of the team and the frame where it starts its watch."""
+    """One asset of the team and the frame where it is posted at the start."""
 
     kind: AssetKind
     post: Name
@@ -140,19 +146,12 @@ class Origin(StrictModel):
         default=None,
         ge=-500.0,
         le=9000.0,
-        description="metres of the ground above the ellipsoid; None: nobody said",
+        description="height of the ground above the ellipsoid in metres; None: unknown",
     )
 
 
-OCCUPIED_CELL, FREE_CELL, UNKNOWN_CELL = "#", ".", "?"
-"""The characters of a background's cells."""
-
-MOST_ROWS = 400
-"""The largest number of rows and of columns of a background."""
-
-
 class Background(StrictModel):
-    """A robot's map under the world's: what is drawn, and no barrier to any route."""
+    """A robot's map as the background of a world; it is only drawn and blocks no route."""
 
     origin: Point = Field(description="the lower left corner, metres")
     cell_m: Positive = Field(description="the side of a cell, metres")
@@ -164,7 +163,7 @@ class Background(StrictModel):
 
     @property
     def size_m(self) -> tuple[float, float]:
-        """Its extent in metres, east and north."""
+        """The size in metres, east and north."""
         return len(self.rows[0]) * self.cell_m, len(self.rows) * self.cell_m
 
     def is_occupied(self, point: Point) -> bool:
@@ -187,7 +186,7 @@ Alias = Annotated[str, StringConstraints(pattern=r"^[a-z0-9]+( [a-z0-9]+){0,3}$"
 
 
 class World(StrictModel):
-    """Everything about a checkpoint that does not change while it is simulated."""
+    """All properties of a checkpoint that do not change during a simulation."""
 
     name: Name
     title: str
@@ -219,17 +218,17 @@ class World(StrictModel):
         default={},
         max_length=MOST_ALIASES,
         exclude_if=lambda names: not names,
-        description="what people here call an asset or a place: {yard: Checkpoint}",
+        description="local names of assets and places: {yard: Checkpoint}",
     )
 
     @property
     def gates(self) -> tuple[str, ...]:
-        """Names of the gate frames, in file order."""
+        """The names of the gate frames, in file order."""
         return tuple(name for name, frame in self.frames.items() if frame.kind == "gate")
 
     @property
     def base(self) -> str:
-        """Name of the frame to which `return_to_base` leads."""
+        """The name of the frame to which `return_to_base` leads."""
         return next(name for name, frame in self.frames.items() if frame.kind == "base")
 
     @model_validator(mode="after")

@@ -1,1 +1,1 @@
-"""A session: its hash-chained log, its state as a fold over events, its replay and its traces."""
+"""Sessions: the hash-chained log, the state folded from events, replay and mission traces."""

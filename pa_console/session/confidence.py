@@ -1,10 +1,10 @@
-"""The chance that a reading of an order is right, given who has read it so.
+"""The chance that a reading of an order is right, given the readers that share it.
 
 A model's own chance means little by itself: a reading with a chance of 40 % is nearly always right
 if a second reader agrees, and far less often if it disagrees. The readings of an order therefore
-compete. Each has a weight of evidence, to which every reader who shares it adds; its chance is its
-share in the weights of all readings and of one more possibility, that none of them is right (a
-conditional logit). A greater chance of a reader never lowers it, and a gap never raises it.
+compete. Each has a weight of evidence, to which every reader that shares it adds. Its chance is its
+share of the total weight, which includes one more possibility: that none of the readings is right
+(a conditional logit). A reader's greater chance never lowers it, and a gap never raises it.
 
 The weights are fitted to 336 generated orders that no model has seen in training: 180 of the seeds
 434 and 436, most of them in people's own words, and 156 of the seed 438 in held-out words.
@@ -13,8 +13,8 @@ Cross-validated by situation, the expected calibration error is 0.04. To fit the
     python -m pa_training.confidence.read_orders --out ORDERS.jsonl
     python -m pa_training.confidence.fit ORDERS.jsonl
 
-The confidence alone approves nothing: after a gap, and beside another reading that may be right, a
-plan cannot be approved without a warning at any confidence (`mission/approval.py`).
+Confidence alone is not enough for an approval without a warning: after a gap, or if another reading
+may be right, the operator is warned at any confidence (`mission/approval.py`).
 """
 
 import math
@@ -25,25 +25,35 @@ Reader = Literal["planner", "judge", "second"]
 """A model that reads an order: the planner, the judge, or the second reader."""
 
 UNSURE = 0.8
-"""The confidence below which an order may be misunderstood."""
+"""The confidence below which an order counts as possibly misunderstood."""
 
 LEAST_CHANCE, MOST_CHANCE = 0.01, 0.99
-"""Bounds of a chance: the last per mille of a model's chance have no meaning."""
+"""Bounds of a chance: differences beyond them in a model's chance have no meaning."""
+
+MOST_DOUBTED = 0.75
+"""The greatest confidence in a reading with a gap that no second reader confirms, and in a reading
+of the second reader alone. The second reader was trained on phrasings like those of the fitted
+orders, so it is right more often there than elsewhere."""
+
+MOST_GAPS = 3
+"""The greatest number of gaps that is counted."""
+RIVAL = 0.1
+"""The chance of another reading from which an order counts as doubtful."""
 
 
 class Evidence(NamedTuple):
     """The evidence for one reading of an order."""
 
     planner: float | None = None
-    """The planner's chance of it; None if the planner reads something else, or reports none."""
+    """The planner's chance for it; None if the planner has another reading or reports no chance."""
     judge: float | None = None
     second: float | None = None
     gaps: int = 0
-    """The number of words that it leaves over, and of names and tasks that no word supports."""
+    """The number of unused words, plus the number of names and tasks that no word supports."""
 
     @property
     def told(self) -> dict[Reader, float]:
-        """The probabilities from the readers with this reading, if they report any."""
+        """The chances from the readers that have this reading and report one."""
         told: dict[Reader, float | None] = {
             "planner": self.planner,
             "judge": self.judge,
@@ -53,7 +63,7 @@ class Evidence(NamedTuple):
 
 
 class WeighedReading(NamedTuple):
-    """A reading of an order, the reader whose words it has, and how likely it is right."""
+    """A reading of an order, the reader with these words, and the chance that it is right."""
 
     asked: str
     reader: Reader
@@ -68,28 +78,20 @@ class Coefficients(NamedTuple):
     both: float = 0.0
     """The weight of a reading that planner and judge share."""
     odds: float = 0.0
-    """The factor of the log odds of the lower of their chances."""
+    """The weight of the log odds of the lower of their chances."""
     second: float = 0.0
     """The weight of a reading of the second reader."""
     second_odds: float = 0.0
-    """The factor of the log odds of its chance."""
+    """The weight of the log odds of the second reader's chance."""
     gaps: float = 0.0
-    """The weight of each gap beyond those of the reading with the fewest."""
+    """The weight of each gap beyond those of the reading with the fewest gaps."""
 
 
 FITTED = Coefficients(1.034, 0.147, 0.425, 0.083, 0.513, -1.409)
 
-MOST_DOUBTED = 0.75
-"""The most confidence in a reading with a gap that no second reader confirms, and in a reading of
-the second reader alone: it was trained on phrasings like those of the fitted orders, so it is right
-more often there than elsewhere."""
-
-MOST_GAPS = 3
-"""More gaps count as these."""
-
 
 def features(readings: Sequence[Evidence]) -> list[tuple[float, ...]]:
-    """Return the factors of the coefficients, in their order, for each reading of one order."""
+    """Return the inputs of the coefficients, in their order, for each reading of one order."""
     gaps = [min(read.gaps, MOST_GAPS) for read in readings]
     found = list[tuple[float, ...]]()
     for read, count in zip(readings, gaps, strict=True):
@@ -102,7 +104,7 @@ def features(readings: Sequence[Evidence]) -> list[tuple[float, ...]]:
 
 
 def chances(readings: Sequence[Evidence], by: Coefficients = FITTED) -> list[float]:
-    """Return the chance of each of the `readings` of one order; at most 1 together."""
+    """Return the chance of each of the `readings` of one order; their sum is at most 1."""
     weights = [
         math.exp(sum(factor * weight for factor, weight in zip(each, by, strict=True)))
         for each in features(readings)
@@ -115,12 +117,12 @@ def chances(readings: Sequence[Evidence], by: Coefficients = FITTED) -> list[flo
 
 
 def _doubted(read: Evidence) -> bool:
-    """Return whether a reading with a gap, or of the second reader, is unconfirmed."""
+    """Return whether a reading with a gap, or the second reader's alone, is unconfirmed."""
     return read.gaps > 0 if read.second is None else len(read.told) == 1
 
 
 def calibrated_confidence(read: Evidence) -> float | None:
-    """Return the chance of a reading that is the only one; None if no reader reports a chance."""
+    """Return the chance of the only reading of an order; None if no reader reports a chance."""
     return chances([read])[0] if read.told else None
 
 
@@ -131,15 +133,11 @@ def weighed(readings: Sequence[WeighedReading]) -> tuple[WeighedReading, ...]:
     return tuple(sorted(found, key=lambda reading: -reading.chance))
 
 
-RIVAL = 0.1
-"""The chance of another reading from which an order is in doubt."""
-
-
 def read_apart(served: WeighedReading, readings: Sequence[WeighedReading]) -> bool:
-    """Return True if another of `readings` is likely enough to be right instead of `served`.
+    """Return True if another of `readings` may be right instead of `served`.
 
-    It may if its chance is not small or nobody measured it, or if one reader alone has read what is
-    served.
+    It may be if its chance is RIVAL or more, if its chance is unknown, or if only one reader has
+    the reading that is served.
     """
     others = [each for each in readings if each != served]
     if others and len(served.evidence.told) < 2:
@@ -148,6 +146,6 @@ def read_apart(served: WeighedReading, readings: Sequence[WeighedReading]) -> bo
 
 
 def log_odds(chance: float) -> float:
-    """Return the logarithm of the odds of a `chance`, which is bounded away from certainty."""
+    """Return the log odds of `chance`, which is first limited to the bounds of chances."""
     kept = min(max(chance, LEAST_CHANCE), MOST_CHANCE)
     return math.log(kept / (1.0 - kept))

@@ -1,12 +1,13 @@
-"""An index of a log, saved for the next time: places of events, a timeline, and keyframes.
+"""A saved index of a log: the places of its events, a timeline, and keyframes.
 
 A keyframe is the folded session at some event, as JSON without its picture, which the log has. Its
-missions are packed one by one, each again only when it has changed since the keyframe before. After
-a seek, at most FRAME_EVENTS events or FRAME_BYTES bytes that are not telemetry are left to fold.
+missions are packed one by one, and again only if they changed since the previous keyframe. After a
+seek, at most FRAME_EVENTS events or FRAME_BYTES bytes that are not telemetry are left to fold.
 
-The file of an index has one line of JSON (size and times of the log, the sizes of the rest, and a
-checksum), then the columns as they are in memory, then the packed keyframes. It is used only if it
-is whole, of the unchanged log, and made by the same code on the same kind of machine.
+The file of an index has one line of JSON (size and times of the log, the sizes of the other parts,
+and a checksum), then the columns as they are in memory, then the packed keyframes. It is used only
+if it is complete, belongs to the unchanged log, and was made by the same code on the same kind of
+machine.
 """
 
 import hashlib
@@ -49,23 +50,32 @@ FRAME_BYTES = 256 * 1024
 _LINES_A_STEP = 2048
 
 Progress = Callable[[int, int], None]
-"""A function that takes the bytes read so far and those to be read in all."""
+"""A function that is called with the bytes read so far and the total number of bytes."""
 
 _Place = tuple[int, int]
 """Position and size of packed bytes."""
 
+_PICTURE = b',"data":{"picture":{'
+_END = re.compile(rb'\}\},"prev":"[0-9a-f]*","hash":"[0-9a-f]*"\}$')
+_TAIL = 400
+"""The number of bytes at the end of a line that contain the two hashes."""
+KEPT = 12
+"""The number of saved indexes; the most recently used ones are kept."""
+
+_SUFFIX = ".replay-index"
+
 
 class LogIndex:
-    """An index that finds every event of a log and the session at its keyframes.
+    """An index of every event of a log, with the session at its keyframes.
 
-    `positions` has one more entry than there are events, where the last line ends. `frames` are
+    `positions` has one more entry than there are events, for the end of the last line. `frames` are
     the event counts of the keyframes, `frame_at` and `frame_size` their places in `blobs`.
     """
 
     def __init__(self, blobs: IO[bytes], first: int = 0) -> None:
-        """Begin with no event; packed keyframes and missions are in `blobs` from byte `first` on.
+        """Begin without events; packed keyframes and missions are in `blobs` from byte `first`.
 
-        The file is closed with the last use of the index.
+        The file is closed when the index is no longer used.
         """
         self.timeline = RecordingTimeline()
         self.problem: LogError | None = None
@@ -89,7 +99,7 @@ class LogIndex:
         }
 
     def frame_before(self, count: int) -> int:
-        """Return the event count of the last keyframe of at most `count` events; 0 is the start."""
+        """Return the event count of the last keyframe up to `count` events; 0 is the start."""
         place = bisect_right(self.frames, count)
         return self.frames[place - 1] if place else 0
 
@@ -105,7 +115,7 @@ class LogIndex:
         return state
 
     def shelf(self, places: Mapping[str, _Place]) -> "MissionShelf":
-        """Return the missions that are packed at `places`."""
+        """Return the missions packed at `places`."""
         return MissionShelf(
             places, lambda name: _missions().validate_json(self._blob(places[name]))
         )
@@ -132,7 +142,7 @@ class LogIndex:
         return size
 
 
-# The adapters take long to build: they are made with the first recording, not with a console.
+# The adapters take long to build, so they are made with the first recording.
 @cache
 def _keyframes() -> TypeAdapter[tuple[dict[str, _Place], SessionState]]:
     return TypeAdapter(tuple[dict[str, _Place], SessionState])
@@ -147,7 +157,7 @@ class MissionShelf(MutableMapping[str, MissionTrace]):
     """Missions by id, in the order of their arrival; each is loaded on first access."""
 
     def __init__(self, kept: Mapping[str, _Place], load: Callable[[str], MissionTrace]) -> None:
-        """`load` returns one of the missions that are `kept`."""
+        """Keep the order of `kept`; `load` returns one of these missions."""
         self._order = dict.fromkeys(kept)
         self._load = load
         self._loaded: dict[str, MissionTrace] = {}
@@ -175,12 +185,6 @@ class MissionShelf(MutableMapping[str, MissionTrace]):
 
     def __len__(self) -> int:
         return len(self._order)
-
-
-_PICTURE = b',"data":{"picture":{'
-_END = re.compile(rb'\}\},"prev":"[0-9a-f]*","hash":"[0-9a-f]*"\}$')
-_TAIL = 400
-"""Bytes at the end of a line that hold the two hashes."""
 
 
 class _Data(StrictModel):
@@ -211,7 +215,7 @@ class TelemetryLine(NamedTuple):
 
 
 def read_telemetry(line: bytes) -> TelemetryLine | None:
-    """Read a sound line of telemetry, faster than `parse`; return None for any other line."""
+    """Parse a valid line of telemetry, faster than `parse`; return None for any other line."""
     start = RECORD_START.match(line)
     if start is None or start[3] != b"telemetry" or not line.startswith(_PICTURE, start.end()):
         return None
@@ -233,7 +237,7 @@ def build_index(
     *,
     frame_events: int = FRAME_EVENTS,
 ) -> LogIndex:
-    """Read the log `file`, which is at `path`, up to its first bad line or to `size` bytes.
+    """Index the log `file`, which is at `path`, up to its first bad line or to `size` bytes.
 
     The error of a bad line is the index's `problem`. Raises OSError.
     """
@@ -261,7 +265,7 @@ def build_index(
 
 
 def _scratch_file() -> IO[bytes]:
-    """Return a temporary file without a name; in memory if no disk takes it."""
+    """Return a temporary file without a name; if no disk can hold it, it is in memory."""
     try:
         return tempfile.TemporaryFile(prefix="pa-console-")
     except OSError:
@@ -269,7 +273,7 @@ def _scratch_file() -> IO[bytes]:
 
 
 class _Builder:
-    """A fold over the log that makes keyframes; only missions in work stay in memory."""
+    """A fold over the log that makes keyframes; only changed missions stay in memory."""
 
     def __init__(self, index: LogIndex, frame_events: int) -> None:
         self.index = index
@@ -280,7 +284,7 @@ class _Builder:
         self._events = self._bytes = self._frame_bytes = 0
 
     def add(self, line: bytes, position: int) -> None:
-        """Add the line at `position`; raise ValueError that names its problem."""
+        """Add the line at `position`; raise ValueError with its problem."""
         timeline = self.index.timeline
         telemetry = read_telemetry(line)
         if telemetry is not None:
@@ -303,7 +307,7 @@ class _Builder:
             self._take(len(self.index.timeline) - 1)
         self._state.apply(event)
         arrived = event.data.mission.id if isinstance(event.data, ev.MissionReceived) else None
-        # A station that loses or regains authority changes the plan that waits for approval.
+        # If a station loses or regains authority, the plan that waits for approval changes.
         shown = self._state.active if isinstance(event.data, ev.AuthorityChanged) else None
         for name in (arrived, event.mission, shown):
             if name is not None and name in self._state.missions:
@@ -312,7 +316,7 @@ class _Builder:
         self._bytes += size
 
     def _is_due(self) -> bool:
-        # The second bound keeps the index smaller than its log, however large a keyframe is.
+        # The second condition keeps the index smaller than its log, however large a keyframe is.
         enough = self._events >= self._frame_events or self._bytes >= FRAME_BYTES
         return enough and self._bytes >= self._frame_bytes
 
@@ -330,15 +334,11 @@ class _Builder:
         state.missions = index.shelf(self._places.copy())
 
 
-KEPT = 12
-"""The number of saved indexes, those used last."""
-
-_SUFFIX = ".replay-index"
 _CHUNK = 1 << 20
 
 
 def identity(file: IO[bytes]) -> list[int]:
-    """Return device, file, size and times of an open log: they change with every change to it."""
+    """Return device, file, size and times of an open log; any change to the log changes them."""
     stat = os.fstat(file.fileno())
     return [stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns]
 
@@ -350,7 +350,7 @@ def index_path(folder: Path, log: Path) -> Path:
 
 
 def load_index(path: Path, log: Path, known: list[int]) -> LogIndex | None:
-    """Return the index at `path` if it is whole and of the `log` whose identity is `known`."""
+    """Return the index at `path` if it is complete and is of `log` with the identity `known`."""
     try:
         file = path.open("rb")
         try:
@@ -366,7 +366,7 @@ def load_index(path: Path, log: Path, known: list[int]) -> LogIndex | None:
 
 
 def save_index(path: Path, index: LogIndex, known: list[int]) -> None:
-    """Write the index to `path`, wholly or not at all; raise OSError."""
+    """Write the index to `path`, completely or not at all; raise OSError."""
     make_private_folder(path.parent)
     timeline = index.timeline
     columns = {name: column.tobytes() for name, column in index.columns.items()}
@@ -434,7 +434,7 @@ def _checksum(parts: list[bytes], blobs: IO[bytes], first: int) -> int:
 
 @cache
 def _made_by() -> str:
-    """Return a hash of the code that folds and of this machine's form of numbers."""
+    """Return a hash of the code that folds and of this machine's number formats."""
     digest = hashlib.sha256(f"{sys.byteorder} {array('Q').itemsize}".encode())
     for package in (pa_console.session, pa_console.schema):
         for file in sorted(Path(package.__path__[0]).rglob("*.py")):

@@ -24,15 +24,15 @@ from pa_console.session.confidence import UNSURE, Evidence, calibrated_confidenc
 class Attempt:
     """One pass through steps 5 and 6: prompt, answer, findings, rehearsal and verdict.
 
-    `round` counts from 0 the plans that the mission had before, `phase` is the phase of its
-    workflow, empty outside of one, and `digest` the picture that the plan was made from.
+    `round` is the number of plans that the mission had before, `phase` is the phase of its workflow
+    or '', and `digest` is the picture that the plan was made from.
     """
 
     number: int
     round: int = 0
     phase: str = ""
     step: str = ""
-    """The step of the order that it is for alone; '' for the whole order."""
+    """The step of the order that the plan is for; '' for the whole order."""
     digest: Digest | None = None
     author: str = "planner"
     system: str = ""
@@ -42,7 +42,7 @@ class Attempt:
     error: str = ""
     usage: Usage = field(default_factory=Usage)
     confidence: float | None = None
-    """The chance that the planner gave to its reading of the order."""
+    """The planner's confidence in its reading of the order."""
     findings: tuple[Finding, ...] = ()
     checks_s: float = 0.0
     unmet: tuple[str, ...] = ()
@@ -52,7 +52,7 @@ class Attempt:
     rehearsal: Rehearsal | None = None
     rehearsal_s: float = 0.0
     if_halted: tuple[Action, ...] = ()
-    """The way to safety that was declared when approval was asked for."""
+    """The way to safety that was declared with the request for approval."""
     judge_text: str = ""
     verdict: Verdict | None = None
     judged: bool = False
@@ -77,13 +77,13 @@ class Attempt:
     as_chosen: bool = False
     """True if the plan is for the reading that the operator chose."""
     made_s: float | None = None
-    """When it was first rehearsed, in simulated seconds; the rehearsal may be a later one."""
+    """The time of the first rehearsal in simulated seconds; `rehearsal` may be a later one."""
 
     @property
     def sure(self) -> float | None:
-        """The confidence that the order was read correctly, 0 to 1, as the operator was shown.
+        """The confidence that the order was read correctly, 0 to 1, as shown to the operator.
 
-        Before approval is asked for, it follows from the chances of planner and judge.
+        Before approval is requested, it is computed from the chances of planner and judge.
         """
         if self.shown_confidence is not None:
             return self.shown_confidence
@@ -101,13 +101,13 @@ class Attempt:
 
     @property
     def aside(self) -> str:
-        """The attempt that it stands beside and its origin, shown after number and author."""
+        """The attempt that it replaces and its origin, shown after number and author."""
         instead = "" if self.instead_of is None else f", instead of {self.instead_of}"
         return instead + self.origin
 
     @property
     def origin(self) -> str:
-        """Its contributors besides the author, as a list that continues a sentence; '' for none."""
+        """The contributors besides the author, as a list that continues a sentence; '' for none."""
         given = ", its commands given by the console" * self.given
         judged = ", as the judge read it" * self.as_judged
         judged += ", as the second reader read it" * self.as_read_again
@@ -117,7 +117,7 @@ class Attempt:
 
 @dataclass
 class CommandTrace:
-    """A dispatched command, its replies, oldest first, and the number of times it was resent."""
+    """A dispatched command, its replies, oldest first, and the number of repetitions."""
 
     command: DeviceCommand
     replies: list[CommandReply] = field(default_factory=list[CommandReply])
@@ -142,9 +142,9 @@ class VerifiedPlan:
 
 @dataclass
 class MissionTrace:
-    """The state of one mission; `stage` is the step it is in, in the paper's order.
+    """The state of one mission; `stage` is its present step, in the paper's order.
 
-    `rules` is the content hash of the rule set that it is worked on under.
+    `rules` is the content hash of the rule set that the mission uses.
     """
 
     mission: Mission
@@ -162,9 +162,9 @@ class MissionTrace:
     offered: tuple[str, ...] = ()
     """The other readings that were offered with the last plan."""
     approval_state: ApprovalState | None = None
-    """The state in which the last plan was shown for approval."""
+    """The state of the last request for approval."""
     stills: dict[int, ev.CameraStill] = field(default_factory=dict[int, ev.CameraStill])
-    """The last picture that was shown with each plan, by the number of its attempt."""
+    """The last image that was shown with each plan, by attempt number."""
     decisions: list[ev.DecisionMade] = field(default_factory=list[ev.DecisionMade])
     questions: list[ev.QuestionAsked] = field(default_factory=list[ev.QuestionAsked])
     """Questions to the operator before planning."""
@@ -175,15 +175,15 @@ class MissionTrace:
     references: tuple[ev.Reference, ...] = ()
     """Words of the order that refer to something, with their meanings."""
     standing: ev.StandingOrderRead | None = None
-    """The standing order that the text gives, with its immediate starts; None for a mission."""
+    """The standing order in the text, with its immediate starts; None for a mission."""
     voided: str = ""
     voided_attempt: int = 0
-    """The number of the plan that was `voided` for that reason."""
+    """The number of the plan that was `voided`."""
     preempted: str = ""
     commands: dict[str, CommandTrace] = field(default_factory=dict[str, CommandTrace])
     halts: list[ev.PlanHalted] = field(default_factory=list[ev.PlanHalted])
     held: list[ev.StepsHeld] = field(default_factory=list[ev.StepsHeld])
-    """The actions of plans in steps that were not sent, each with why."""
+    """The unsent actions of plans with steps, each with the reason."""
     verified: list[VerifiedPlan] = field(default_factory=list[VerifiedPlan])
     unasked_verdict: Verdict | None = None
     unasked_error: str = ""
@@ -197,7 +197,7 @@ class MissionTrace:
         return next((a for a in reversed(self.attempts) if a.number == number), None)
 
     def attempt(self, number: int) -> Attempt:
-        """Return attempt `number`, from 1; a new one is added."""
+        """Return attempt `number`, from 1; it is added if it is new."""
         found = self.find(number)
         if found is None:
             found = Attempt(
@@ -212,13 +212,13 @@ class MissionTrace:
         return next(found, None)
 
     def next_round(self) -> None:
-        """Let the attempts that follow belong to the next plan."""
+        """Assign later attempts to the next plan."""
         if self.attempts and self.attempts[-1].round == self.round:
             self.round += 1
 
     @property
     def shown_status(self) -> str:
-        """The status as people are shown it: a standing order is approved, nothing is verified."""
+        """The status shown to people; an approved standing order is in force, not verified."""
         if self.standing is not None and self.status == "verified":
             return "in_force"
         return self.status or "open"
@@ -231,13 +231,13 @@ class MissionTrace:
 
     @property
     def asked_choices(self) -> tuple[str, ...]:
-        """The choices of the question that the mission ended with, empty without one."""
+        """The choices of the question with which the mission ended; empty without one."""
         asked = self.approval_state == "not_understood" and self.questions
         return self.questions[-1].choices if asked else ()
 
     @property
     def still(self) -> ev.CameraStill | None:
-        """The picture that is shown with the plan that waits, None without one."""
+        """The image shown with the plan that waits for approval; None without one."""
         return self.stills.get(self.approval.attempt) if self.approval is not None else None
 
     @property
@@ -247,13 +247,13 @@ class MissionTrace:
 
     @property
     def phase(self) -> str:
-        """The phase that the next plan is for, empty if no workflow has one left."""
+        """The phase that the next plan is for; '' if no workflow has one left."""
         standings = self.standings.values()
         return next((m.phases[m.phase] for m in standings if 0 <= m.phase < len(m.phases)), "")
 
     @property
     def decision(self) -> Decision | None:
-        """The last decision that was accepted."""
+        """The last accepted decision."""
         return next((d.decision for d in reversed(self.decisions) if d.accepted), None)
 
     @property
@@ -276,9 +276,9 @@ def apply_to_mission(trace: MissionTrace, data: ev.EventPayload) -> None:
 
 
 def withhold_approval(trace: MissionTrace, before: str, refusal: str) -> None:
-    """Block the waiting plan because of the `refusal` of its station; '' lifts the block.
+    """Block the waiting plan because of its station's `refusal`; '' removes the block.
 
-    `before` is the refusal until now.
+    `before` is the previous refusal.
     """
     request = trace.approval
     if request is None or trace.approval_state in ("blocked", "not_understood"):
@@ -311,7 +311,7 @@ def _apply_reading(trace: MissionTrace, data: ev.EventPayload) -> None:
 
 
 def _apply_prompt(trace: MissionTrace, data: ev.PromptBuilt) -> None:
-    """Begin an answer of step 4, possibly in place of one that broke off."""
+    """Begin an answer of step 4, possibly in place of an interrupted one."""
     if data.role == "planner":
         attempt, trace.stage = trace.attempt(data.attempt), "plan"
         attempt.system, attempt.user, attempt.text = data.system, data.user, ""
@@ -442,7 +442,7 @@ def _apply_execution(trace: MissionTrace, data: ev.EventPayload) -> None:
 
 
 def _measure_verdicts(trace: MissionTrace) -> None:
-    """Add the time of the verdicts on outcomes to the metrics; they come in either order."""
+    """Add the time of verdicts on outcomes to the metrics, which may come before or after."""
     if trace.metrics is not None:
         taken = sum(verified.judging_s for verified in trace.verified)
         outcome_s = max(trace.metrics.outcome_s, taken)
@@ -470,7 +470,7 @@ class Round:
 
     @property
     def name(self) -> str:
-        """The phase of a workflow that the plan is for, else the number of the plan."""
+        """The phase of a workflow that the plan is for, or else the number of the plan."""
         phase = self.attempts[-1].phase if self.attempts else ""
         return f"Phase {phase}" if phase else f"Plan {self.number + 1}"
 

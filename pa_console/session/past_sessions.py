@@ -1,7 +1,7 @@
-"""Recorded sessions: summaries of their logs, their standing, and finding one by name.
+"""Recorded sessions: summaries of their logs, their standing, and search by name.
 
-A summary reads a log in one pass, of telemetry only the start of each line: far faster than opening
-the log for a replay.
+A summary reads a log in one pass, and of telemetry only the start of each line: far faster than
+opening the log for a replay.
 """
 
 import fcntl
@@ -21,7 +21,7 @@ _READ = frozenset((b"session_started", b"mission_received", b"mission_finished",
 _PICTURES = frozenset((b"telemetry", b"log_signed"))
 
 Ending = Literal["closed", "open", "damaged"]
-"""The end of a log: with the end of its session, without it, or at a damage."""
+"""The end of a log: with the end of its session, without it, or at damage."""
 
 
 @dataclass
@@ -45,7 +45,7 @@ class RecordedMission:
 
 @dataclass
 class SessionSummary:
-    """One recorded session; `length_s` counts from its first record to its last."""
+    """One recorded session; `length_s` is from its first record to its last."""
 
     log: Path
     session: str = ""
@@ -72,12 +72,12 @@ class SessionSummary:
 
     @property
     def outcomes(self) -> dict[str, int]:
-        """The number of missions by their final status; `open` are those without an end."""
+        """The number of missions by final status; missions without an end are `open`."""
         return Counter(mission.status or "open" for mission in self.missions)
 
     @property
     def local_start(self) -> str:
-        """The start of the session in local time; empty if it is unknown."""
+        """The start of the session in local time; '' if it is unknown."""
         return f"{self.started.astimezone():%Y-%m-%d %H:%M:%S}" if self.started else ""
 
 
@@ -145,10 +145,10 @@ def _take(found: SessionSummary, missions: dict[str, RecordedMission], event: ev
 
 
 def fold_decisions(log: Path, world_sha256: str) -> tuple[SessionState | None, datetime | None]:
-    """Return the state after `log` but for its pictures, and when it ended.
+    """Return the state after `log`, without its pictures, and the time of the log's end.
 
-    There is no state for a session of another world, or one in which nothing could be commanded.
-    Raises LogError for what is not the log of a session.
+    There is no state for a session of another world, or for a read-only one. Raises LogError for a
+    file that is not a session log.
     """
     state, last = SessionState(), SessionSummary(log)
     for number, line in read_lines(log):
@@ -169,9 +169,9 @@ def fold_decisions(log: Path, world_sha256: str) -> tuple[SessionState | None, d
 
 
 def past_sessions(folder: Path, most: int | None = None) -> list[SessionSummary]:
-    """Return the sessions whose logs are in `folder`, the newest first, at most `most` of them.
+    """Return the sessions with logs in `folder`, newest first, at most `most` of them.
 
-    Files that are not session logs are left out; a missing folder has none.
+    Files that are not session logs are ignored; a missing folder has no sessions.
     """
     found: list[SessionSummary] = []
     for log in newest_logs(folder):
@@ -185,7 +185,7 @@ def past_sessions(folder: Path, most: int | None = None) -> list[SessionSummary]
 
 
 def newest_logs(folder: Path) -> list[Path]:
-    """Return the session logs in `folder`, the one with the latest change first."""
+    """Return the session logs in `folder`, the most recently changed first."""
     times: dict[Path, int] = {}
     for log in folder.glob("*.jsonl"):
         try:
@@ -196,9 +196,9 @@ def newest_logs(folder: Path) -> list[Path]:
 
 
 def find_session(folder: Path, name: str) -> Path:
-    """Return the log that `name` stands for: a file, a session's id or a unique start of one.
+    """Return the log for `name`: a file, a session's id or a unique beginning of one.
 
-    `last` is the newest. Raises ValueError if no session or several match.
+    `last` is the newest session. Raises ValueError if no session or several match.
     """
     given = Path(name).expanduser()
     if given.is_file():
@@ -223,9 +223,9 @@ LogStanding = Literal["verified", "running", "open", "unsigned", "damaged"]
 class Soundness:
     """The result of `pa-console replay LOG --verify --chain-only` in one word.
 
-    `verified`: a known key has signed every line. `running`: a console is writing the log.
-    `open`: sound, but never closed. `unsigned`: sound, but not signed. `damaged`: changed or not
-    readable, with the place in `detail`.
+    `verified`: a known key has signed every line. `running`: a console is writing the log. `open`:
+    undamaged, but never closed. `unsigned`: undamaged, but not signed. `damaged`: changed or
+    unreadable, with the place in `detail`.
     """
 
     standing: LogStanding

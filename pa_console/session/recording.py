@@ -1,6 +1,6 @@
-"""A recorded session and its player, which has the same state as a live one.
+"""A recorded session and its player, which has the same state as a live session.
 
-The timeline is in memory, the events themselves stay on the disk.
+The timeline is in memory; the events are read from the disk.
 """
 
 import io
@@ -31,12 +31,14 @@ _CHANGED = "changed since the log was opened"
 CACHED_FROM = 4_000_000
 """The least size in bytes of a log whose index is saved."""
 
+RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+
 
 class Recording:
     """The events of a session, each read from the log on access."""
 
     def __init__(self, events: Iterable[Event] = ()) -> None:
-        """Hold `events` in memory; transient ones are left out, as a log leaves them out."""
+        """Hold `events` in memory, without transient ones, as in a log."""
         self._held: list[Event] = []
         self.index = LogIndex(io.BytesIO())
         self._path, self._file = Path(), None
@@ -61,7 +63,7 @@ class Recording:
         cached_from: int = CACHED_FROM,
         frame_events: int | None = None,
     ) -> Self:
-        """Open a log up to its first bad line; raise LogError if not even one line is good.
+        """Open a log up to its first bad line; raise LogError if no line is good.
 
         The index of a log of `cached_from` bytes or more is saved in the folder `cache`, if one is
         given and can be written. `frame_events` is the number of events between keyframes.
@@ -92,7 +94,7 @@ class Recording:
 
     @property
     def path(self) -> Path | None:
-        """The file of the log, None for events that are in memory."""
+        """The path of the log; None for events in memory."""
         return self._path if self._file is not None else None
 
     @property
@@ -102,7 +104,7 @@ class Recording:
 
     @property
     def problem(self) -> LogError | None:
-        """The error at which reading the log ended early."""
+        """The error that ended the reading of the log early, or None."""
         return self.index.problem
 
     @property
@@ -125,7 +127,7 @@ class Recording:
             raise LogError(str(self._path), 0, problem) from error
 
     def _line(self, index: int) -> bytes:
-        """Return the line of event `index` without its end, from the log."""
+        """Return the line of event `index` from the log, without its line end."""
         assert self._file is not None
         first, end = self.index.positions[index : index + 2]
         try:
@@ -135,9 +137,9 @@ class Recording:
         return found.partition(b"\n")[0]
 
     def content(self, index: int) -> str:
-        """Return mission, kind and data of event `index` as one JSON object, as it is in the log.
+        """Return mission, kind and data of event `index` as one JSON object, as in the log.
 
-        Equal texts are equal events, at any time and in any session. Raises LogError if the log
+        Equal texts mean equal events, at any time and in any session. Raises LogError if the log
         can no longer be read.
         """
         if self._file is None:
@@ -156,16 +158,13 @@ class Recording:
         return not self.timeline.is_telemetry(index) and self[index].mission is not None
 
 
-RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
-
-
 class Player:
-    """A tape deck for one recording, paused at its beginning at first.
+    """A player for one recording, paused at the beginning.
 
-    It has no clock: its caller calls `advance`. `state` is the session after the first `index`
-    events; most moves make a new one, so read `state` afresh after every call. `position` is in
-    seconds from the first event, by the events' own time stamps. Every move raises LogError if the
-    log can no longer be read; the player is then back at the beginning.
+    It has no clock: the caller calls `advance`. `state` is the session after the first `index`
+    events; most moves replace it, so read `state` again after every call. `position` is in seconds
+    from the first event, by the events' own time stamps. Every move raises LogError if the log can
+    no longer be read; the player is then back at the beginning.
     """
 
     def __init__(self, recording: Recording) -> None:
@@ -186,7 +185,7 @@ class Player:
 
     @classmethod
     def of(cls, events: Iterable[Event]) -> Self:
-        """Return a player of events that are in memory."""
+        """Return a player for events in memory."""
         return cls(Recording(events))
 
     @property
@@ -201,7 +200,7 @@ class Player:
 
     @property
     def rate(self) -> float:
-        """Recorded seconds in one second of the viewer."""
+        """Recorded seconds per second of the viewer's time."""
         return self._rate
 
     @rate.setter
@@ -209,19 +208,19 @@ class Player:
         self._rate = min(max(rate, RATES[0]), RATES[-1])
 
     def play(self) -> None:
-        """Let `advance` move; from the end, start over."""
+        """Start playing; at the end, start from the beginning."""
         if self.finished:
             self.seek(0.0)
         self.playing = True
 
     def pause(self) -> None:
-        """Make `advance` stand still."""
+        """Stop playing."""
         self.playing = False
 
     def advance(self, wall_s: float) -> frozenset[str]:
-        """Let `wall_s` seconds of the viewer's time pass; return the kinds of what came up.
+        """Let `wall_s` seconds of the viewer's time pass; return the kinds of the new events.
 
-        At the end the player pauses by itself.
+        The player pauses at the end.
         """
         if not self.playing:
             return frozenset()
@@ -240,7 +239,7 @@ class Player:
         self._step_to(self.index - 1)
 
     def step_seconds(self, seconds: float) -> None:
-        """Pause, and go `seconds` of the simulation forward, or backward when negative.
+        """Pause, and go `seconds` of the simulation forward, or backward if negative.
 
         The player moves by at least one event. Without telemetry, the events' own seconds count.
         """
@@ -265,14 +264,14 @@ class Player:
         return found is not None
 
     def mark_back(self, kinds: frozenset[MarkKind]) -> bool:
-        """Pause, and go to just after the mark before; return False without one."""
+        """Pause, and go to just after the last mark of these `kinds`; return False if none."""
         found = self.recording.timeline.mark_before(self.index - 1, kinds)
         if found is not None:
             self.to_event(found)
         return found is not None
 
     def seek(self, seconds: float) -> None:
-        """Go to `seconds` from the first event, or to the nearer end; playing goes on."""
+        """Go to `seconds` from the first event, or to the nearer end; playing continues."""
         self.position = min(max(seconds, 0.0), self.duration)
         self._go_to(self.recording.timeline.count_until(self.position))
 
@@ -283,10 +282,11 @@ class Player:
         self.position = self.recording.timeline.seconds[index - 1] if index else 0.0
 
     def _go_to(self, index: int) -> None:
-        """Make `state` that after `index` events; of skipped telemetry, only the last is read."""
+        """Set `state` to that after `index` events; of skipped telemetry, only the last is read."""
         recording, timeline = self.recording, self.recording.timeline
         frame = recording.index.frame_before(index)
-        # A keyframe helps backward, or beyond the present event; else the fold goes on from here.
+        # A keyframe helps backward, or beyond the present event; otherwise the fold continues from
+        # here.
         if index < self.index or frame > self.index:
             state, first, shown = recording.index.state_at(frame), frame, 0
         else:

@@ -1,4 +1,4 @@
-"""The state of a session, folded from its events: the same for a live session and for a replay."""
+"""The state of a session, folded from its events: the same for live sessions and replays."""
 
 from collections import deque
 from collections.abc import Mapping, MutableMapping
@@ -30,6 +30,22 @@ NOTICES_KEPT = 500
 STILLS_KEPT = 50
 _LEVELS: dict[str, ev.Level] = {"emergency": "alarm", "high": "alarm", "medium": "warning"}
 
+BY_CLOCK = "the clock"
+"""The `by` of the event that ends a timed order after its last moment."""
+MOST_STARTS_KEPT = 100
+LEFT_OUT = {
+    "outside": "contacts beyond the site are reported; they are not shown",
+    "too_many": f"more is reported than is shown: {ev.MOST_CONTACTS} contacts at a time",
+    "unreadable": "the server sends what is no event; it is left out",
+}
+"""The notice about contacts that are not shown, by reason; each is given once."""
+
+GONE = {
+    "stale": "not heard any more",
+    "removed": "removed by its sender",
+    "left": "beyond the site",
+}
+
 
 @dataclass(frozen=True)
 class Notice:
@@ -45,7 +61,7 @@ class Notice:
 
 @dataclass(frozen=True)
 class OpenAlarm:
-    """An alarm with a lasting cause; `acknowledged_by` is empty until an operator has seen it."""
+    """An alarm whose cause persists; `acknowledged_by` is '' until an operator has seen it."""
 
     alarm: Alarm
     acknowledged_by: str = ""
@@ -58,17 +74,17 @@ class OpenAlarm:
 
 @dataclass
 class Stop:
-    """The operator's stop until it is released, and the latest order of each asset since then."""
+    """The operator's stop until its release, and the latest command to each asset since then."""
 
     by: str
     tick: int
     orders: dict[str, CommandTrace] = field(default_factory=dict[str, CommandTrace])
     overdue: dict[str, str] = field(default_factory=dict[str, str])
-    """Assets that are not known to stand though it is time, each with why."""
+    """Assets that should hold by now but are not known to, each with the reason."""
 
     @property
     def unconfirmed(self) -> tuple[str, ...]:
-        """The assets that were ordered to hold and have not answered, or are not seen to stand."""
+        """The assets that were ordered to hold but have not answered, or are not seen to hold."""
         return tuple(
             name for name, sent in self.orders.items() if name in self.overdue or not _is_done(sent)
         )
@@ -77,11 +93,6 @@ class Stop:
     def held(self) -> int:
         """The number of assets that have reported that they hold."""
         return len(self.orders) - len(self.unconfirmed)
-
-
-BY_CLOCK = "the clock"
-"""The reason that ends a timed order after its last moment."""
-MOST_STARTS_KEPT = 100
 
 
 @dataclass(frozen=True)
@@ -95,63 +106,49 @@ class StartTrace:
 
 @dataclass
 class StandingTrace:
-    """One approved standing order and its effects; `ended` is the reason that it is over."""
+    """One approved standing order and its effects; `ended` is the reason why it is over."""
 
     order: StandingOrder
     by: str
     since_tick: int
     starts: list[StartTrace] = field(default_factory=list[StartTrace])
     started: int = 0
-    """The number of missions it has started; `starts` has only the last of them."""
+    """The number of missions started; `starts` has only the last of them."""
     withheld: ev.StandingOrderWithheld | None = None
-    """The last mission that it did not start."""
+    """The last time that the order started nothing."""
     next: ev.StandingOrderScheduled | None = None
-    """Its next moment, and whether it is paused."""
+    """The order's next moment, and whether the order is paused."""
     ended: str = ""
 
     @property
     def in_force(self) -> bool:
-        """True until it is revoked or over."""
+        """True until the order is revoked or over."""
         return not self.ended
 
     @property
     def paused(self) -> bool:
-        """True while it starts nothing until it is resumed."""
+        """True while the order starts nothing, until it is resumed."""
         return self.next is not None and self.next.paused
 
     @property
     def last(self) -> StartTrace | None:
-        """The mission that it started last."""
+        """The last mission that the order started."""
         return self.starts[-1] if self.starts else None
 
 
 @dataclass(frozen=True)
 class ManualTrace:
-    """The taking of an asset under manual control: by whom, and at which tick."""
+    """The start of manual control of an asset: the operator and the tick."""
 
     by: str
     tick: int
 
 
-LEFT_OUT = {
-    "outside": "contacts beyond the site are reported; they are not shown",
-    "too_many": f"more is reported than is shown: {ev.MOST_CONTACTS} contacts at a time",
-    "unreadable": "the server sends what is no event; it is left out",
-}
-"""The notice about contacts that are not shown, by the reason; each is given once."""
-
-GONE = {
-    "stale": "not heard any more",
-    "removed": "removed by its sender",
-    "left": "beyond the site",
-}
-
-
 @dataclass
 class TakTrace:
-    """The connection to a TAK server, unchanged `since` then, and its contacts by their uids.
+    """The connection to a TAK server, unchanged `since` then, and its contacts by uid.
 
-    It stands beside the picture and never in it: planning, checks and alarms do not read it.
+    It is separate from the picture: planning, checks and alarms do not read it.
     """
 
     connection: ev.TakChanged | None = None
@@ -161,11 +158,11 @@ class TakTrace:
 
     @property
     def away(self) -> bool:
-        """True if there is a server without a connection to it."""
+        """True if a server is configured but not connected."""
         return self.connection is not None and self.connection.state == "away"
 
     def apply(self, event: ev.Event) -> list[tuple[ev.Level, str]]:
-        """Apply one event; return the level and text of its lines in the event list."""
+        """Apply one event; return the levels and texts of its lines in the event list."""
         match event.data:
             case ev.TakChanged():
                 return self._connection_changed(event.data, event.t)
@@ -204,10 +201,10 @@ class TakTrace:
 class SessionState:
     """The whole session after the last applied event.
 
-    `latest` is the mission that arrived last, `last_active` the one that was worked on last, and
-    `answers` maps an alarm's id to the unfinished mission that answers it. `loose_orders` belong
-    to no mission and came after the last stop. `log_problem` is the reason that the log cannot be
-    written, `relieved` the reason that a station of a site with keys may not move any asset.
+    `latest` is the mission that arrived last, `last_active` the last one in progress, and `answers`
+    maps an alarm's id to the unfinished mission that answers it. `loose_orders` belong to no
+    mission and came after the last stop. `log_problem` is the reason why the log cannot be written,
+    `relieved` the reason why a station of a site with keys may not move any asset.
     """
 
     started: ev.SessionStarted | None = None
@@ -229,27 +226,27 @@ class SessionState:
     answers: dict[str, str] = field(default_factory=dict[str, str])
     loose_orders: dict[str, CommandTrace] = field(default_factory=dict[str, CommandTrace])
     last_agent: str = ""
-    """The agent that proposed last."""
+    """The last agent that proposed a mission."""
     muted_agents: frozenset[str] = frozenset()
-    """The agents that may propose nothing."""
+    """The agents that may not propose missions."""
     standing: dict[str, StandingTrace] = field(default_factory=dict[str, StandingTrace])
-    """The approved standing orders by their ids, the oldest first."""
+    """The approved standing orders by id, the oldest first."""
     manual: dict[str, ManualTrace] = field(default_factory=dict[str, ManualTrace])
     """The assets under manual control by a decision at the station, the first one first."""
     awaiting: dict[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
-    """The missions that await assets under manual control, with those."""
+    """The missions that wait for assets under manual control, with these assets."""
     tak: TakTrace = field(default_factory=TakTrace)
     stills: dict[str, ev.CameraStill] = field(default_factory=dict[str, ev.CameraStill])
-    """The last picture of each track of which one was shown lately."""
+    """The last image of each track of which one was shown recently."""
 
     @property
     def time_s(self) -> float:
-        """The fleet's time of the picture, 0 before the first one."""
+        """The time of the picture on the fleet's clock; 0 before the first picture."""
         return self.picture.time_s if self.picture is not None else 0.0
 
     @property
     def reported_contacts(self) -> Mapping[str, ev.ReportedContact]:
-        """The contacts that the TAK server reports, by uid; no sensor of the site has seen them."""
+        """The contacts that the TAK server reports, by uid; no sensor has detected them."""
         return self.tak.contacts
 
     @property
@@ -260,12 +257,12 @@ class SessionState:
 
     @property
     def scenario(self) -> str:
-        """The name of the running scenario, empty without one."""
+        """The name of the running scenario; '' without one."""
         return self.started.scenario if self.started else ""
 
     @property
     def alarms(self) -> tuple[OpenAlarm, ...]:
-        """The open alarms: worst priority first, then the nearest, then the oldest.
+        """The open alarms: highest priority first, then the nearest, then the oldest.
 
         Place and distance of a track in an alarm's text are those of the present picture.
         """
@@ -276,12 +273,12 @@ class SessionState:
         return tuple(sorted(now, key=_urgency))
 
     def is_worse(self, alarm: Alarm) -> bool:
-        """Return True if `alarm` is new, or of a worse priority than before."""
+        """Return True if `alarm` is new, or has a higher priority than before."""
         known = self.open_alarms.get(alarm.id)
         return known is None or _rank(alarm) < _rank(known.alarm)
 
     def is_news(self, alarm: Alarm) -> bool:
-        """Return True if `alarm` is new, of a worse priority, or of another kind than before."""
+        """Return True if `alarm` is new, or has a higher priority or another kind than before."""
         known = self.open_alarms.get(alarm.id)
         return self.is_worse(alarm) or (known is not None and known.alarm.kind != alarm.kind)
 
@@ -520,7 +517,7 @@ class SessionState:
             del self.answers[alarm]
 
     def _apply_to_orders(self, data: ev.EventPayload) -> None:
-        """Apply orders without a mission: those of a stop, which may come just before its event."""
+        """Apply commands without a mission: those of a stop, which may precede its event."""
         orders = self.stop.orders if self.stop is not None else self.loose_orders
         match data:
             case ev.CommandSent(command=command):
@@ -557,7 +554,7 @@ def _urgency(item: OpenAlarm) -> tuple[int, float, float, str]:
 
 
 def waiting_entries(state: SessionState) -> tuple[QueueEntry, ...]:
-    """Return the queue's entries of missions that have not begun, the next one first."""
+    """Return the queue's entries for missions that have not begun, the next one first."""
     known = state.missions
     return tuple(
         entry
@@ -575,5 +572,5 @@ def begun_missions(state: SessionState) -> tuple[MissionTrace, ...]:
 
 
 def _begun(state: SessionState, trace: MissionTrace) -> bool:
-    """Return True if a mission is active, or was before an emergency preempted it."""
+    """Return True if a mission is active, or was until an emergency preempted it."""
     return bool(trace.attempts) or trace.mission.id == state.active

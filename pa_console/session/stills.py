@@ -1,7 +1,7 @@
 """The camera stills beside a log, in the folder `LOG.stills`, each named by its SHA-256.
 
-What an operator has been shown is kept so, and the log has the hash: a file that was changed since
-is not shown again.
+An image that was shown to an operator is kept, and the log has its hash: a file that was changed
+afterwards is not shown again.
 """
 
 import hashlib
@@ -11,7 +11,7 @@ from pa_console.private_files import make_private_folder, replace_private
 from pa_console.schema.events.event import CameraStill
 
 MOST_BYTES = 4_000_000
-"""A larger file is none that was kept here."""
+"""The size limit of a still; a larger file was not kept here."""
 
 
 def stills_folder(log: Path) -> Path:
@@ -38,7 +38,7 @@ def is_changed(log: Path, still: CameraStill) -> bool | None:
 
 
 def read_still(log: Path | None, still: CameraStill) -> bytes | None:
-    """Return the file of `still`; None if it is not there as it was when it was shown."""
+    """Return the file of `still`; None if it is missing or was changed after it was shown."""
     if log is None or still.sha256 is None:
         return None
     try:

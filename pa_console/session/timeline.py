@@ -1,6 +1,6 @@
-"""The timeline of a recording: time, kind and mark of every event, in about 25 bytes an event.
+"""The timeline of a recording: time, kind and mark of every event, in 25 bytes per event.
 
-The events themselves stay on the disk.
+The events themselves are read from the disk.
 """
 
 import re
@@ -17,7 +17,7 @@ from pa_console.session.state import SessionState
 from pa_console.session.wording import deviations_in_words
 
 MarkKind = Literal["fault", "refusal", "alarm", "finding", "mission"]
-"""Kinds of events that a viewer jumps to, worst first: the worst of one place is shown."""
+"""Kinds of marks that a viewer jumps to, worst first; the worst mark at one place is shown."""
 
 MARK_KINDS: tuple[MarkKind, ...] = get_args(MarkKind)
 _NO_FAULTS = frozenset(("spawn", "restore", "weather", "turn", "place", "clear"))
@@ -68,7 +68,7 @@ def _is_refusal(data: ev.EventPayload) -> bool:
 
 
 def _is_fault(data: ev.EventPayload) -> bool:
-    """Return True if something broke, or was stopped because of a fault."""
+    """Return True if something failed, or was stopped because of a fault."""
     match data:
         case ev.IncidentHappened(incident=incident):
             return _breaks(incident)
@@ -109,14 +109,14 @@ _NOT_TELEMETRY = re.compile(b"[^" + re.escape(bytes((_TELEMETRY,))) + b"]")
 
 
 class RecordingTimeline:
-    """Columns with an entry for each event; `seconds` and `ticks` never fall.
+    """Columns with an entry for each event; `seconds` and `ticks` never decrease.
 
     `seconds` count from the first event by the events' own time stamps. `ticks` are those of the
-    simulation, `ticks_per_s` of them a simulated second, 0 while that is unknown.
+    simulation. `ticks_per_s` is their number per simulated second, or 0 while it is unknown.
     """
 
     def __init__(self) -> None:
-        """Begin with no event."""
+        """Begin without events."""
         self.start: datetime | None = None
         self.ticks_per_s = 0.0
         self.seconds = array("d")
@@ -134,7 +134,7 @@ class RecordingTimeline:
         return self.seconds[-1] if self.seconds else 0.0
 
     def add(self, t: datetime, tick: int, kind: str, mark: MarkKind | None) -> None:
-        """Append an event; one with an earlier time than its predecessor gets the same time."""
+        """Append an event; if its time is earlier than its predecessor's, it gets the same time."""
         t = t if t.tzinfo is not None else t.replace(tzinfo=UTC)
         self.start = self.start or t
         self.seconds.append(max((t - self.start).total_seconds(), self.duration))
@@ -145,7 +145,7 @@ class RecordingTimeline:
         self.kinds.append(_CODES[kind])
 
     def see_clock(self, tick: int, time_s: float) -> None:
-        """Note that `tick` is the simulated second `time_s`."""
+        """Set the rate of ticks, given that `tick` is the simulated second `time_s`."""
         if time_s > 0:
             self.ticks_per_s = tick / time_s
 
@@ -158,7 +158,7 @@ class RecordingTimeline:
         return self.kinds[index] == _TELEMETRY
 
     def last_telemetry(self, count: int) -> int:
-        """Return the last telemetry among the first `count` events, -1 for none."""
+        """Return the last telemetry among the first `count` events, or -1."""
         return self.kinds.rfind(_TELEMETRY, 0, count)
 
     def without_telemetry(self, first: int, end: int) -> Iterator[int]:
@@ -178,13 +178,13 @@ class RecordingTimeline:
         return bisect_right(self.ticks, tick)
 
     def mark_after(self, index: int, kinds: frozenset[MarkKind]) -> int | None:
-        """Return the first event of one of these `kinds` of marks from `index` on, if any."""
+        """Return the first event at or after `index` with a mark of these `kinds`, or None."""
         wanted = [MARK_KINDS.index(kind) for kind in kinds]
         places = range(bisect_left(self.marks, index), len(self.marks))
         return next((self.marks[i] for i in places if self.mark_kinds[i] in wanted), None)
 
     def mark_before(self, index: int, kinds: frozenset[MarkKind]) -> int | None:
-        """Return the last event of one of these `kinds` of marks before `index`, if any."""
+        """Return the last event before `index` with a mark of these `kinds`, or None."""
         wanted = [MARK_KINDS.index(kind) for kind in kinds]
         places = range(bisect_left(self.marks, index) - 1, -1, -1)
         return next((self.marks[i] for i in places if self.mark_kinds[i] in wanted), None)

@@ -41,7 +41,7 @@ TRACK_PLACES: dict[TrackStatus, str] = {
     "inside": "has passed {gate}",
     "leaving": "is leaving {gate}",
 }
-"""The place of a track in words with its gate, by its status."""
+"""The place of a track in words, with its gate, by status."""
 
 _PLACE = re.compile(r"\b(?:is approaching|has stopped at|has passed|is leaving) ")
 _DISTANCE = re.compile(r"\d+ m\Z")
@@ -58,7 +58,7 @@ def alarm_now(alarm: Alarm, picture: Picture | None) -> Alarm:
 
 
 def incident_in_words(incident: Incident) -> str:
-    """Return `incident` as an operator can observe it; the truth behind a track stays hidden."""
+    """Return `incident` as an operator can observe it; a track's true properties stay hidden."""
     values = incident.model_dump()
     match incident.kind:
         case "comms":
@@ -79,7 +79,7 @@ def incident_in_words(incident: Incident) -> str:
 
 
 def deviations_in_words(decision: Decision) -> str:
-    """Return the operator's deviations from the console's proposal; empty if there are none.
+    """Return the operator's deviations from the console's proposal; '' if there are none.
 
     A deviation is a changed plan, another reading of the order, an overridden objection of the
     judge, or an accepted breach.
@@ -101,7 +101,7 @@ def deviations_in_words(decision: Decision) -> str:
 
 
 def order_in_words(command: DeviceCommand | Action) -> str:
-    """Return a command as a plan has it: `move_to EastGate`."""
+    """Return a command as it is in a plan: `move_to EastGate`."""
     return f"{command.verb} {command.target or ''}".strip()
 
 
@@ -119,7 +119,7 @@ def contact_in_words(contact: ev.ReportedContact) -> str:
 
 
 def unconfirmed_in_words(assets: Mapping[str, str]) -> str:
-    """Return which assets are not known to stand after a stop, and why."""
+    """Return the assets that are not known to hold after a stop, with the reasons."""
     if not assets:
         return "every asset stands, as telemetry shows"
     each = ", ".join(f"{name} ({why})" for name, why in assets.items())
@@ -127,7 +127,7 @@ def unconfirmed_in_words(assets: Mapping[str, str]) -> str:
 
 
 def link_in_words(name: str, links: Mapping[str, str]) -> str:
-    """Return over which of the picture's `links` the asset `name` is driven, '' without links."""
+    """Return the link of the asset `name` in `links`, in words; '' if there are no links."""
     if not links:
         return ""
     return f"over {links[name]}" if name in links else "on no link"

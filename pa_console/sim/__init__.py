@@ -1,1 +1,1 @@
-"""The checkpoint in simulation: world files, routes, motion, devices, tracks, link, telemetry."""
+"""The simulated checkpoint: world files, routes, motion, devices, tracks, link, telemetry."""

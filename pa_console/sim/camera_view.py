@@ -1,8 +1,8 @@
-"""A camera's picture of a contact, drawn from the simulated scene: the same each time.
+"""A camera's image of a contact, drawn from the simulated scene; equal scenes give equal images.
 
 The camera turns to the contact and zooms in. A vehicle's colour and plate follow from its id and
-the seed alone, so they stay the same in every picture of a session. Nothing is drawn at random
-from the scene's own generator: to look changes no history.
+the seed alone, so they are the same in every image of a session. Only the rain varies with the
+tick.
 """
 
 import hashlib
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 
 Rgb = tuple[int, int, int]
 Place = tuple[float, float, float]
-"""A position in metres, its height last."""
+"""A position in metres: x, y, height."""
 
 SIZE = 640, 400
-"""Pixels of a picture."""
+"""Width and height of an image in pixels."""
 _ACROSS_M: dict[ContactKind, float] = {"vehicle": 7.0, "person": 4.0}
-"""The width of what is seen at the contact's distance."""
+"""The width in metres that is visible at the contact's distance."""
 _MAST_M, _AIM_M, _NEAREST_M = 4.0, 0.9, 0.5
 _COLOURS: dict[str, Rgb] = {
     "white": (232, 232, 228), "black": (38, 38, 42), "silver": (168, 172, 178),
@@ -44,19 +44,19 @@ _ASSETS: dict[AssetKind, tuple[Place, float, Rgb]] = {
     "ugv": ((2.2, 1.4, 1.0), 0.0, (92, 104, 70)),
     "robot": ((0.8, 0.6, 1.2), 0.0, (214, 120, 32)),
 }
-"""Length, width and height of our own, how far above the ground they are, and their colour."""
+"""Length, width and height of the team's assets, their height above ground, and their colour."""
 _FOG: dict[Weather, float] = {"clear": 0.0, "rain": 0.15, "fog": 0.5}
 
 
 class Look(NamedTuple):
-    """The looks of a vehicle: the name of its colour, and its plate."""
+    """The appearance of a vehicle: the name of its colour, and its plate."""
 
     colour: str
     plate: str
 
 
 def look_of(contact: str, seed: int) -> Look:
-    """Return the looks of a contact, which follow from its id and the session's seed."""
+    """Return a contact's appearance, which follows from its id and the session's seed."""
     drawn = random.Random(hashlib.sha256(f"{seed}/{contact}".encode()).digest())
     letters = "".join(drawn.choice(_LETTERS) for _ in range(3))
     return Look(drawn.choice(list(_COLOURS)), f"{letters} {drawn.randrange(1000):03d}")
@@ -65,9 +65,9 @@ def look_of(contact: str, seed: int) -> Look:
 def still_of(
     terrain: Terrain, scene: Scene, seed: int, camera: str, track: str
 ) -> Callable[[], bytes] | None:
-    """Return what draws, in any thread, the present picture of `track` as PNG.
+    """Return a function that draws the present image of `track` as PNG, in any thread.
 
-    It is None if `camera` does not work or there is no such track.
+    Return None if `camera` does not work or there is no such track.
     """
     file = next((file for file in scene.sensing.files.values() if file.id == track), None)
     contact = scene.contacts.get(file.contact) if file is not None else None
@@ -86,7 +86,7 @@ def _drawn(
     weather: Weather,
     tick: int,
 ) -> bytes:
-    from PIL import Image, ImageDraw  # noqa: PLC0415 - only where a picture is drawn
+    from PIL import Image, ImageDraw  # noqa: PLC0415 - only if an image is drawn
 
     image = Image.new("RGB", SIZE, (164, 186, 206))
     canvas = ImageDraw.Draw(image)
@@ -106,7 +106,7 @@ def _drawn(
 
 
 class _Eye:
-    """A camera on its mast that looks at a point: where in the picture a place is."""
+    """A camera on its mast, aimed at a point; it projects places into the image."""
 
     def __init__(self, at: Point, target: Point, across_m: float) -> None:
         self._at = at
@@ -116,20 +116,20 @@ class _Eye:
         self._cos, self._sin = math.cos(down), math.sin(down)
         self._focal = SIZE[0] * math.hypot(away, _MAST_M - _AIM_M) / across_m
         self.horizon = round(SIZE[1] / 2 - self._focal * math.tan(down))
-        """The row of the horizon, which may be above the picture."""
+        """The row of the horizon; it may be above the image."""
 
     def depth(self, place: Place) -> float:
-        """Return how far ahead a place is."""
+        """Return the distance of a place along the viewing direction."""
         east, north = place[0] - self._at[0], place[1] - self._at[1]
         along = east * self._ahead[0] + north * self._ahead[1]
         return along * self._cos + (_MAST_M - place[2]) * self._sin
 
     def depth_of(self, shape: "_Box | _Person") -> float:
-        """Return how far ahead the middle of a shape is."""
+        """Return the distance of a shape's centre along the viewing direction."""
         return self.depth((*shape.at, 0.0))
 
     def see(self, place: Place) -> tuple[float, float]:
-        """Return the pixel of a place that is ahead."""
+        """Return the pixel of a place in front of the camera."""
         east, north = place[0] - self._at[0], place[1] - self._at[1]
         along = east * self._ahead[0] + north * self._ahead[1]
         right = east * self._ahead[1] - north * self._ahead[0]
@@ -138,7 +138,7 @@ class _Eye:
         return SIZE[0] / 2 + right * scale, SIZE[1] / 2 + below * scale
 
     def fill(self, canvas: "ImageDraw", corners: Sequence[Place], colour: Rgb) -> bool:
-        """Fill a face of which all corners are ahead; returns whether they are."""
+        """Fill a face if all its corners are before the camera; return whether it was filled."""
         if any(self.depth(corner) < _NEAREST_M for corner in corners):
             return False
         canvas.polygon([self.see(corner) for corner in corners], fill=colour)
@@ -146,7 +146,7 @@ class _Eye:
 
 
 class _Box(NamedTuple):
-    """A box, `base` metres up and turned to `heading`, with a plate on its ends, others on it."""
+    """A box, `base` metres up and turned to `heading`; `plate` is on its ends, `above` on top."""
 
     at: Point
     heading: float
@@ -157,7 +157,7 @@ class _Box(NamedTuple):
     above: "tuple[_Box, ...]" = ()
 
     def corner(self, along: float, aside: float, up: float) -> Place:
-        """Return a corner: -1 and 1 are its ends and sides, 0 and 1 its foot and top."""
+        """Return a corner: `along` and `aside` are -1 or 1, `up` is 0 (bottom) or 1 (top)."""
         x, y = along * self.size[0] / 2, aside * self.size[1] / 2
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         return (
@@ -167,7 +167,7 @@ class _Box(NamedTuple):
         )
 
     def draw(self, canvas: "ImageDraw", eye: _Eye) -> None:
-        """Draw the faces, the farthest first; what is behind them is covered so."""
+        """Draw the faces from far to near, so that near faces cover far ones."""
         ends, top = ((-1, -1), (-1, 1), (1, 1), (1, -1)), self.corner
         faces = [
             ([top(*a, 0), top(*b, 0), top(*b, 1), top(*a, 1)], shade, end)
@@ -187,7 +187,7 @@ class _Box(NamedTuple):
             other.draw(canvas, eye)
 
     def _draw_plate(self, canvas: "ImageDraw", eye: _Eye, end: int) -> None:
-        from PIL import ImageFont  # noqa: PLC0415 - only where a picture is drawn
+        from PIL import ImageFont  # noqa: PLC0415 - only if an image is drawn
 
         out, half, low, high = end * 1.01, 0.55, 0.3, 0.62
         sides = ((-half, low), (half, low), (half, high), (-half, high))
@@ -200,13 +200,13 @@ class _Box(NamedTuple):
 
 
 class _Person(NamedTuple):
-    """A person who stands: legs, body and head."""
+    """A standing person: legs, body and head."""
 
     at: Point
     colour: Rgb
 
     def draw(self, canvas: "ImageDraw", eye: _Eye) -> None:
-        """Draw the figure, turned to the camera."""
+        """Draw the figure, facing the camera."""
         if eye.depth((*self.at, 0.0)) < _NEAREST_M:
             return
         for low, high, wide, colour in (
@@ -221,7 +221,7 @@ class _Person(NamedTuple):
 
 
 def _shapes(terrain: Terrain, scene: Scene, seed: int) -> Iterator[_Box | _Person]:
-    """Yield all that stands in the scene."""
+    """Yield every wall, asset, vehicle and person of the scene."""
     for wall in terrain.world.walls:
         (x1, y1), (x2, y2) = wall.start, wall.end
         size = (math.dist(wall.start, wall.end), wall.thickness_m, 2.4)
@@ -239,7 +239,7 @@ def _shapes(terrain: Terrain, scene: Scene, seed: int) -> Iterator[_Box | _Perso
 
 
 def _vehicle(contact: ContactState, look: Look) -> _Box:
-    """Return body and cabin; an emergency vehicle is white with a blue light."""
+    """Return the body and cabin; an emergency vehicle is white with a blue light."""
     colour = _COLOURS["white" if contact.emergency else look.colour]
     at, heading = contact.position, contact.heading
     above = [_Box(at, heading, (2.2, 1.6, 0.6), 1.2, (52, 64, 78))]
@@ -249,7 +249,7 @@ def _vehicle(contact: ContactState, look: Look) -> _Box:
 
 
 def _road(points: Sequence[Point], half_m: float = 3.5) -> Iterator[list[Place]]:
-    """Yield a lane in short strips, so that one that begins behind the camera is seen ahead."""
+    """Yield a lane in short strips, so that the part in front of the camera is drawn."""
     for (x1, y1), (x2, y2) in pairwise(points):
         length = math.dist((x1, y1), (x2, y2)) or 1.0
         aside = -(y2 - y1) / length * half_m, (x2 - x1) / length * half_m

@@ -1,4 +1,4 @@
-"""The simulated checkpoint: fixed step, seeded, forkable; knows nothing of LLMs or rules."""
+"""The simulated checkpoint: fixed step, seeded, forkable; independent of LLMs and rules."""
 
 import copy
 import random
@@ -33,23 +33,24 @@ LEAD_TICKS = 2
 
 
 class StepMessages(NamedTuple):
-    """The messages that reached the station in one step: reports by radio, detections by wire."""
+    """The messages that reached the station in one step: reports by radio, detections by cable."""
 
     reports: tuple[Report, ...] = ()
     wired: Mapping[str, tuple[Detection, ...]] | None = None
-    """Detections by name of the camera; None between two scans."""
+    """Detections by camera; None between two scans."""
 
 
 class Checkpoint:
-    """A world in motion; `step()` advances it by `world.dt_s` and nothing else does."""
+    """A simulated world; only `step()` advances it, by `world.dt_s`."""
 
     admit: devices.Admit | None = None
-    """The devices' check before they carry a command out; forks and forecasts have none."""
+    """The check that devices make before they carry out a command; forks and forecasts have none.
+    """
 
     def __init__(self, world: World, seed: int = 0, scenario: Scenario | None = None) -> None:
-        """Start `world` with every asset on its watch, in `scenario` if one is given.
+        """Start `world` with every asset at its post, with `scenario` if one is given.
 
-        Raises ValueError if an asset has no place.
+        Raises ValueError if there is no place for an asset.
         """
         self.world, self.scenario = world, scenario
         self._terrain = Terrain.of(world)
@@ -57,7 +58,7 @@ class Checkpoint:
         self.reset(seed)
 
     def reset(self, seed: int) -> None:
-        """Begin anew at tick 0; equal seeds give equal histories under equal inputs."""
+        """Start again at tick 0; equal seeds and equal inputs give equal histories."""
         self.seed = seed
         self._scene = Scene(rng=random.Random(seed))
         self._traffic: Traffic | None = None
@@ -78,7 +79,7 @@ class Checkpoint:
 
     @property
     def tick(self) -> int:
-        """Steps taken since the last reset."""
+        """The number of steps since the last reset."""
         return self._scene.tick
 
     @property
@@ -115,16 +116,18 @@ class Checkpoint:
         return radio.take_replies(scene)
 
     def send(self, command: DeviceCommand) -> None:
-        """Put `command` on the link; its device gets it at the next step and answers.
+        """Put `command` on the link; the device receives it at the next step and answers.
 
-        An agent that does not exist is answered with `refused`; one whose link is lost not at all.
+        A command to an unknown agent is answered with `refused`; one to an agent without a link
+        gets no answer.
         """
         radio.send_command(self._scene, command, self.world.dt_s)
 
     def _report(self) -> None:
-        """Let heartbeats and reports go out and arrive; make a new picture when one is due.
+        """Send and receive heartbeats and reports; make a new picture if one is due.
 
-        Reports go out LEAD_TICKS before it, so that an undisturbed link brings them in time.
+        Reports are sent LEAD_TICKS before the picture is due, so that they arrive in time on an
+        undisturbed link.
         """
         terrain, scene = self._terrain, self._scene
         phase = scene.tick % self._period
@@ -147,9 +150,9 @@ class Checkpoint:
     def inject(self, incident: Incident) -> None:
         """Apply `incident` now; it appears in the picture once telemetry reports it.
 
-        Before the first step it is part of the set-up: the picture shows it as long known. Raises
-        ValueError, with the valid names, for an unknown asset, gate or frame, for a track at a gate
-        without a lane, and for a frame without a free place.
+        Before the first step it is part of the set-up: the picture shows it as if it had long been
+        known. Raises ValueError, with the valid names, for an unknown asset, gate or frame, for a
+        track at a gate without a lane, and for a frame without a free place.
         """
         incidents.apply(self._terrain, self._scene, incident)
         self._traffic = None
@@ -157,7 +160,7 @@ class Checkpoint:
             self._show(station_side.begin(self._terrain, self._scene))
 
     def mark_manual(self, assets: frozenset[str]) -> None:
-        """Show `assets`, and no others, as taken under manual control at the station; at once."""
+        """Show exactly `assets` as taken under manual control at the station, without delay."""
         station = self._scene.station
         changed = station.manual ^ assets
         station.manual = assets
@@ -165,39 +168,39 @@ class Checkpoint:
             self._show(station_side.build(self._terrain, self._scene, changed))
 
     def picture(self) -> Picture:
-        """Return telemetry as last reported, every `world.telemetry_period_s`."""
+        """Return the picture from the last reports; it changes every `world.telemetry_period_s`."""
         if self._picture is None:
             assert self._draft is not None
             self._picture = self._draft.picture()
         return self._picture
 
     def _show(self, draft: station_side.Draft) -> None:
-        """Set the picture from now on; it is put together when it is read."""
+        """Set the current picture; it is assembled when it is read."""
         self._draft: station_side.Draft | None = draft
         self._picture: Picture | None = None
 
     def truth(self) -> Picture:
-        """Return the exact state, for tests, scorers and benchmarks; nothing else may see it.
+        """Return the exact state, for tests, scorers and benchmarks only.
 
-        A contact stands under its track's id if the station has one for it, else under its own.
+        A contact has the id of its track if the station tracks it, otherwise its own id.
         """
         return truth.truth(self._terrain, self._scene)
 
     def true_contacts(self) -> tuple[TrueContact, ...]:
-        """Return every vehicle and person exactly, under an id that never changes, for scorers."""
+        """Return the exact vehicles and persons, under ids that never change, for scorers."""
         return truth.true_contacts(self._terrain, self._scene)
 
     def still(self, camera: str, track: str) -> Callable[[], bytes] | None:
-        """Return what draws the present picture of `track` by `camera`, None for none."""
+        """Return a function that draws the present image of `track` by `camera`, or None."""
         return still_of(self._terrain, self._scene, self.seed, camera, track)
 
     def forecast(self) -> "Checkpoint":
-        """Return a simulation of what the picture shows, built from it and the world alone."""
+        """Return a simulation built from the picture and the world alone."""
         return self.ahead_of(self._terrain, self.picture())
 
     @staticmethod
     def ahead_of(terrain: Terrain, picture: Picture) -> "Checkpoint":
-        """Return a simulation of `picture` on `terrain`, for any source of the picture."""
+        """Return a simulation of `picture` on `terrain`; the picture may have any source."""
         twin = Checkpoint.__new__(Checkpoint)
         twin.world, twin.seed, twin.scenario = terrain.world, 0, None
         twin._happened, twin._skipped, twin.arrived = [], [], StepMessages()
@@ -208,12 +211,12 @@ class Checkpoint:
         return twin
 
     def take_incidents(self) -> list[Incident]:
-        """Return what the scenario made happen since the last call, in order, for the log."""
+        """Return the incidents that the scenario has caused since the last call, for the log."""
         taken, self._happened = self._happened, []
         return taken
 
     def take_skipped(self) -> list[str]:
-        """Return, a sentence each, what the scenario meant to happen and could not since then."""
+        """Return a sentence for each scenario incident since the last call that was impossible."""
         taken, self._skipped = self._skipped, []
         return taken
 
@@ -227,7 +230,7 @@ class Checkpoint:
                 self._traffic = None
 
     def fork(self) -> "Checkpoint":
-        """Return an independent copy; equal inputs keep the two equal, contacts included."""
+        """Return an independent copy; with equal inputs it stays equal, contacts included."""
         twin = copy.copy(self)
         twin.admit, twin._traffic = None, None
         twin._happened, twin._skipped = list(self._happened), list(self._skipped)
@@ -235,5 +238,5 @@ class Checkpoint:
         return twin
 
     def state_hash(self) -> str:
-        """Return the SHA-256 over the whole dynamic state."""
+        """Return the SHA-256 of the whole dynamic state."""
         return self._scene.digest()

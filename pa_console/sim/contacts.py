@@ -1,4 +1,4 @@
-"""The truth about vehicles and persons: how they appear, where they drive, and are gone."""
+"""The true state of vehicles and persons: how they appear, drive and leave."""
 
 import math
 
@@ -12,12 +12,19 @@ from pa_console.sim.scene import Scene
 from pa_console.sim.sensing_state import ContactState
 from pa_console.sim.worlds.terrain import QUEUE_GAP_M, Terrain
 
+COMPLIES_AFTER_S = 2.0
+"""Seconds that a contact waits after a warning before it leaves."""
+BUMPER_M = 3.0
+"""The distance at which a contact that ignores a warning passes ground assets, in metres."""
+_STOPPED_MPS = 0.05
+_ASIDE_DEG = (30, -30, 60, -60, 85, -85)
+
 
 def spawn(terrain: Terrain, scene: Scene, incident: SpawnTrack) -> ContactState:
-    """Put a new contact on a lane of its gate, behind whatever is already there.
+    """Add a new contact on a lane of its gate, behind the contacts already there.
 
-    It starts `distance_m` from the gate, but never nearer than where contacts wait. Raises
-    ValueError when no lane leads to the gate.
+    It starts `distance_m` from the gate, but never nearer than the waiting point. Raises ValueError
+    if no lane leads to the gate.
     """
     lane = pick_lane(terrain, scene, incident.gate)
     line = terrain.lanes[lane]
@@ -53,7 +60,7 @@ def spawn(terrain: Terrain, scene: Scene, incident: SpawnTrack) -> ContactState:
 
 
 def pick_lane(terrain: Terrain, scene: Scene, gate: str) -> str:
-    """Return a lane that leads to `gate`, drawn if there are several; ValueError if none does."""
+    """Return a lane to `gate`, drawn if there are several; raises ValueError if there is none."""
     lanes = terrain.lanes_to(gate)
     if not lanes:
         known = ", ".join(sorted({lane.gate for lane in terrain.world.lanes.values()})) or "none"
@@ -62,10 +69,10 @@ def pick_lane(terrain: Terrain, scene: Scene, gate: str) -> str:
 
 
 def turn(scene: Scene, incident: RevealTrack) -> None:
-    """Change the truth behind a contact that a script named; one that is gone stays gone.
+    """Change the true properties of a contact that a script named; ignore one that has left.
 
-    Sensors must watch it anew before they see a changed intent. Raises ValueError when nothing of
-    this name was ever spawned.
+    Sensors must watch it again before they can detect a changed intent. Raises ValueError if no
+    contact with this name was ever spawned.
     """
     state = scene.sensing
     if incident.track not in state.named:
@@ -82,34 +89,27 @@ def turn(scene: Scene, incident: RevealTrack) -> None:
 
 
 def remove(scene: Scene, contact_id: str) -> None:
-    """Take a contact out of the truth, and out of what sensors have learned about those present."""
+    """Remove a contact from the true state, and the sensors' knowledge about it."""
     state = scene.sensing
     del state.contacts[contact_id]
     state.watched = {key: n for key, n in state.watched.items() if key[1] != contact_id}
     state.findings = {key: f for key, f in state.findings.items() if key[1] != contact_id}
 
 
-COMPLIES_AFTER_S = 2.0
-"""A contact that leaves when it is warned stands this long first."""
-BUMPER_M = 3.0
-"""One that goes on passes ground assets in its way at this distance."""
-_STOPPED_MPS = 0.05
-_ASIDE_DEG = (30, -30, 60, -60, 85, -85)
-
 Points = npt.NDArray[np.float64]
 
 
 class _GroundAssets:
-    """The positions of the ground assets at this step; collected only once a contact moves."""
+    """The positions of the ground assets at this step; collected only if a contact moves."""
 
     def __init__(self, scene: Scene) -> None:
         self._assets = scene.assets.values()
         self._at: Points | None = None
 
     def nears(self, here: Point, there: Point, keeps_m: float) -> bool:
-        """Return whether going from `here` to `there` comes nearer than `keeps_m` to an asset.
+        """Return whether a move from `here` to `there` comes nearer than `keeps_m` to an asset.
 
-        Going away from one already too near is free.
+        Moving away from an asset that is already too near is allowed.
         """
         if self._at is None:
             at = [(asset.x, asset.y) for asset in self._assets if asset.kind != "uav"]
@@ -124,7 +124,7 @@ class _GroundAssets:
 
 
 def advance(terrain: Terrain, scene: Scene, dt_s: float) -> None:
-    """Move every contact by one step; one that has left by the far end of its lane is gone."""
+    """Move every contact by one step; remove those that have left at the far end of their lane."""
     if not scene.contacts:
         return
     ground = _GroundAssets(scene)
@@ -144,9 +144,9 @@ def advance(terrain: Terrain, scene: Scene, dt_s: float) -> None:
 
 
 def way_in(terrain: Terrain, gate: str) -> tuple[Point, ...]:
-    """Return the waypoints from a gate's lane to the nearest frame behind it that is no gate.
+    """Return the waypoints from a gate's lane to the nearest post behind the gate, or to the base.
 
-    They go through the gate and then as a ground asset would; straight if there is no such way.
+    They lead through the gate and then along a ground asset's route, or straight if there is none.
     """
     world = terrain.world
     start = world.frames[gate].at
@@ -156,7 +156,7 @@ def way_in(terrain: Terrain, gate: str) -> tuple[Point, ...]:
 
 
 def _ground_way(terrain: Terrain, start: Point, goal: Point) -> tuple[Point, ...]:
-    """Return the waypoints after `start` that a ground asset would take, else straight to it."""
+    """Return the waypoints of a ground asset's route after `start`; straight if there is none."""
     kinds: list[AssetKind] = [kind for kind in terrain.world.platforms if kind != "uav"]
     route = terrain.planner.route(kinds[0], start, goal) if kinds else None
     return route or (goal,)
@@ -167,7 +167,7 @@ def _inside(terrain: Terrain, contact: ContactState) -> bool:
 
 
 def _leave(terrain: Terrain, scene: Scene, contact: ContactState, dt_s: float) -> None:
-    """Stand a moment after the warning, then drive back by the way it came."""
+    """Wait a moment after the warning, then drive back the way it came."""
     waited_s = (scene.tick - (contact.warned_tick or 0)) * dt_s
     if contact.status != "leaving" and waited_s < COMPLIES_AFTER_S:
         contact.speed = 0.0
@@ -192,7 +192,7 @@ def _leave(terrain: Terrain, scene: Scene, contact: ContactState, dt_s: float) -
 
 
 def _way_out(terrain: Terrain, contact: ContactState) -> tuple[Point, ...]:
-    """Return the waypoints from inside back to the end of its lane."""
+    """Return the waypoints from the contact's place back to the end of its lane."""
     end = terrain.lanes[contact.lane].locate(math.inf)[0]
     if not _inside(terrain, contact):
         return (end,)
@@ -203,9 +203,9 @@ def _way_out(terrain: Terrain, contact: ContactState) -> tuple[Point, ...]:
 def _approach(
     terrain: Terrain, scene: Scene, contact: ContactState, ground: _GroundAssets, dt_s: float
 ) -> None:
-    """Drive on until the waiting point, the contact in front, or a ground asset in the way.
+    """Drive on up to the waiting point, the contact in front, or a ground asset in the way.
 
-    One that goes on after its warning leaves its lane at the waiting point, for the gate.
+    A contact that ignores a warning leaves its lane at the waiting point and drives to the gate.
     """
     line = terrain.lanes[contact.lane]
     limit = line.waiting_m
@@ -234,7 +234,7 @@ def _approach(
 def _drive(
     terrain: Terrain, scene: Scene, contact: ContactState, ground: _GroundAssets, dt_s: float
 ) -> None:
-    """Go on through the gate and inside it; a blocked gate holds it, other assets it passes."""
+    """Drive on through the gate and inside; a blocked gate stops it, other assets it passes."""
     gate_ahead = terrain.world.frames[contact.gate].at in contact.route
     if gate_ahead and gate_blocked(terrain, scene, contact.gate):
         contact.speed = 0.0
@@ -251,9 +251,9 @@ def _drive(
 
 
 def _pass_by(terrain: Terrain, contact: ContactState, ground: _GroundAssets, dt_s: float) -> None:
-    """Step aside of a ground asset; stand if there is no way past it.
+    """Steer round a ground asset; stop if there is no way past it.
 
-    A waypoint that something stands at counts as reached, the last one too.
+    A waypoint counts as reached if an asset stands near it, even the last one.
     """
     here, step = contact.position, contact.cruise_mps * dt_s
     while contact.route and math.dist(here, contact.route[0]) <= BUMPER_M + step:
@@ -272,7 +272,7 @@ def _pass_by(terrain: Terrain, contact: ContactState, ground: _GroundAssets, dt_
 
 
 def _follow(contact: ContactState, step_m: float, dt_s: float) -> None:
-    """Advance `step_m` along its route."""
+    """Advance the contact by `step_m` along its route."""
     gone, left = 0.0, step_m
     while contact.route and left > 1e-9:
         target = contact.route[0]
@@ -290,7 +290,7 @@ def _follow(contact: ContactState, step_m: float, dt_s: float) -> None:
 
 
 def gate_blocked(terrain: Terrain, scene: Scene, gate: str) -> bool:
-    """Return whether a UGV that is not down blocks `gate`: nothing passes it then."""
+    """Return whether a working UGV blocks `gate`, so that nothing can pass."""
     return any(
         asset.task == "blocking" and not asset.down and terrain.frame_at(asset.x, asset.y) == gate
         for asset in scene.assets.values()

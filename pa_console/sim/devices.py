@@ -1,8 +1,8 @@
-"""The behaviour of devices: carrying out commands, and acting alone without a link (CAP-05).
+"""The behaviour of devices: carrying out commands, and acting without a link (CAP-05).
 
-At a gate a ground robot identifies and warns contacts (WF-01, ROE-02, CAP-03). It relies on its
-proximity sensors, which see the truth near it in any weather; the station learns of it from the
-robot's reports. The track ids in its answers come from the station.
+At a gate, a ground robot identifies and warns contacts (WF-01, ROE-02, CAP-03). Its proximity
+sensors detect nearby contacts exactly in any weather; the station receives their results in the
+robot's reports. The track ids in its replies come from the station.
 """
 
 import math
@@ -28,12 +28,17 @@ from pa_console.sim.sensing_state import ContactFinding, ContactState
 from pa_console.sim.tracker import name_of
 from pa_console.sim.worlds.terrain import Terrain
 
+PROGRESS_S = 5.0
+_REMEMBERED = 32
+IDENTIFY_S = 4.0
+WARN_S = 3.0
+
 
 def listen(terrain: Terrain, scene: Scene) -> None:
-    """Deliver the station's heartbeat, sent once a telemetry period, to every device.
+    """Deliver the station's heartbeat, sent once per telemetry period, to every device.
 
     A device without a heartbeat for its platform's `lost_link_after_s` ends its command and holds
-    or returns to base. Once the link is back, it reports the end of its command.
+    or returns to base. When the link is back, the device reports the end of its command.
     """
     world = terrain.world
     for asset in scene.assets.values():
@@ -50,7 +55,7 @@ def listen(terrain: Terrain, scene: Scene) -> None:
 
 
 def note_heard(terrain: Terrain, scene: Scene, asset: AssetState) -> None:
-    """Note that something from the station has just reached `asset`."""
+    """Record that a message from the station has just reached `asset`."""
     asset.heard_tick = scene.tick
     if asset.cut_off:
         owes, asset.cut_off, asset.owes = asset.owes, False, ()
@@ -58,21 +63,17 @@ def note_heard(terrain: Terrain, scene: Scene, asset: AssetState) -> None:
             radio.send_reply(scene, reply, terrain.world.dt_s)
 
 
-PROGRESS_S = 5.0
-_REMEMBERED = 32
-
-
 Admit = Callable[[DeviceCommand], str]
-"""Returns why a device may not carry a command out, '' when it may; called once a command id."""
+"""Returns why a device may not carry out a command, or ''; called once per command id."""
 
 
 def accept(
     terrain: Terrain, scene: Scene, command: DeviceCommand, admit: Admit | None = None
 ) -> Iterator[CommandReply]:
-    """Take a command in as the device does, if it does `admit` it; yield its answers.
+    """Process a command as the device does, if `admit` allows it; yield the replies.
 
-    A command id is carried out once: when it comes again, the last answer to it is repeated. A
-    hold is the exception: an asset under way is stopped by it however often its id has come.
+    A command id is carried out once; if it arrives again, the last reply to it is repeated. A hold
+    is the exception: it stops an asset under way however often its id has arrived.
     """
     asset = scene.assets.get(command.agent)
     if asset is None:
@@ -110,7 +111,8 @@ def accept(
 def lose_link(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterator[CommandReply]:
     """Act as the platform does without a link; yield the end of the command, for a later report.
 
-    An asset that holds stays at its watch if it has no command; one that returns leaves it.
+    An asset that holds stays at its post if it has no command; an asset that returns leaves its
+    post.
     """
     returns = terrain.world.platforms[asset.kind].lost_link == "return_to_base"
     if asset.command is not None:
@@ -125,7 +127,7 @@ def lose_link(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterator[Com
 
 
 def work(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterable[CommandReply]:
-    """Advance the asset's command after a step; return its replies."""
+    """Advance the asset's command after a step; return the replies."""
     if asset.down:
         return _break_down(scene, asset)
     if asset.route and (trouble := unstick(terrain, scene, asset)):
@@ -141,7 +143,7 @@ def work(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterable[CommandR
 def _tell_progress(
     scene: Scene, asset: AssetState, command: DeviceCommand
 ) -> Iterable[CommandReply]:
-    """Send the progress of an asset under way."""
+    """Report the progress of an asset under way."""
     asset.progress_tick = scene.tick
     held = ""
     if asset.held_by:
@@ -153,7 +155,7 @@ def _tell_progress(
 
 
 def _do_there(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterator[CommandReply]:
-    """Do what the command asks for at its target, where the asset stands."""
+    """Carry out the command at its target, where the asset now is."""
     command = asset.command
     if command is None:
         if asset.task in ("moving", "returning"):
@@ -175,7 +177,7 @@ def _do_there(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterator[Com
 
 
 def status_text(terrain: Terrain, scene: Scene, asset: AssetState) -> str:
-    """Return the brief report of an asset: place, task, battery, link, what it sees (WF-09)."""
+    """Return an asset's brief report: place, task, battery, link, visible contacts (WF-09)."""
     at = terrain.frame_at(asset.x, asset.y)
     place = f"at {at}" if at else f"on the way to {asset.post}" if asset.post else "between frames"
     reach = terrain.world.platforms[asset.kind].sensor_range_m
@@ -186,7 +188,7 @@ def status_text(terrain: Terrain, scene: Scene, asset: AssetState) -> str:
 
 
 def _objection(terrain: Terrain, asset: AssetState, command: DeviceCommand) -> str:
-    """Return why the device cannot take the command, '' when it can."""
+    """Return why the device cannot carry out the command, or '' if it can."""
     spec = COMMANDS[command.verb]
     if asset.failed:
         return "the asset has failed"
@@ -204,9 +206,9 @@ def _objection(terrain: Terrain, asset: AssetState, command: DeviceCommand) -> s
 
 
 def drive_by_hand(terrain: Terrain, scene: Scene, asset: AssetState, frame: str | None) -> None:
-    """Let a person drive `asset` from now on, to `frame` if one is given.
+    """Put `asset` under manual control; a person drives it to `frame` if one is given.
 
-    Its command ends without an answer, because the device gets no message. Its post stays the same.
+    Its command ends without a reply, because the device gets no message. Its post stays the same.
     Raises ValueError if it cannot be driven there.
     """
     post = asset.post
@@ -219,14 +221,14 @@ def drive_by_hand(terrain: Terrain, scene: Scene, asset: AssetState, frame: str 
 
 
 def let_go(terrain: Terrain, asset: AssetState) -> None:
-    """Let `asset` take commands again; it stands, assigned to the frame it is at, if any."""
+    """End manual control of `asset`; it holds, with the frame it is at, if any, as its post."""
     if asset.manual:
         asset.manual = False
         _stand(terrain, asset, "none" if asset.down else "idle")
 
 
 def _set_out(terrain: Terrain, scene: Scene, asset: AssetState, target: str) -> str:
-    """Give the asset a place at `target` and a route to it; return why that is impossible."""
+    """Give the asset a place at `target` and a route to it; return why it has none, or ''."""
     asset.dwell, asset.stalls, asset.announced = 0, 0, False
     asset.progress_tick = asset.nearest_tick = scene.tick
     asset.nearest_m, asset.held_by = math.inf, ""
@@ -254,20 +256,20 @@ def _set_out(terrain: Terrain, scene: Scene, asset: AssetState, target: str) -> 
 def _give_up(
     terrain: Terrain, scene: Scene, asset: AssetState, reason: str, task: Task = "idle"
 ) -> Iterator[CommandReply]:
-    """Stay where it is; its command, if it has one, has failed."""
+    """Stop the asset where it is; its command, if any, has failed."""
     _stand(terrain, asset, task)
     if asset.command is not None:
         yield _close(scene, asset, "failed", reason)
 
 
 def _stand(terrain: Terrain, asset: AssetState, task: Task) -> None:
-    """Stay where it is, assigned to the frame it is at, if any."""
+    """Stop the asset where it is, with the frame it is at, if any, as its post."""
     asset.post = terrain.frame_at(asset.x, asset.y)
     asset.stop(task)
 
 
 def _break_down(scene: Scene, asset: AssetState) -> Iterator[CommandReply]:
-    """Stop an asset that has just failed; its command ends with it."""
+    """Stop an asset that has just failed; its command fails too."""
     if asset.route or asset.task != "none":
         asset.stop("none")
     if asset.command is not None:
@@ -294,24 +296,21 @@ def _answer(scene: Scene, command: DeviceCommand, status: ReplyStatus, detail: s
 
 
 def _remember(asset: AssetState, reply: CommandReply) -> CommandReply:
-    """Keep the last answer per command id, for the last few ids."""
+    """Store the last reply per command id, for the latest ids only."""
     others = tuple(r for r in asset.answered if r.command_id != reply.command_id)
     asset.answered = (*others, reply)[-_REMEMBERED:]
     return reply
 
 
-IDENTIFY_S = 4.0
-WARN_S = 3.0
-
 Ending = tuple[Literal["done", "failed"] | None, str]
 
 
 def attend(terrain: Terrain, scene: Scene, asset: AssetState, verb: Verb, gate: str) -> Ending:
-    """Advance an `identify` or `warn` of an asset that stands at `gate`; None means not yet.
+    """Advance an `identify` or `warn` of an asset at `gate`; a status of None means not finished.
 
-    It fails at once when nothing is there or on its way, waits for one on its way to come within
-    sensor range, and then needs a few seconds with it. What is found out is the robot's own
-    opinion: that a contact is hostile takes another sensor to confirm (ROE-01).
+    It fails at once if no contact is there or on its way. It waits until the contact is within
+    sensor range, and then takes a few seconds. The result is the robot's own opinion: a hostile
+    intent needs another sensor to confirm it (ROE-01).
     """
     contact = _choose(scene, asset, verb, gate)
     if contact is None:
@@ -340,7 +339,7 @@ def called(scene: Scene, contact: ContactState) -> str:
 
 
 def _note(scene: Scene, asset: AssetState, contact: ContactState, verb: str) -> None:
-    """Keep the asset's finding, which goes out with its reports."""
+    """Store the asset's finding, which is sent with its reports."""
     findings, key = scene.sensing.findings, (asset.id, contact.id)
     before = findings.get(key, ContactFinding())
     if verb == "identify":
@@ -352,9 +351,9 @@ def _note(scene: Scene, asset: AssetState, contact: ContactState, verb: str) -> 
 
 
 def _choose(scene: Scene, asset: AssetState, verb: str, gate: str) -> ContactState | None:
-    """Return the contact to attend to at `gate`: first one that still needs it, then the nearest.
+    """Return the contact to deal with at `gate`: one that still needs it, then the nearest.
 
-    A contact counts as identified if it does at the station, which gave the order.
+    A contact counts as identified if the station, which sent the command, has it as identified.
     """
     here = [c for c in scene.contacts.values() if c.gate == gate and c.status != "leaving"]
 

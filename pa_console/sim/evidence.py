@@ -1,9 +1,9 @@
-"""Evidence about a contact: the statements of all sensors, and the station's conclusions from them.
+"""Evidence about contacts: the sensors' statements and the station's conclusions.
 
 A statement counts only if its sensor had the contact in reach, as far as the station knows both
-places. A sensor has one vote: its latest statement replaces its earlier one. Votes are weighted by
-the kind of sensor. Sensors that contradict each other leave an identity unknown, unless several
-agree against one.
+places. A sensor has one vote: its latest statement replaces the earlier one. Votes are weighted by
+the kind of sensor. If sensors contradict each other, the identity is unknown, unless several agree
+against one.
 """
 
 import math
@@ -20,41 +20,42 @@ from pa_console.sim.sensors import CLOSE_STANDOFFS
 from pa_console.sim.worlds.terrain import Terrain
 
 ROBOT_WEIGHT, OTHER_WEIGHT = 2, 1
-"""A ground robot has dealt with the contact (`identify`); other sensors have only looked at it."""
+"""Weights of a ground robot, which has dealt with the contact (`identify`), and of other sensors,
+which have only observed it."""
 NEEDED_WEIGHT = 2
-"""Least weight of an identity: one ground robot, or two other sensors."""
+"""The least weight that supports an identity: one ground robot, or two other sensors."""
 TWO_SENSORS = 2
-"""Least number of independent sensors that confirm an intent (ROE-01, ROE-10)."""
+"""The least number of independent sensors that confirm an intent (ROE-01, ROE-10)."""
 OUTWEIGHS = 2
-"""The least ratio of weights at which two or more sensors prevail over contradicting ones."""
+"""The least ratio of weights at which several sensors prevail over contradicting ones."""
 WITHDRAWN_S = 10.0
-"""A sensor withdraws a suspicion by seeing no noncombatants so long after it last did, seconds."""
+"""Seconds after its last suspicion at which a sensor withdraws it by detecting no noncombatants."""
 FORGOTTEN_S = 60.0
-"""Another sensor ends a suspicion that was last stated so long ago, seconds."""
+"""Seconds after the last suspicion at which another sensor ends it."""
 _CONTRARY: Mapping[Identity, tuple[IdentityClaim, ...]] = {
     "authorized": ("unauthorized", "hostile"),
     "unauthorized": ("authorized",),
 }
 _POSITION_DOUBT_M = 5.0
-"""Largest error of a reported position that the station may miss (`picture/integrity.py`)."""
+"""The largest error of a reported position that the station may not notice (`sim/integrity.py`)."""
 _CONTACT_MPS = 20.0
-"""Fastest contact: how far one may have moved since another sensor detected it."""
+"""The speed of the fastest contact; it limits the move since another sensor's detection."""
 _SIGMAS = 3.0
 
 
 def learn(  # noqa: PLR0917 - a statement: its sensor, its contact and its time
     terrain: Terrain, scene: Scene, file: TrackFile, sensor: str, stamp: int, heard: Detection
 ) -> None:
-    """Keep the statement of `sensor` at tick `stamp` about identity, intent and noncombatants.
+    """Store the statement of `sensor` at tick `stamp` on identity, intent and noncombatants.
 
-    A statement without a position, or about a place beyond the sensor's reach, is left out.
+    A statement without a position, or about a place beyond the sensor's reach, is ignored.
     """
     place = _place(terrain, scene, sensor, stamp)
     if place is None or heard.position is None:
         return
     if math.dist(place.at, heard.position) > place.reach_m:
         return
-    # Markings and lights do not change: one look at them is enough, and nothing withdraws it.
+    # Markings and lights do not change: one detection is enough, and nothing withdraws it.
     file.emergency = file.emergency or heard.emergency
     said = _statement(terrain, file, sensor)
     now = said
@@ -75,7 +76,7 @@ def learn(  # noqa: PLR0917 - a statement: its sensor, its contact and its time
 
 
 def identity_of(file: TrackFile) -> Identity:
-    """Return the identity that the sensors' statements support, unknown if they contradict."""
+    """Return the identity that the statements support; unknown if they contradict each other."""
     if file.identified != "unknown":
         return file.identified
     claims = _claims(file)
@@ -89,7 +90,7 @@ def identity_of(file: TrackFile) -> Identity:
 
 
 def disputed_claims(file: TrackFile) -> dict[str, IdentityClaim]:
-    """Return the identity claims by sensor if they contradict each other, else none."""
+    """Return the identity claims by sensor if they contradict each other, else an empty dict."""
     claims = _claims(file)
     return dict(sorted(claims.items())) if len(set(claims.values())) > 1 else {}
 
@@ -97,8 +98,8 @@ def disputed_claims(file: TrackFile) -> dict[str, IdentityClaim]:
 def intent_of(file: TrackFile) -> Intent:
     """Return the intent that the sensors' opinions confirm.
 
-    Hostile takes two independent sensors. Benign takes two as well, or the only one that identified
-    the contact, and no hostile opinion.
+    A hostile intent needs two independent sensors. A benign intent needs two as well, or the only
+    sensor that identified the contact, and no hostile opinion.
     """
     hostile = len(hostile_by(file))
     if hostile >= TWO_SENSORS:
@@ -123,8 +124,8 @@ def hostile_by(file: TrackFile) -> tuple[str, ...]:
 def suspects_noncombatants(terrain: Terrain, file: TrackFile) -> bool:
     """Return whether noncombatants are suspected (ROE-08).
 
-    A suspicion ends once its sensor has had the contact close by for a while without seeing any, or
-    another sensor has, long after the suspicion was last stated.
+    A suspicion ends if its sensor has had the contact close by for WITHDRAWN_S without detecting
+    any, or if any sensor has, FORGOTTEN_S after the suspicion was last reported.
     """
     if file.suspected:
         return True
@@ -140,7 +141,7 @@ def suspects_noncombatants(terrain: Terrain, file: TrackFile) -> bool:
 
 
 def weight_of(terrain: Terrain, sensor: str) -> int:
-    """Return the weight of a sensor's statements, by its kind."""
+    """Return the weight of a sensor's statements, which depends on its kind."""
     asset = terrain.world.assets.get(sensor)
     return ROBOT_WEIGHT if asset is not None and asset.kind == "robot" else OTHER_WEIGHT
 
@@ -148,8 +149,8 @@ def weight_of(terrain: Terrain, sensor: str) -> int:
 def _claims(file: TrackFile) -> Mapping[str, IdentityClaim]:
     """Return the identity claim of each sensor.
 
-    A hostile opinion of a sensor that has not identified the contact is a claim against
-    `authorized`, once another sensor claims that.
+    If a sensor claims `authorized`, a hostile opinion of a sensor that has not identified the
+    contact counts as a claim against it.
     """
     claims: dict[str, IdentityClaim] = {}
     for one in file.statements:
@@ -162,13 +163,13 @@ def _claims(file: TrackFile) -> Mapping[str, IdentityClaim]:
 
 
 def _statement(terrain: Terrain, file: TrackFile, sensor: str) -> Statement:
-    """Return the statement of a sensor so far, an empty one at first."""
+    """Return the statement of a sensor so far, or an empty one."""
     said = next((one for one in file.statements if one.sensor == sensor), None)
     return said or Statement(sensor, weight_of(terrain, sensor))
 
 
 class _SensorReach(NamedTuple):
-    """Place of a sensor, the farthest it may see from there, and how near it surely sees well."""
+    """A sensor's place, its greatest reach, and the distance at which it certainly detects well."""
 
     at: Point
     reach_m: float
@@ -178,7 +179,7 @@ class _SensorReach(NamedTuple):
 def _place(terrain: Terrain, scene: Scene, sensor: str, stamp: int) -> _SensorReach | None:
     """Return the known place of a sensor at tick `stamp`; a camera never moves.
 
-    It is None for an asset whose latest report is too old.
+    Return None for an asset whose latest report is too old.
     """
     world = terrain.world
     camera, asset = world.cameras.get(sensor), world.assets.get(sensor)
@@ -210,8 +211,8 @@ def _is_elsewhere(  # noqa: PLR0917 - a claim: its sensor, its contact, its plac
 ) -> bool:
     """Return whether other sensors detect the contact beyond the reach of `sensor` at `place`.
 
-    A tie is decided for safety: it rules out a claim of `authorized` and lets one of `unauthorized`
-    stand, so that one sensor with false positions silences no warning.
+    A tie is decided for safety: it excludes a claim of `authorized` and accepts one of
+    `unauthorized`, so that one sensor with false positions cannot suppress a warning.
     """
     dt_s, here = terrain.world.dt_s, 0 if identity == "authorized" else 1
     there = 0

@@ -1,9 +1,9 @@
-"""Rebuilds a simulation from a picture: what is known, taken further, and nothing of the truth.
+"""A simulation rebuilt from a picture: the known state continued, without the truth.
 
-In it messages take the world's latency and are never lost. Assets that cannot be counted on
-(failed, silent, stale, suspect) stand where last reported, cover nothing and answer nothing. One
-under manual control stands there as well, and covers what it covers. An asset under way goes on to
-where its reported route ends. Contacts are what the tracks suggest.
+Messages take the world's latency and are never lost. Assets that cannot be relied on (failed,
+silent, stale, suspect) stand where they were last reported, cover nothing and answer nothing. An
+asset under manual control also stands there, and keeps its cover. An asset under way continues to
+the end of its reported route. Contacts are derived from the tracks.
 """
 
 import math
@@ -31,16 +31,19 @@ from pa_console.sim.sensing_state import ContactState, Sighting, Statement, Trac
 from pa_console.sim.worlds.terrain import Terrain
 
 IDLE_REPORT_PERIODS = 20
-"""The telemetry periods between two reports of an idle asset, whose battery alone changes."""
+"""Telemetry periods between two reports of an idle asset, which changes only its battery."""
 _VERBS: dict[Task, Verb] = {
     "moving": "move_to",
     **{task: verb for verb in ADDRESSING if (task := COMMANDS[verb].task)},
     "returning": "return_to_base",
 }
 
+USUAL_MPS = 5.0
+"""The assumed speed of a contact of unknown speed once it moves."""
+
 
 def scene_of(terrain: Terrain, picture: Picture) -> Scene:
-    """Return the scene that `picture` shows; equal pictures give equal scenes."""
+    """Return the scene of `picture`; equal pictures give equal scenes."""
     world, dt_s = terrain.world, terrain.world.dt_s
     scene = Scene(rng=random.Random(0), tick=picture.tick, ideal=True)
     station = scene.station = StationState(at_gate={gate: {} for gate in world.gates})
@@ -64,7 +67,7 @@ def scene_of(terrain: Terrain, picture: Picture) -> Scene:
 
 
 def report(terrain: Terrain, scene: Scene) -> station_side.Draft:
-    """Let the assets that have changed report, and return the picture."""
+    """Report the assets that have changed, and return the picture."""
     world, station = terrain.world, scene.station
     turn = scene.tick // station_side.period_ticks(world) % IDLE_REPORT_PERIODS
     silent: list[str] = []
@@ -85,7 +88,7 @@ def report(terrain: Terrain, scene: Scene) -> station_side.Draft:
 
 
 def _asset(world: World, tick: int, index: int, report: AssetTelemetry) -> AssetState:
-    """Return the asset as its report has it; one that cannot be counted on is down for good."""
+    """Return the asset of a report; an asset that cannot be relied on is down for good."""
     radio = world.radio
     answers = report.available or (report.manual and station_side.is_sure(report))
     silent = not answers and report.status != "failed" and report.battery_pct > 0.0
@@ -125,15 +128,11 @@ def _asset(world: World, tick: int, index: int, report: AssetTelemetry) -> Asset
     return asset
 
 
-USUAL_MPS = 5.0
-"""The assumed speed of a contact of unknown speed once it moves."""
-
-
 def _restore(terrain: Terrain, scene: Scene, picture: Picture) -> None:
     """Set tracks, cameras and weather of a forecast's `scene` from `picture`.
 
-    A contact stands or moves as last seen; unknown identity will be found unauthorized; one that is
-    warned stops, one that has been seen to go on after its warning goes on.
+    A contact stands or moves as last detected. An unknown identity is assumed to be unauthorized. A
+    warned contact stops, unless it has already ignored its warning.
     """
     state = scene.sensing
     state.weather = picture.weather
@@ -146,7 +145,7 @@ def _restore(terrain: Terrain, scene: Scene, picture: Picture) -> None:
 
 
 def _contact_of(terrain: Terrain, track: Track) -> ContactState:
-    """Return the contact that a track suggests, on its gate's nearest lane unless it is inside."""
+    """Return the contact of a track, on the nearest lane of its gate unless it is inside."""
     inside = track.status == "inside"
     lanes = terrain.lanes_to(track.gate)
     lines = {name: shapely.LineString(terrain.world.lanes[name].points) for name in lanes}
@@ -178,7 +177,7 @@ def _contact_of(terrain: Terrain, track: Track) -> ContactState:
 
 
 def _file_of(terrain: Terrain, track: Track) -> TrackFile:
-    """Return the station's file on a track as far as the picture shows it."""
+    """Return the station's file on a track, as far as the picture shows it."""
     dt_s = terrain.world.dt_s
     heading = math.radians(track.heading_deg)
     stamp = round(track.stamp_s / dt_s)

@@ -1,4 +1,4 @@
-"""Incidents in a scene, by set-up, what-if or the script of a scenario: when, and what changes."""
+"""Incidents in a scene, from set-up, what-if questions or scenarios: timing and effects."""
 
 import math
 import random
@@ -41,11 +41,13 @@ from pa_console.sim.sensing_state import Phantom
 from pa_console.sim.worlds.terrain import Terrain
 
 OBSTRUCTION_M = 0.8
-"""The thickness of an obstruction, metres."""
+"""The thickness of an obstruction, in metres."""
+
+_TIME_NOISE_S = 1e-9
 
 
 def apply(terrain: Terrain, scene: Scene, incident: Incident) -> None:
-    """Make `incident` true in `scene`; raises ValueError naming what exists for unknown names."""
+    """Apply `incident` to `scene`; raises ValueError with the known names for unknown ones."""
     _, problem = unknown_name(incident, terrain.world)
     if problem:
         raise ValueError(problem)
@@ -83,7 +85,7 @@ def apply(terrain: Terrain, scene: Scene, incident: Incident) -> None:
 
 
 def place(terrain: Terrain, scene: Scene, asset: AssetState, frame: str) -> None:
-    """Stand `asset` at a free place of `frame`, assigned to it; ValueError when there is none."""
+    """Place `asset` at a free place of `frame`, its new post; raises ValueError if it is full."""
     taken = [
         point
         for other in scene.assets.values()
@@ -100,14 +102,14 @@ def place(terrain: Terrain, scene: Scene, asset: AssetState, frame: str) -> None
 
 
 def watch_task(terrain: Terrain, kind: str, frame: str) -> Task:
-    """Return the task of an asset that has its watch at `frame`: UAVs observe their gate."""
+    """Return the task of an asset posted at `frame`: a UAV at a gate observes it."""
     return "observing" if kind == "uav" and frame in terrain.world.gates else "idle"
 
 
 def _restore(terrain: Terrain, asset: AssetState) -> None:
-    """Make the asset work again where it stands, with a fresh battery if its own is empty.
+    """Make the asset work again where it is, with a full battery if its own is empty.
 
-    It is assigned to the frame it is at, if any.
+    Its post becomes the frame it is at, if any.
     """
     was_down = asset.down
     asset.failed, asset.speed_factor = False, 1.0
@@ -119,7 +121,7 @@ def _restore(terrain: Terrain, asset: AssetState) -> None:
 
 
 def _carried(scene: Scene, name: str) -> None:
-    """Note at the station that an asset was carried elsewhere: its new position is no forgery."""
+    """Record at the station that an asset was moved, so that its new position is not suspect."""
     heard = scene.station.heard.get(name)
     if heard is not None:
         trust = replace(heard.trust, carried_tick=scene.tick)
@@ -127,16 +129,16 @@ def _carried(scene: Scene, name: str) -> None:
 
 
 def _asset(terrain: Terrain, scene: Scene, name: str) -> AssetState:
-    """Return the asset that something happens to; the next step looks after it."""
+    """Return the asset that an incident changes; the next step processes it."""
     asset = scene.assets[name]
     rouse(terrain.world, scene, asset)
     return asset
 
 
 def _apply_to_surroundings(terrain: Terrain, scene: Scene, incident: Incident) -> None:
-    """Make an incident about contacts, sensors, weather or the way true.
+    """Apply an incident about contacts, sensors, weather or the ground.
 
-    Raises ValueError that names the known contacts for an unknown one.
+    Raises ValueError with the known contacts for an unknown one.
     """
     state = scene.sensing
     match incident:
@@ -160,7 +162,7 @@ def _apply_to_surroundings(terrain: Terrain, scene: Scene, incident: Incident) -
 
 
 def _clear(terrain: Terrain, scene: Scene, gate: str) -> None:
-    """Take every contact, phantom and track of `gate` away, detections under way included."""
+    """Remove every contact, phantom and track of `gate`, and their detections under way."""
     state = scene.sensing
     there = {c.id for c in state.contacts.values() if c.gate == gate}
     tracked = {file.contact for file in state.files.values() if file.gate == gate}
@@ -175,7 +177,7 @@ def _clear(terrain: Terrain, scene: Scene, gate: str) -> None:
 
 
 def _imagine(terrain: Terrain, scene: Scene, gate: str, seconds: float) -> None:
-    """Let one sensor at `gate` report a phantom: a working camera, else an asset."""
+    """Add a phantom that one sensor at `gate` reports: a working camera, else an asset."""
     state = scene.sensing
     lane = contacts.pick_lane(terrain, scene, gate)
     watching = [name for name, camera in terrain.world.cameras.items() if camera.gate == gate]
@@ -189,9 +191,9 @@ def _imagine(terrain: Terrain, scene: Scene, gate: str, seconds: float) -> None:
 
 
 def _obstruct(terrain: Terrain, scene: Scene, incident: ObstructWay) -> None:
-    """Put an obstruction on the ground; no asset knows of it until it runs into it.
+    """Put an obstruction on the ground; assets notice it only when they are stuck near it.
 
-    Raises ValueError when it has no length or would lie on a ground asset.
+    Raises ValueError if it has no length or would lie on a ground asset.
     """
     if incident.start == incident.end:
         raise ValueError("the obstruction's start and end are the same point")
@@ -201,9 +203,6 @@ def _obstruct(terrain: Terrain, scene: Scene, incident: ObstructWay) -> None:
         if asset.kind != "uav" and gap(wall, asset.x, asset.y) < radius:
             raise ValueError(f"{asset.id} stands where the obstruction would lie")
     scene.obstructions = (*scene.obstructions, wall)
-
-
-_TIME_NOISE_S = 1e-9
 
 
 def begin(scenario: Scenario | None, seed: int) -> ScriptState:
@@ -216,7 +215,8 @@ def begin(scenario: Scenario | None, seed: int) -> ScriptState:
 def play(terrain: Terrain, scene: Scene, scenario: Scenario) -> tuple[list[Incident], list[str]]:
     """Apply the events due at this tick; return them, and a sentence for each impossible one.
 
-    Scripted events go first, in file order, so one may follow an earlier one within the tick.
+    Scripted events come first, in file order, so that one may follow an earlier one in the same
+    tick.
     """
     done: list[Incident] = []
     skipped: list[str] = []
@@ -254,7 +254,7 @@ def play(terrain: Terrain, scene: Scene, scenario: Scenario) -> tuple[list[Incid
 
 
 def _happen(terrain: Terrain, scene: Scene, incident: Incident) -> str:
-    """Make `incident` true; return why that is impossible at this moment, '' when it was done."""
+    """Apply `incident`; return why that is impossible now, or '' if it was done."""
     if isinstance(incident, WorkerFault):
         return ""
     try:
@@ -265,7 +265,7 @@ def _happen(terrain: Terrain, scene: Scene, incident: Incident) -> str:
 
 
 def _draw_next(state: ScriptState, process: int, mean_s: float) -> None:
-    """Set when the next event of a Poisson process is due; at most one a tick happens."""
+    """Set the time of the next event of a Poisson process; at most one happens per tick."""
     drawn = state.drawn[process] + 1
     due = state.next_s[process] + _gap(state.seed, process, drawn, mean_s)
     state.drawn = (*state.drawn[:process], drawn, *state.drawn[process + 1 :])
@@ -273,7 +273,7 @@ def _draw_next(state: ScriptState, process: int, mean_s: float) -> None:
 
 
 def _gap(seed: int, process: int, number: int, mean_s: float) -> float:
-    """Return the seconds between two events of a process; depends on nothing else that is drawn."""
+    """Return the seconds between two events of a process, independent of all other draws."""
     return random.Random(f"{seed}/{process}/{number}/gap").expovariate(1.0 / mean_s)
 
 
@@ -297,7 +297,7 @@ def _holds(
 
 
 def _track_is(scene: Scene, when: TrackIs) -> bool:
-    """Compare with the truth of a contact, and with what the station has made of it."""
+    """Compare with the true state of a contact, and with the station's track of it."""
     sensing = scene.sensing
     if when.track not in sensing.named:
         return False
@@ -321,7 +321,7 @@ def _track_is(scene: Scene, when: TrackIs) -> bool:
 
 
 def _asset_is(terrain: Terrain, scene: Scene, when: AssetIs) -> bool:
-    """Compare with the truth of an asset; `silent` is what the station makes of its reports."""
+    """Compare with the true state of an asset; only `silent` depends on received reports."""
     asset = scene.assets.get(when.asset)
     if asset is None:
         return False

@@ -1,13 +1,13 @@
 """Trust in reported positions: physics, odometry and other sensors against forgery.
 
-Detected: a jump that no asset of the kind can make since its last report; a position that creeps
-while the asset reports standing (GPS drift); an asset that a gate camera or a UAV at the same gate
-does not see at its reported position. A suspect asset stays so until its reports have been sound
-for SOUND_S, or another sensor has seen it at its reported position for as long.
+Detected are: a jump that no asset of the kind can make since its last report; a position that
+creeps while the asset reports standing still (GPS drift); an asset that a gate camera or a UAV at
+the same gate does not see at its reported position. An asset stays suspect until its reports have
+been sound for SOUND_S, or another sensor has seen it at its reported position for as long.
 
-Not detected: drift below CREEP_M, or of a moving asset until it stands; a forged report that
+Not detected are: drift below CREEP_M, or of a moving asset until it stops; a forged report that
 repeats the asset's position, or gives a reachable one after a silence, unless a camera or UAV
-watches the place; anything but the position (battery, task).
+watches the place; false values other than the position (battery, task).
 """
 
 import math
@@ -29,15 +29,15 @@ SPEED_MARGIN = 1.5
 NOISE_M = 1.0
 CREEP_M = 3.0
 SEEN_M = 2.5
-"""The accuracy of another sensor's position of an asset, metres."""
+"""The accuracy of another sensor's position of an asset, in metres."""
 GAP_PERIODS = 2.5
 SOUND_S = 3.0
 UNSEEN_S = 3.0
-"""The time that other sensors have to miss an asset before it is suspect, seconds."""
+"""Seconds for which other sensors must miss an asset before it is suspect."""
 
 
 def judge(world: World, heard: Heard, report: Report) -> PositionTrust:
-    """Return the trust in an asset's positions after `report` has followed `heard`."""
+    """Return the trust in an asset's positions after `report`; `heard` is the record before it."""
     trust, last, now = heard.trust, heard.telemetry.like, report.telemetry.like
     if trust.carried_tick is not None:
         return PositionTrust(stood=_standing(now))
@@ -63,11 +63,11 @@ def judge(world: World, heard: Heard, report: Report) -> PositionTrust:
 
 
 def compare(terrain: Terrain, scene: Scene, seen: Mapping[str, Point] | None = None) -> None:
-    """Compare what assets that stand at a gate report with what other sensors there see of them.
+    """Compare the reports of assets that stand at a gate with the detections of sensors there.
 
-    A working camera, or a UAV that reports from the same gate itself, recognises an asset of the
-    team that stands in its view; called once a telemetry period. `seen` is where they recognise
-    each; without it that is where the simulated assets are.
+    A working camera, or a UAV that reports from the same gate itself, recognizes an asset of the
+    team that stands in its view. Call this once per telemetry period. `seen` has the positions
+    where the sensors recognize assets; by default these are the simulated positions.
     """
     world, station = terrain.world, scene.station
     fresh = scene.tick - round(2 * world.telemetry_period_s / world.dt_s)
@@ -94,7 +94,7 @@ def compare(terrain: Terrain, scene: Scene, seen: Mapping[str, Point] | None = N
 def _watch(
     terrain: Terrain, scene: Scene, gate: str, names: Iterable[str], fresh: int
 ) -> tuple[list[str], list[str]]:
-    """Return the cameras at `gate` that work and those of `names` that see for themselves."""
+    """Return the working cameras at `gate`, and the UAVs of `names` that detect for themselves."""
     cameras = [
         name
         for name, camera in terrain.world.cameras.items()
@@ -105,7 +105,7 @@ def _watch(
 
 @lru_cache(maxsize=4096)
 def _in_view(terrain: Terrain, name: str, point: Point, weather: Weather) -> bool:
-    """Return whether the camera `name` would see an asset at `point` for certain."""
+    """Return whether the camera `name` would certainly see an asset at `point`."""
     camera = terrain.world.cameras[name]
     dx, dy = point[0] - camera.at[0], point[1] - camera.at[1]
     off = math.remainder(math.atan2(dy, dx) - math.radians(camera.heading_deg), math.tau)
@@ -117,7 +117,7 @@ def _in_view(terrain: Terrain, name: str, point: Point, weather: Weather) -> boo
 
 
 def _witness(world: World, scene: Scene, name: str, fresh: int) -> bool:
-    """Return whether `name` is a UAV whose own sightings arrive from its reported place."""
+    """Return whether `name` is a UAV whose own detections arrive from its reported place."""
     asset, heard = scene.assets[name], scene.station.heard[name]
     return (
         asset.kind == "uav"
@@ -133,7 +133,7 @@ def _witness(world: World, scene: Scene, name: str, fresh: int) -> bool:
 
 
 def _witnessed(world: World, heard: Heard, there: bool) -> PositionTrust:
-    """Return the trust after one more period in which other sensors saw the asset or missed it."""
+    """Return the trust after another period in which other sensors saw the asset or missed it."""
     trust, period_s = heard.trust, world.telemetry_period_s
     if there:
         if not trust.suspect:
@@ -150,7 +150,7 @@ def _witnessed(world: World, heard: Heard, there: bool) -> PositionTrust:
 
 
 def _possible(world: World, now: AssetTelemetry, then: Point, since_s: float) -> bool:
-    """Return whether an asset of the kind can have come from `then` within `since_s`."""
+    """Return whether an asset of the kind can have moved from `then` within `since_s`."""
     if now.position == then:
         return True
     limit = SPEED_MARGIN * world.platforms[now.kind].speed_mps * since_s + NOISE_M
@@ -158,9 +158,9 @@ def _possible(world: World, now: AssetTelemetry, then: Point, since_s: float) ->
 
 
 def _creeps(world: World, now: AssetTelemetry, trust: PositionTrust, since_s: float) -> bool:
-    """Return whether an asset that reports to stand has left its place.
+    """Return whether an asset that reports standing still has left its place.
 
-    After a gap in its reports it may have moved and come to stand again.
+    After a gap in its reports it may have moved and stopped again.
     """
     stood = trust.stood
     if stood is None or now.position == stood or _standing(now) is None:
@@ -179,7 +179,7 @@ def _gap(world: World, since_s: float) -> bool:
 def _sound(
     world: World, trust: PositionTrust, now: AssetTelemetry, since_s: float
 ) -> PositionTrust:
-    """Return the trust after a sound report; after a gap the asset may have moved in between."""
+    """Return the trust after a sound report; the asset may have moved during a gap."""
     stood = _standing(now)
     if stood is not None and trust.stood is not None and not _gap(world, since_s):
         stood = trust.stood
@@ -191,8 +191,8 @@ def _returned(
 ) -> bool:
     """Return whether a suspect asset's reports may be true again.
 
-    They are if it is back where it stood, or has left the place where it was missed, or its
-    position breaks off from the doubtful ones and can be reached from its last sound one.
+    They may be if the asset is back where it stood; if it has left the place where it was missed;
+    or if its position departs from the doubtful ones and can be reached from the last sound one.
     """
     now = report.telemetry.like
     if trust.stood is not None and math.dist(now.position, trust.stood) <= NOISE_M:

@@ -1,6 +1,6 @@
-"""Drives assets along their routes: turning, slowing, giving way, keeping the standoff.
+"""The motion of assets along their routes: turning, slowing, giving way, keeping the standoff.
 
-An asset that makes no headway retreats, finds another way, or gives its way up.
+An asset that makes no progress retreats, finds another way, or gives up.
 """
 
 import math
@@ -17,14 +17,26 @@ from pa_console.sim.worlds.terrain import HULL_GAP_M, LOOK_M, LOOK_S, PlatformLi
 ARRIVAL_M = 0.3
 _SLOWING_S = 0.6
 _TURNS = tuple(math.radians(turn) for turn in (0, -25, 25, -50, 50, -75, 75, -100, 100))
-"""Ways to pass something, best first: of two equal ones the right-hand one."""
+"""Turns to pass an obstacle, best first; of two equal turns the right-hand one comes first."""
 _STANDS: Velocity = (0.0, 0.0)
 _Other = tuple[float, float, float, float, float]
-"""Another asset as one sees it: (dx, dy, vx, vy, reach), metres and metres a second."""
+"""Another asset relative to this one: (dx, dy, vx, vy, reach), metres and metres per second."""
+
+PATIENCE_S = 3.0
+MOST_STALLS = 10
+RETREAT_M = 15.0
+RETREAT_MORE_M = 5.0
+_SWAP_EVERY = 5
+_CHECK_S = 0.5
+_HEADWAY_M = 0.05
+_NEIGHBOUR_M = 4.0
+_GROUP_M = 25.0
+_OBSTRUCTION_SEEN_M = 3.0
+"""A stuck ground asset detects obstructions within this distance of its hull."""
 
 
 def traffic(terrain: Terrain, scene: Scene) -> Traffic:
-    """Return the ground assets as they stand now, looked up as far as one has to give way."""
+    """Return the ground assets at their present places, with neighbours for giving way."""
     widest = max(limits.radius_m for limits in terrain.limits.values())
     standing_m = LOOK_M + 3 * widest + HULL_GAP_M
     close_m = terrain.contact_m + CONTACT_MARGIN_M
@@ -34,7 +46,7 @@ def traffic(terrain: Terrain, scene: Scene) -> Traffic:
 def drive(
     terrain: Terrain, scene: Scene, busy: Sequence[AssetState], ground: Traffic, dt_s: float
 ) -> dict[str, Velocity]:
-    """Turn every asset that has a route toward it; return the velocities (m/s) of those moving."""
+    """Steer every asset with a route; return the velocities (m/s) of those that move."""
     ground.go(scene.active)
     velocities: dict[str, Velocity] = {}
     tracks = [(contact.id, contact.position) for contact in scene.contacts.values()]
@@ -65,7 +77,7 @@ def drive(
 
 
 def way_left(asset: AssetState) -> float:
-    """Return the metres still ahead on the asset's route."""
+    """Return the remaining metres of the asset's route."""
     left, here = 0.0, asset.position
     for point in asset.route:
         left += dist(here, point)
@@ -76,7 +88,7 @@ def way_left(asset: AssetState) -> float:
 def _pass_corners(asset: AssetState, corner_m: float) -> float:
     """Drop the waypoints that are reached: corners roughly, the last one closely.
 
-    Returns the metres to the first of those left, 0.0 if there are none.
+    Return the metres to the first of the remaining ones, 0.0 if there are none.
     """
     here, route = (asset.x, asset.y), asset.route
     last = len(route) - 1
@@ -93,9 +105,10 @@ def _pass_corners(asset: AssetState, corner_m: float) -> float:
 def _steer(
     asset: AssetState, limits: PlatformLimits, direction: float | None, gap: float, dt_s: float
 ) -> Velocity:
-    """Turn toward `direction` (radians) at most at the turn rate and go as far as it points there.
+    """Turn toward `direction` (radians), at most at the turn rate, and return the velocity.
 
-    `gap` is the distance to the next waypoint, metres. None means stand and wait.
+    The speed falls with the angle between heading and direction. `gap` is the distance to the next
+    waypoint in metres. A direction of None means stop and wait.
     """
     if direction is None:
         asset.speed = 0.0
@@ -116,7 +129,7 @@ def _steer(
 def give_way(
     terrain: Terrain, asset: AssetState, near: list[_Other], wanted: float
 ) -> float | None:
-    """Return the direction nearest to `wanted` in which none of `near` is met, None to wait."""
+    """Return the free direction nearest to `wanted`, or None to wait."""
     speed = terrain.limits[asset.kind].speed_mps
     horizon = min(LOOK_S, dist(asset.position, asset.route[0]) / speed + 0.2)
     area: Area | None = None
@@ -139,7 +152,7 @@ def give_way(
 def _in_the_way(
     asset: AssetState, limits: PlatformLimits, ground: Iterable[AssetState]
 ) -> list[_Other]:
-    """Return those of `ground` that `asset` may meet within the time that it looks ahead."""
+    """Return the assets of `ground` that `asset` may meet within its look-ahead time."""
     near: list[_Other] = []
     x, y, look_m, apart_m = asset.x, asset.y, limits.look_m, limits.apart_m
     for other in ground:
@@ -154,10 +167,10 @@ def _in_the_way(
 
 
 def _meets_any(vx: float, vy: float, near: list[_Other], horizon: float) -> bool:
-    """Return whether going at (vx, vy) comes too near one of `near` in time.
+    """Return whether moving at (vx, vy) comes too near one of `near` in time.
 
-    Something already too near is met only by going closer still. What is met goes to the front:
-    it is likely to be met on the next way that is tried, too.
+    An asset that is already too near is met only by moving closer. An asset that is met moves to
+    the front of the list, because the next direction tried will probably meet it too.
     """
     for index, (dx, dy, ux, uy, reach) in enumerate(near):
         rx, ry = ux - vx, uy - vy
@@ -180,7 +193,7 @@ def _too_near(
     standoff_m: float,
     dt_s: float,
 ) -> str:
-    """Return the track that the step would bring nearer than the standoff (ROE-04), or ''."""
+    """Return the track that this step would bring nearer than the standoff (ROE-04), or ''."""
     there = (asset.x + velocity[0] * dt_s, asset.y + velocity[1] * dt_s)
     limit = standoff_m + 0.2
     for name, point in tracks:
@@ -192,24 +205,11 @@ def _too_near(
     return ""
 
 
-PATIENCE_S = 3.0
-MOST_STALLS = 10
-RETREAT_M = 15.0
-RETREAT_MORE_M = 5.0
-_SWAP_EVERY = 5
-_CHECK_S = 0.5
-_HEADWAY_M = 0.05
-_NEIGHBOUR_M = 4.0
-_GROUP_M = 25.0
-_OBSTRUCTION_SEEN_M = 3.0
-"""A ground asset that cannot go on has seen what lies this near to its hull."""
-
-
 def unstick(terrain: Terrain, scene: Scene, asset: AssetState) -> str:
-    """Look after an asset under way; return why it has to give up, '' while it need not.
+    """Check the progress of an asset under way; return why it must give up, or ''.
 
-    An asset that is stuck within its frame stays where it stands. Of two groups that block each
-    other one retreats along its way, farther at every try, and lets the other by.
+    An asset that is stuck within its frame stays where it is. If two groups block each other, one
+    retreats along its way, farther at each attempt, and lets the other pass.
     """
     dt_s = terrain.world.dt_s
     if (scene.tick - asset.nearest_tick) % _check_ticks(dt_s):
@@ -244,12 +244,12 @@ def _check_ticks(dt_s: float) -> int:
 
 
 def _way(terrain: Terrain, asset: AssetState, start: Point, target: Point) -> Route | None:
-    """Return a route round all that the asset knows of."""
+    """Return a route around all obstructions that the asset knows."""
     return terrain.planner.route(asset.kind, start, target, asset.obstructions)
 
 
 def _replan(terrain: Terrain, scene: Scene, asset: AssetState) -> None:
-    """Plan the rest of the way anew, after a retreat when it is this asset's turn to yield."""
+    """Plan the rest of the route again, after a retreat if this asset has to yield."""
     back: Route = ()
     if not asset.held_by and (_yields(terrain, scene, asset) or asset.stalls % _SWAP_EVERY == 0):
         way = _way(terrain, asset, asset.position, asset.origin) or ()
@@ -261,10 +261,10 @@ def _replan(terrain: Terrain, scene: Scene, asset: AssetState) -> None:
 
 
 def _yields(terrain: Terrain, scene: Scene, asset: AssetState) -> bool:
-    """Return whether this asset has to retreat, and not the ones that it meets.
+    """Return whether this asset has to retreat, rather than the assets that it meets.
 
-    Of two groups that meet, the one with the earliest asset of the team goes first, so a whole
-    queue retreats together. If no asset comes the other way, the later asset retreats.
+    Of two groups that meet, the one with the asset listed first in the team goes first, so a whole
+    queue retreats together. If no asset comes the other way, the asset listed later retreats.
     """
     widest = 2 * max(platform.radius_m for platform in terrain.world.platforms.values())
     near = [
@@ -287,14 +287,14 @@ def _yields(terrain: Terrain, scene: Scene, asset: AssetState) -> bool:
 
 
 def _opposed(asset: AssetState, other: AssetState) -> bool:
-    """Return whether the two legs lead opposite ways."""
+    """Return whether the two assets' legs lead in opposite directions."""
     mine = (asset.station[0] - asset.origin[0], asset.station[1] - asset.origin[1])
     theirs = (other.station[0] - other.origin[0], other.station[1] - other.origin[1])
     return mine[0] * theirs[0] + mine[1] * theirs[1] < 0.0
 
 
 def _cut(start: Point, way: Route, length_m: float) -> Route:
-    """Return the first `length_m` metres of a way that leaves `start`."""
+    """Return the first `length_m` metres of a route that begins at `start`."""
     kept: list[Point] = []
     here = start
     for point in way:
@@ -310,7 +310,7 @@ def _cut(start: Point, way: Route, length_m: float) -> Route:
 
 
 def _notice(terrain: Terrain, scene: Scene, asset: AssetState) -> bool:
-    """Let a ground asset that cannot go on see what lies near it; return whether it is news."""
+    """Add obstructions near a stuck ground asset to those it knows; return whether any is new."""
     reach = terrain.world.platforms[asset.kind].radius_m + _OBSTRUCTION_SEEN_M
     news = tuple(
         wall

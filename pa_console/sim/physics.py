@@ -1,11 +1,11 @@
-"""Moves assets one step; ground vehicles that could touch something go through pymunk.
+"""One step of motion; ground vehicles that could touch something go through pymunk.
 
-Contacts have no memory: whatever may touch within the step is put into a fresh space with its
-velocity, advanced in small substeps, and read back. So a copy of the positions is a copy of the
-physics, and a fork stays exactly equal to its original through contacts too.
+Collisions have no memory: all bodies that may touch within the step are put into a new space with
+their velocities, advanced in small substeps, and read back. So a copy of the positions is a copy of
+the physics, and a fork stays exactly equal to its original through collisions too.
 
-The neighbours of an asset are looked up with some metres to spare and hold until an asset has gone
-half of them (a Verlet list), so most steps look nothing up.
+The neighbours of an asset are searched with a margin of some metres, and are reused until an asset
+has moved half the margin (a Verlet list), so most steps need no search.
 """
 
 import math
@@ -20,18 +20,22 @@ from pa_console.sim.scene import AssetState, Scene
 from pa_console.sim.worlds.terrain import Terrain
 
 _HOLDS_M = 2.0
-"""A result holds until an asset has moved this far, metres."""
+"""A result is reused until an asset has moved this far, in metres."""
 _SPARE_M = 2 * _HOLDS_M + 0.01
 _FEW = 16
 """Up to this number, assets are compared one by one instead of by cells."""
 
 _Cell = tuple[int, int]
 
+CONTACT_MARGIN_M = 0.05
+_SUBSTEP_M = 0.05
+_OVERLAP_LEFT_PER_S = 1e-9
+
 
 class Neighbours(NamedTuple):
-    """The neighbours that a ground asset may give way to or touch; some are farther off.
+    """The neighbours that a ground asset may give way to or touch, and some farther ones.
 
-    It holds until an asset has moved `until_m` metres since the traffic began.
+    They are reused until an asset has moved `until_m` metres since the traffic began.
     """
 
     near: list[AssetState]
@@ -40,15 +44,15 @@ class Neighbours(NamedTuple):
 
 
 class Traffic:
-    """The ground assets of a team; only the ones in `went` may have moved."""
+    """The ground assets of a team and their neighbours."""
 
     def __init__(
         self, assets: Iterable[AssetState], standing_m: float, moving_m: float, close_m: float
     ) -> None:
         """Search `assets` within the distances for standing and for moving neighbours.
 
-        They are close within `close_m`. One that stands comes no nearer by itself, so it has half
-        of what is to spare.
+        Neighbours within `close_m` are close. A standing neighbour comes no nearer by itself, so it
+        needs only half the margin.
         """
         self._standing_m, self._moving_m = standing_m + _SPARE_M / 2, moving_m + _SPARE_M
         self._close_m = close_m + _SPARE_M
@@ -59,14 +63,14 @@ class Traffic:
         self._cells: dict[_Cell, list[AssetState]] = {}
         self._neighbours: dict[str, Neighbours] = {}
         self.waiting: dict[str, tuple[object, ...] | None] = {}
-        """The situation in which an asset found no way: in an equal one there is none either."""
+        """The situation in which an asset found no way; an equal situation has none either."""
 
     def went(self, metres: float) -> None:
-        """Note that in this step no asset has moved more than `metres`."""
+        """Record that no asset has moved more than `metres` in this step."""
         self._gone_m += metres
 
     def go(self, names: Set[str]) -> None:
-        """Note that in this step only assets of these names may move."""
+        """Record that only the assets `names` may move in this step."""
         if not names <= self._moving:
             self._moving = set(names)
             self._neighbours.clear()
@@ -92,7 +96,7 @@ class Traffic:
         return found
 
     def _in_cells(self, asset: AssetState) -> Iterable[AssetState]:
-        """Return those in the nine cells about `asset`; the cells hold as long as a list does."""
+        """Return the assets in the nine cells around `asset`; cells are reused like the lists."""
         if not self._cells or self._gone_m > self._sorted_until_m:
             self._cells = {}
             for other in self._ground:
@@ -111,9 +115,6 @@ class Traffic:
 
 
 Velocity = tuple[float, float]
-CONTACT_MARGIN_M = 0.05
-_SUBSTEP_M = 0.05
-_OVERLAP_LEFT_PER_S = 1e-9
 
 
 def move(
@@ -123,10 +124,10 @@ def move(
     velocities: Mapping[str, Velocity],
     dt_s: float,
 ) -> None:
-    """Advance every asset named in `velocities` (m/s) by `dt_s`; the others stand with brakes on.
+    """Advance every asset in `velocities` (m/s) by `dt_s`; the others stand with brakes on.
 
-    UAVs fly over everything. A ground asset never passes through a wall, an obstruction or
-    another one.
+    UAVs fly over everything. A ground asset never passes through a wall, an obstruction or another
+    ground asset.
     """
     movers = [(scene.assets[name], vx, vy) for name, (vx, vy) in velocities.items()]
     rolling = [(asset, hypot(vx, vy) * dt_s) for asset, vx, vy in movers if asset.kind != "uav"]
@@ -145,9 +146,9 @@ def move(
 def _touching(
     terrain: Terrain, scene: Scene, ground: Traffic, rolling: Sequence[tuple[AssetState, float]]
 ) -> tuple[Sequence[AssetState], Sequence[Wall]]:
-    """Return the ground assets and walls that may come into contact within the step.
+    """Return the ground assets and walls that may collide within the step.
 
-    `rolling` maps the moving assets to their distance in metres.
+    `rolling` has the moving assets, each with its distance in metres.
     """
     steps = {asset.id: step_m for asset, step_m in rolling}
     close: set[str] = set()
@@ -170,7 +171,7 @@ def _touching(
 
 
 def gap(wall: Wall, x: float, y: float) -> float:
-    """Return the distance from a point to the face of a wall, metres, negative inside it."""
+    """Return the distance from a point to the face of a wall in metres; negative inside it."""
     (ax, ay), (bx, by) = wall.start, wall.end
     dx, dy = bx - ax, by - ay
     along = ((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy)
@@ -185,7 +186,7 @@ def _collide(
     velocities: Mapping[str, Velocity],
     dt_s: float,
 ) -> None:
-    """Advance `assets` among `walls` in a fresh space; assets that stand cannot be pushed."""
+    """Advance `assets` among `walls` in a new space; standing assets cannot be pushed."""
     space = pymunk.Space()
     space.collision_slop = 0.01
     space.collision_bias = _OVERLAP_LEFT_PER_S

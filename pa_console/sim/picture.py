@@ -1,7 +1,7 @@
-"""The station's side of telemetry: the picture that the reports which arrived add up to.
+"""The station's side of telemetry: the picture built from the reports that arrived.
 
-Nothing here reads the truth: that a report is stale, a link degraded or lost, a position doubtful
-is concluded from which reports came, and when (paper, Step 3; CAP-05).
+This module never reads the truth. It concludes from the arrivals and their times that a report is
+stale, a link degraded or lost, or a position doubtful (paper, Step 3; CAP-05).
 """
 
 import math
@@ -23,21 +23,21 @@ from pa_console.sim.scene import Heard, Report, Scene, SelfReport, StationState
 from pa_console.sim.worlds.terrain import Terrain
 
 LATE_S = 0.25
-"""A report counts as late when it takes this much longer than the world's radio ever does."""
+"""A report is late if it takes this many seconds longer than the world's slowest radio delay."""
 WINDOW = 16
 TOLERATED = 4
-"""The number of the last WINDOW reports that may be late or missing on a sound link. A quarter: one
-that loses now and then a report carries commands well, sent again if need be."""
+"""The number of the last WINDOW reports that may be late or missing on a good link. With a quarter:
+a link that sometimes loses a report still carries commands, which are repeated if necessary."""
 _ALL = (1 << WINDOW) - 1
 
 
 def period_ticks(world: World) -> int:
-    """Return how many steps a telemetry period takes."""
+    """Return the number of steps in a telemetry period."""
     return max(1, round(world.telemetry_period_s / world.dt_s))
 
 
 class Draft(NamedTuple):
-    """The content of a picture, before each asset's own report is put together."""
+    """The content of a picture before the assets' reports are assembled."""
 
     tick: int
     time_s: float
@@ -54,9 +54,9 @@ class Draft(NamedTuple):
 
 
 def begin(terrain: Terrain, scene: Scene) -> Draft:
-    """Return the picture before the first step, in which everything has been so for long.
+    """Return the picture before the first step, as if everything had long been the same.
 
-    A link that works has always worked, and one that does not has long been silent.
+    A working link has always worked, and a broken link has long been silent.
     """
     world = terrain.world
     station = scene.station = StationState(at_gate={gate: {} for gate in world.gates})
@@ -94,7 +94,7 @@ def receive(terrain: Terrain, scene: Scene, reports: Sequence[Report]) -> None:
 
 
 def build(terrain: Terrain, scene: Scene, names: Iterable[str]) -> Draft:
-    """Conclude anew about the assets in `names` and return the picture."""
+    """Update the conclusions about the assets in `names` and return the picture."""
     station = scene.station
     stirred = {gate for gate in terrain.gates if gate not in station.covers}
     silences: dict[int, _Silence] = {}
@@ -122,12 +122,12 @@ def build(terrain: Terrain, scene: Scene, names: Iterable[str]) -> Draft:
 
 
 def marks_of(comms: CommsStatus) -> int:
-    """Return the marks of a link that has long been so: reports came well, or did not."""
+    """Return the marks of a link that has long been in the state `comms`."""
     return 0 if comms == "degraded" else _ALL
 
 
 def comms_of(heard: Heard, missing: int) -> CommsStatus:
-    """Return whether reports come well; `missing` so many of the latest have not come at all."""
+    """Return the quality of a link; `missing` counts the latest reports that have not arrived."""
     marks = (heard.marks << min(missing, WINDOW)) & _ALL
     return "ok" if WINDOW - marks.bit_count() <= TOLERATED else "degraded"
 
@@ -141,7 +141,7 @@ class _Silence(NamedTuple):
 
 
 def _silence(world: World, scene: Scene, stamp: int) -> _Silence:
-    """Return the consequences of a latest report from tick `stamp`."""
+    """Return the consequences of a latest report at tick `stamp`."""
     age = scene.tick - stamp
     age_s = round(age * world.dt_s, 6)
     missing = 0 if scene.ideal else max(0, age - _patience(world)) // period_ticks(world)
@@ -153,7 +153,7 @@ def _concluded(
 ) -> SelfReport:
     """Return an asset's latest report with the station's conclusions about it.
 
-    An asset that was `taken` is under manual control by the station's own record.
+    With `taken`, the asset is under manual control by the station's own record.
     """
     stale, lost, missing = silence
     whole = heard.marks == _ALL and not missing
@@ -186,7 +186,7 @@ def _concluded(
 
 
 def _patience(world: World) -> int:
-    """Return how many steps after it was sent a report counts as late."""
+    """Return the number of steps after sending at which a report counts as late."""
     slowest_s = world.radio.latency_s + world.radio.jitter_s + LATE_S
     return math.ceil(slowest_s / world.dt_s - 1e-9)
 
@@ -194,10 +194,10 @@ def _patience(world: World) -> int:
 def update_post(
     scene: Scene, before: AssetTelemetry | None, now: AssetTelemetry, stirred: set[str]
 ) -> None:
-    """Note at which gate an asset is by its report; add the gates where that changes to `stirred`.
+    """Record the gate at which an asset reports to be; add gates that this changes to `stirred`.
 
-    One that has failed is nowhere; of one that is stale, silent or suspect it is not sure. An asset
-    under manual control covers its gate as long as its reported position does.
+    A failed asset is at no gate; for a stale, silent or suspect asset the gate is uncertain. An
+    asset under manual control covers its gate while its reported position is there.
     """
     at_gate = scene.station.at_gate
     old = before.at if before is not None and before.at == before.post else None
@@ -211,7 +211,7 @@ def update_post(
 
 
 def is_sure(asset: AssetTelemetry) -> bool:
-    """Return whether an asset that has not failed can be relied on to be where it reports to be."""
+    """Return whether an asset, if it has not failed, is reliably where it reports to be."""
     if not asset.manual:
         return asset.available
     heard = not asset.stale and asset.comms != "lost" and asset.integrity == "ok"
@@ -219,7 +219,7 @@ def is_sure(asset: AssetTelemetry) -> bool:
 
 
 def _cover(terrain: Terrain, scene: Scene, stirred: set[str]) -> None:
-    """Work out which assets are known to cover each gate, and since when none is (WF-03)."""
+    """Update which assets are known to cover each gate, and since when none does (WF-03)."""
     station = scene.station
     for gate in terrain.gates:
         known = station.covers.get(gate)

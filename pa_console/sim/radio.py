@@ -1,7 +1,7 @@
-"""The radio: the link of each asset, its losses and delays, and messages on their way (CAP-05).
+"""The radio: each asset's link with its losses and delays, and messages under way (CAP-05).
 
-Commands and replies of one device never overtake each other. A command is lost if its device's
-link does not work when it would arrive, a reply or report if it does not when it is sent.
+Commands and replies of one device never overtake each other. A command is lost if its device's link
+is down when it would arrive; a reply or report is lost if the link is down when it is sent.
 """
 
 import math
@@ -13,16 +13,16 @@ from pa_console.schema.world import World
 from pa_console.sim.scene import AssetState, Jam, RadioState, Report, Scene
 
 DEGRADED = RadioState(latency_s=0.3, jitter_s=0.9, loss=0.3)
-"""The values of `comms: degraded`; `lost` is an outage, `ok` the link as the world has it."""
+"""The values of `comms: degraded`; `lost` is an outage, `ok` the nominal link of the world."""
 
 
 def works(scene: Scene, asset: AssetState) -> bool:
-    """Return whether anything passes between the station and `asset` now: no outage, no jam."""
+    """Return whether the link to `asset` works now: no outage, no jam."""
     return asset.radio.up and not (scene.link.jams and _jammed(scene, asset))
 
 
 def quality(world: World, scene: Scene, asset: AssetState) -> CommsStatus:
-    """Return how the link of `asset` truly is."""
+    """Return the true quality of the link of `asset`."""
     if not works(scene, asset):
         return "lost"
     radio, nominal = asset.radio, world.radio
@@ -31,12 +31,12 @@ def quality(world: World, scene: Scene, asset: AssetState) -> CommsStatus:
 
 
 def loses(scene: Scene, asset: AssetState) -> bool:
-    """Draw whether one message is lost on the way, on a link that works."""
+    """Decide at random whether a message on a working link is lost."""
     return asset.radio.loss > 0.0 and scene.rng.random() < asset.radio.loss
 
 
 def delay(scene: Scene, asset: AssetState, dt_s: float) -> int:
-    """Draw how many steps one message takes, at least one."""
+    """Draw the number of steps that one message takes, at least one."""
     radio = asset.radio
     seconds = radio.latency_s
     if radio.jitter_s > 0.0:
@@ -45,7 +45,7 @@ def delay(scene: Scene, asset: AssetState, dt_s: float) -> int:
 
 
 def set_comms(world: World, asset: AssetState, comms: CommsStatus) -> None:
-    """Make the link of `asset` ok, degraded or lost."""
+    """Set the link of `asset` to ok, degraded or lost."""
     match comms:
         case "ok":
             asset.radio = RadioState.nominal(world.radio)
@@ -58,7 +58,7 @@ def set_comms(world: World, asset: AssetState, comms: CommsStatus) -> None:
 
 
 def set_radio(asset: AssetState, values: SetRadio) -> None:
-    """Give the link of `asset` these values."""
+    """Set the values of the link of `asset`."""
     asset.radio = RadioState(values.latency_s, values.jitter_s, values.loss, values.up)
 
 
@@ -85,9 +85,9 @@ def _jammed(scene: Scene, asset: AssetState) -> bool:
 
 
 def send_command(scene: Scene, command: DeviceCommand, dt_s: float) -> None:
-    """Put `command` on the link; it is due at the next step at the earliest.
+    """Put `command` on the link; it arrives at the next step at the earliest.
 
-    One to an unknown agent ends at the gateway, which is wired.
+    A command to an unknown agent goes to the gateway, which is wired.
     """
     asset = scene.assets.get(command.agent)
     if asset is not None and loses(scene, asset):
@@ -98,7 +98,7 @@ def send_command(scene: Scene, command: DeviceCommand, dt_s: float) -> None:
 
 
 def send_reply(scene: Scene, reply: CommandReply, dt_s: float) -> None:
-    """Put a device's `reply` on the link; the gateway's own replies come at the next step."""
+    """Put a device's `reply` on the link; the gateway's own replies arrive at the next step."""
     asset = scene.assets.get(reply.agent)
     if asset is not None and (not works(scene, asset) or loses(scene, asset)):
         return
@@ -108,7 +108,7 @@ def send_reply(scene: Scene, reply: CommandReply, dt_s: float) -> None:
 
 
 def send_report(scene: Scene, asset: AssetState, report: Report, dt_s: float) -> None:
-    """Put the report of `asset` on its way unless it is lost; a later one may overtake it."""
+    """Send the report of `asset` unless it is lost; a later report may overtake it."""
     if not loses(scene, asset):
         due = scene.tick + delay(scene, asset, dt_s)
         scene.link.reports.setdefault(due, []).append(report)
@@ -145,7 +145,7 @@ def _reaches(scene: Scene, agent: str) -> bool:
 
 
 def _in_order(scene: Scene, direction: str, agent: str, due: int) -> int:
-    """Return when a message is due that may not overtake an earlier one; counts it as sent."""
+    """Return the tick at which a message arrives without overtaking others; count it as sent."""
     key = (direction, agent)
     due = max(due, scene.link.latest_due.get(key, 0))
     scene.link.latest_due[key] = due

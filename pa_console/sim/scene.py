@@ -1,7 +1,7 @@
-"""The dynamic state of a simulated checkpoint: all that a fork copies and a hash covers.
+"""The dynamic state of a simulated checkpoint: everything that a fork copies and a hash covers.
 
-A battery is brought up to date only when its rate changes or its state is reported, so an asset
-that stands idle costs nothing in between (CAP-04).
+A battery is updated only when its rate changes or it is reported, so that idle assets cost no time
+in between (CAP-04).
 """
 
 import copy
@@ -22,7 +22,7 @@ from pa_console.sim.sensing_state import ContactState, Detection, SensingState
 
 @dataclass(frozen=True, slots=True)
 class RadioState:
-    """The condition of one asset's link; with `up` False nothing passes either way."""
+    """The condition of one asset's link; if `up` is False, nothing passes either way."""
 
     latency_s: float
     jitter_s: float
@@ -31,7 +31,7 @@ class RadioState:
 
     @classmethod
     def nominal(cls, radio: Radio) -> "RadioState":
-        """Return the link as the world has it while nothing disturbs it."""
+        """Return the undisturbed link of the world."""
         return cls(radio.latency_s, radio.jitter_s, radio.loss)
 
 
@@ -40,7 +40,7 @@ UNDISTURBED = RadioState(latency_s=0.0, jitter_s=0.0, loss=0.0)
 
 @dataclass(frozen=True, slots=True)
 class Jam:
-    """An area in which no link works, until a tick or for good."""
+    """An area in which no link works, until a tick or permanently."""
 
     at: Point
     radius_m: float
@@ -49,23 +49,23 @@ class Jam:
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """An asset's own idea of its position drifts away from the truth by (vx, vy) m/s."""
+    """A drift of an asset's own position estimate from the truth by (vx, vy) m/s."""
 
     vx: float
     vy: float
     since_tick: int
 
     def applied(self, position: Point, tick: int, dt_s: float) -> Point:
-        """Return where an asset that truly is at `position` believes to be at `tick`."""
+        """Return the position that an asset at `position` estimates at `tick`."""
         seconds = (tick - self.since_tick) * dt_s
         return (position[0] + self.vx * seconds, position[1] + self.vy * seconds)
 
 
 @dataclass(slots=True, repr=False, eq=False)
 class SelfReport:
-    """An asset's own report: as an earlier one, `like`, but for battery and time.
+    """An asset's own report: `like` an earlier one except for battery and time.
 
-    The telemetry itself is put together when it is read; `repr` shows that.
+    The telemetry is assembled when it is read; `repr` shows it.
     """
 
     like: AssetTelemetry
@@ -86,7 +86,7 @@ class SelfReport:
         return self._telemetry
 
     def __repr__(self) -> str:
-        """Return what the telemetry looks like."""
+        """Return the `repr` of the telemetry."""
         return repr(self.telemetry())
 
 
@@ -98,15 +98,16 @@ class Report(NamedTuple):
     telemetry: SelfReport
     detections: tuple[Detection, ...] = ()
     held_up_s: float = 0.0
-    """Seconds since the asset's last report in which the station's clock stood still."""
+    """Seconds since the asset's last report during which the station's clock was stopped."""
 
 
 @dataclass(slots=True)
 class LinkState:
     """Messages under way: commands and replies as (tick due, order of sending, message).
 
-    `latest_due` holds, per direction and device, when the latest message is due: the next one is
-    not due sooner. Reports keep no order; they stand under the tick at which they are due.
+    `latest_due` has, by direction and device, the tick at which the latest message is due; the next
+    message is not due before it. Reports have no order; they are stored by the tick at which they
+    are due.
     """
 
     sent: int = 0
@@ -126,11 +127,11 @@ class LinkState:
 class PositionTrust:
     """The station's trust in the positions that one asset reports; see integrity.py.
 
-    `stood` is where it came to stand, by sound reports. While it is `suspect`, `anchor` is its last
-    sound position, of tick `anchor_tick`, `lie` a place where other sensors miss it, and
-    `sound_from` the tick since which its reports have been sound again. `unseen` and `seen` count
-    in a row the periods in which other sensors missed it, or saw it, at its reported place. Reports
-    sent up to `carried_tick` are void: it was carried elsewhere then.
+    `stood` is the place where it stopped, according to sound reports. While it is `suspect`,
+    `anchor` is its last sound position, at tick `anchor_tick`; `lie` is a place where other sensors
+    miss it; and `sound_from` is the tick since which its reports have been sound again. `unseen`
+    and `seen` count the consecutive periods in which other sensors missed it, or saw it, at its
+    reported place. Reports sent up to `carried_tick` are void, because the asset was moved then.
     """
 
     stood: Point | None = None
@@ -147,7 +148,7 @@ class PositionTrust:
 class Heard(NamedTuple):
     """The station's record of one asset: its latest report, sent at tick `stamp`, and the link.
 
-    `marks` has one bit for each of the last expected reports, the latest lowest: 1 if it came in
+    `marks` has one bit for each of the last expected reports, the latest lowest: 1 if it arrived in
     time.
     """
 
@@ -161,9 +162,9 @@ class Heard(NamedTuple):
 class StationState:
     """The station's side: reports of each asset, conclusions from them, and the gates' cover.
 
-    `shown` is each asset in the picture; `at_gate` names, per gate, the assets that are posted to
-    it and at it, and whether that is certain. `covered_tick` is when a gate was last known to be
-    covered, `manual` the assets under manual control by the station's own record.
+    `shown` has the assets of the picture. `at_gate` has, by gate, the assets that are posted there
+    and are there, and whether that is certain. `covered_tick` is the tick at which a gate was last
+    known to be covered; `manual` has the assets under manual control by the station's own record.
     """
 
     heard: dict[str, Heard] = field(default_factory=dict[str, Heard])
@@ -187,11 +188,11 @@ class StationState:
 
 @dataclass(slots=True)
 class ScriptState:
-    """Progress of a scenario whose random events are drawn from `seed`.
+    """The progress of a scenario; its random events are drawn from `seed`.
 
     `due_s` is the time of a scripted event, known once its condition has held; `happened` and
-    `skipped` hold the events that are over. `drawn` counts the random events of each process, the
-    next of which is due at `next_s`. Events and processes are named by their index.
+    `skipped` list the events that are over. `drawn` counts the random events of each process, and
+    `next_s` has the time of the next one. Events and processes are identified by their index.
     """
 
     seed: int = 0
@@ -208,16 +209,17 @@ class ScriptState:
 
 @dataclass(slots=True)
 class AssetState:
-    """One asset as it truly is; fields hold immutable values, so a shallow copy is a copy.
+    """The true state of one asset; fields hold immutable values, so a shallow copy is enough.
 
-    `station` is where it stands or is going to stand, `route` the waypoints still ahead, `origin`
-    where the present leg began; `obstructions` are those that it has run into. `nearest_m` and
-    `nearest_tick` are the least way left so far and when it was reached; `stalls` counts how often
-    the leg got stuck. `heard_tick` is when the station last reached it; while it is `cut_off`, it
-    `owes` the replies about the end of its command. While it is `manual`, a person drives it;
-    while it is `plugged_in`, its battery stays full. `place` is the frame it was at when it was at
-    `placed_at`; its battery is as of `settled_tick`. `said` is its last report, None once more than
-    its battery may have changed since; it follows from the rest, so the hash leaves it out.
+    `station` is the place where it stands or will stand, `route` the remaining waypoints, `origin`
+    the start of the present leg; `obstructions` are those that it has run into. `nearest_m` and
+    `nearest_tick` are the shortest remaining way so far and the time it was reached; `stalls`
+    counts how often the leg got stuck. `heard_tick` is when a message from the station last
+    arrived; while it is `cut_off`, `owes` has the replies about the end of its command. While it is
+    `manual`, a person drives it; while it is `plugged_in`, its battery stays full. `place` is the
+    frame of the position `placed_at`; the battery is that of `settled_tick`. `said` is its last
+    report, or None if more than the battery may have changed since; it follows from the other
+    fields, so the hash leaves it out.
     """
 
     id: str
@@ -260,7 +262,7 @@ class AssetState:
 
     @property
     def position(self) -> Point:
-        """The position, metres."""
+        """The position in metres."""
         return (self.x, self.y)
 
     @property
@@ -269,7 +271,7 @@ class AssetState:
         return self.failed or self.battery <= 0.0
 
     def stop(self, task: Task) -> None:
-        """Stand where it is from now on, with `task`."""
+        """Stop the asset where it is, and set its `task`."""
         self.route, self.speed, self.task = (), 0.0, task
         self.station, self.held_by = self.position, ""
 
@@ -281,10 +283,10 @@ _index = attrgetter("index")
 class Scene:
     """The whole dynamic state: the truth, and in `station` the part that has reached the station.
 
-    `covered_tick` is when a gate was last truly covered. `active` names the assets that every step
-    processes; idle ones are skipped. In an `ideal` scene, that of a forecast, messages are never
-    lost, and assets report only changes: `touched` names the assets that were active since the last
-    picture.
+    `covered_tick` is the tick at which a gate was last truly covered. `active` has the names of the
+    assets that every step processes; idle ones are skipped. In an `ideal` scene, used for a
+    forecast, messages are never lost and assets report only changes: `touched` has the names of
+    assets that were active since the last picture.
     """
 
     rng: random.Random
@@ -301,16 +303,16 @@ class Scene:
     touched: set[str] = field(default_factory=set[str])
 
     def busy(self) -> list[AssetState]:
-        """Return the assets that every step has to look after, in the team's order."""
+        """Return the assets that every step processes, in the team's order."""
         return self.in_order(self.active)
 
     def in_order(self, names: Iterable[str]) -> list[AssetState]:
-        """Return the assets of these names in the team's order."""
+        """Return the assets `names` in the team's order."""
         return sorted([self.assets[name] for name in names], key=_index)
 
     @property
     def contacts(self) -> dict[str, ContactState]:
-        """Vehicles and persons that are not ours, as they truly are."""
+        """The true state of vehicles and persons outside the team."""
         return self.sensing.contacts
 
     def copy(self) -> "Scene":
@@ -331,7 +333,7 @@ class Scene:
         )
 
     def digest(self) -> str:
-        """Return the SHA-256 over every field, floats to their last bit and sets in order."""
+        """Return the SHA-256 over every field, with exact floats and sorted sets."""
         unordered = self.sensing.broken, self.sensing.cleared
         sensing = replace(self.sensing, broken=frozenset(), cleared=frozenset())
         parts = (
@@ -355,9 +357,9 @@ def rouse(world: World, scene: Scene, asset: AssetState) -> None:
 
 
 def settle_battery(world: World, scene: Scene, asset: AssetState) -> None:
-    """Bring the battery up to date.
+    """Update the battery to the present tick.
 
-    A charging asset gains until it is full; then it is idle, and stays full until it moves.
+    A charging asset gains charge until it is full; then it is idle, and stays full until it moves.
     """
     minutes = (scene.tick - asset.settled_tick) * world.dt_s / 60.0
     asset.settled_tick = scene.tick

@@ -13,10 +13,10 @@ ContactKind = Literal["vehicle", "person"]
 
 @dataclass(slots=True)
 class ContactState:
-    """A vehicle or person that is not ours, as it truly is; fields hold immutable values.
+    """The true state of a vehicle or person outside the team; fields hold immutable values.
 
-    On its lane it is `travelled` metres from the far end; off it, `route` lists the waypoints
-    still ahead.
+    On its lane it is `travelled` metres from the far end; off the lane, `route` has the remaining
+    waypoints.
     """
 
     id: str
@@ -42,13 +42,13 @@ class ContactState:
 
     @property
     def position(self) -> Point:
-        """The position, metres."""
+        """The position in metres."""
         return (self.x, self.y)
 
 
 @dataclass(frozen=True, slots=True)
 class Phantom:
-    """Something that one sensor takes for a contact until `until_tick`, though nothing is there."""
+    """A false contact: one sensor reports it until `until_tick`, though nothing is there."""
 
     id: str
     lane: str
@@ -81,7 +81,7 @@ class Detection:
 class ContactFinding:
     """A ground robot's finding from dealing with a contact (`identify`, `warn`).
 
-    It has identified the contact at tick `identified_tick`.
+    `identified_tick` is the tick of the identification, or None.
     """
 
     identity: Identity = "unknown"
@@ -91,7 +91,7 @@ class ContactFinding:
 
 
 class Sighting(NamedTuple):
-    """A sensor's latest detection of a contact: when, and where it measured it."""
+    """A sensor's latest detection of a contact: its tick and measured position."""
 
     sensor: str
     tick: int
@@ -100,10 +100,10 @@ class Sighting(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """The report of one sensor on one contact: of each property the latest, and its tick.
+    """The report of one sensor on one contact: the latest value of each property, and its tick.
 
-    `weight` is how much its word counts. It last suspected noncombatants at `suspected_tick`, and
-    last had the contact close by without suspecting any at `clear_tick`; -1 is never.
+    `weight` is the weight of its vote. It last suspected noncombatants at `suspected_tick`, and
+    last had the contact close by without suspecting any at `clear_tick`; -1 means never.
     """
 
     sensor: str
@@ -121,11 +121,10 @@ class TrackFile:
     """The station's estimate from the detections of one contact.
 
     Position and velocity are estimates at `tick`; `variance`, `covariance` and `speed_variance` are
-    theirs on each axis. `identified`, `confirmed` and `suspected` are an identity, an intent and a
-    suspicion of noncombatants from before the file began (in the picture of a forecast).
-    `statements` hold each sensor's statement, in the order of their names; `seen` holds each
-    sensor's latest detection. `anchor` is where it was when it had last moved beyond doubt, and
-    when that was.
+    their values on each axis. `identified`, `confirmed` and `suspected` are an identity, an intent
+    and a suspicion of noncombatants from before the file began (in a forecast, from its picture).
+    `statements` has each sensor's statement, sorted by sensor; `seen` has each sensor's latest
+    detection. `anchor` and `anchor_tick` are its place and time when it last certainly moved.
     """
 
     id: str
@@ -174,11 +173,11 @@ class TrackFile:
 
 @dataclass(slots=True)
 class SensingState:
-    """Contacts as they are, the sensors' condition and memory, and the station's tracks.
+    """The contacts, the condition and memory of the sensors, and the station's tracks.
 
-    `named` maps a scenario's handles to contacts, gone ones included; detections of `cleared`
-    contacts that are still on their way are ignored. `watched` counts the scans in which a sensor
-    had a contact at close range.
+    `named` maps a scenario's handles to contacts, including those that have left. Detections of
+    `cleared` contacts that are still under way are ignored. `watched` counts the scans in which a
+    sensor had a contact at close range.
     """
 
     contacts: dict[str, ContactState] = field(default_factory=dict[str, ContactState])

@@ -14,13 +14,13 @@ from pa_console.sim.sensing_state import ContactFinding, ContactState, Detection
 from pa_console.sim.worlds.terrain import Terrain
 
 CLOSE_STANDOFFS = 2.5
-"""The distance, in standoffs, within which a sensor recognises intent and passengers."""
+"""The distance, in standoffs, within which a sensor recognizes intent and passengers."""
 WATCH_S = 10.0
-"""The time that a sensor watches a contact at close range before it forms an opinion, seconds."""
+"""Seconds for which a sensor must watch a contact at close range to form an opinion."""
 REPORTING_S = 5.0
-"""Time for which a robot keeps its proximity sensors on a contact after identifying it."""
+"""Seconds for which a robot keeps its proximity sensors on a contact after identifying it."""
 AT_FULL_RANGE = 0.5
-"""Part of the detection probability that is left at the end of the range."""
+"""The share of the detection probability that is left at the end of the range."""
 WEATHER: dict[Weather, tuple[float, float]] = {
     "clear": (1.0, 1.0),
     "rain": (0.8, 0.85),
@@ -37,7 +37,7 @@ Found = dict[str, tuple[Detection, ...]]
 
 @dataclass(frozen=True, slots=True)
 class _Hit:
-    """That a sensor has detected a contact `gap_m` metres away."""
+    """The detection of a contact by a sensor, `gap_m` metres away."""
 
     sensor: str
     spec: Sensing
@@ -47,7 +47,7 @@ class _Hit:
 
 @dataclass(slots=True)
 class _Eyes:
-    """Every working sensor: who, what, and an array (n, 5) of x, y, range, heading, half view."""
+    """The working sensors: names, specs, and an array (n, 5) of x, y, range, heading, half view."""
 
     names: list[str]
     specs: list[Sensing]
@@ -57,12 +57,11 @@ class _Eyes:
 
 
 def scan(terrain: Terrain, scene: Scene) -> Found:
-    """Return what every working sensor (asset or camera) detects now; those without are left out.
+    """Return the present detections of every working sensor that has any.
 
-    A ground asset that identifies or warns has the contacts at its gate in its proximity sensors
-    for certain, walls and weather or not, and one that it has identified for a while after. What it
-    has found out about a contact is part of each of its reports, so that one that gets lost does no
-    harm.
+    A ground asset that identifies or warns detects the contacts at its gate with certainty,
+    regardless of walls and weather; it keeps detecting a contact for a while after identifying it.
+    Its findings are repeated in each of its reports, so a lost report does no harm.
     """
     state = scene.sensing
     if not (state.contacts or state.phantoms):
@@ -119,14 +118,14 @@ def _hits(terrain: Terrain, scene: Scene) -> list[_Hit]:
 
 
 def detection_chance(spec: Sensing, gap_m: float, reach_m: float) -> float:
-    """Return the chance of a detection at `gap_m`; it falls with the fourth power of the range."""
+    """Return the chance of a detection; the loss grows with the fourth power of the distance."""
     return spec.detection_probability * (1.0 - (1.0 - AT_FULL_RANGE) * (gap_m / reach_m) ** 4)
 
 
 def _eyes(terrain: Terrain, scene: Scene, targets: Floats, range_part: float) -> _Eyes:
-    """Collect the sensors that work, cameras first; those at close quarters have full range.
+    """Collect the working sensors, cameras first; those at close quarters have their full range.
 
-    Assets too far from the box around all `targets` (n, 2) to see any are left out.
+    Assets too far from the bounding box of `targets` (n, 2) to detect any are left out.
     """
     (left, low), (right, high) = targets.min(axis=0).tolist(), targets.max(axis=0).tolist()
     world, broken = terrain.world, scene.sensing.broken
@@ -163,7 +162,7 @@ def _eyes(terrain: Terrain, scene: Scene, targets: Floats, range_part: float) ->
 
 
 def _detection(terrain: Terrain, scene: Scene, hit: _Hit) -> Detection:
-    """Measure a contact and form the sensor's opinion of it; counts the time of watching."""
+    """Measure a contact and form the sensor's opinion of it; update the time of watching."""
     state, world, contact = scene.sensing, terrain.world, hit.contact
     key = (hit.sensor, contact.id)
     finding = state.findings.get(key, ContactFinding())
@@ -190,7 +189,7 @@ def _detection(terrain: Terrain, scene: Scene, hit: _Hit) -> Detection:
 def _recalled(terrain: Terrain, scene: Scene, sensor: str, contact: ContactState) -> Detection:
     """Repeat a robot's findings about a contact that it does not detect now.
 
-    It still reports the contact's position if it has just identified it and is at its gate.
+    The position is included if the robot has just identified the contact and is at its gate.
     """
     finding = scene.sensing.findings[sensor, contact.id]
     spec = terrain.world.platforms[scene.assets[sensor].kind]
@@ -211,7 +210,7 @@ def _recalled(terrain: Terrain, scene: Scene, sensor: str, contact: ContactState
 def _still_has(
     terrain: Terrain, scene: Scene, sensor: str, contact: ContactState, finding: ContactFinding
 ) -> bool:
-    """Return whether a contact is still in the proximity sensors of a robot that identified it."""
+    """Return whether a robot that identified the contact still has it in its proximity sensors."""
     asset, world = scene.assets[sensor], terrain.world
     if finding.identified_tick is None or sensor in scene.sensing.broken:
         return False
@@ -224,7 +223,7 @@ def _still_has(
 def _measured(terrain: Terrain, scene: Scene, sensor: str, point: Point, sigma_m: float) -> Point:
     """Return `point` as measured with a normal error of `sigma_m` on each axis.
 
-    An asset measures from where it believes to be: its own drift goes into what it reports.
+    An asset measures from its estimated position, so its own drift is added.
     """
     asset = scene.assets.get(sensor)
     if asset is not None and asset.drift is not None:
@@ -235,7 +234,7 @@ def _measured(terrain: Terrain, scene: Scene, sensor: str, point: Point, sigma_m
 
 
 def _imagined(terrain: Terrain, scene: Scene, phantom: Phantom) -> Detection | None:
-    """Return the detection of a phantom, which creeps down its lane, None if its sensor misses."""
+    """Return the detection of a phantom, which creeps along its lane; None if it is missed."""
     world, state = terrain.world, scene.sensing
     camera, asset = world.cameras.get(phantom.sensor), scene.assets.get(phantom.sensor)
     spec = camera or (world.platforms[asset.kind] if asset else None)

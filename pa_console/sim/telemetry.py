@@ -1,4 +1,4 @@
-"""The assets' own reports, true or forged, and the exact state (paper, Step 3)."""
+"""The assets' own reports, true or forged, and the condition of cameras (paper, Step 3)."""
 
 import math
 
@@ -16,11 +16,11 @@ from pa_console.sim.worlds.terrain import Terrain
 
 
 def send(terrain: Terrain, scene: Scene) -> dict[str, tuple[Detection, ...]]:
-    """Let every sensor scan and every asset report; called once a telemetry period.
+    """Scan with every sensor and send the reports; return the detections of each camera.
 
-    What a camera detects is at the station at once, as it is wired; an asset's detections travel
-    with its report. Forged reports come from the forger, whatever the asset's own link does.
-    Return what each camera has detected.
+    Call this once per telemetry period. Camera detections reach the station at once, because
+    cameras are wired; an asset's detections travel with its report. Forged reports come from the
+    forger, whatever the state of the asset's own link.
     """
     found = sensors.scan(terrain, scene)
     world = terrain.world
@@ -44,16 +44,16 @@ def send(terrain: Terrain, scene: Scene) -> dict[str, tuple[Detection, ...]]:
 
 
 def where(terrain: Terrain, asset: AssetState) -> str | None:
-    """Return the frame that `asset` truly is at, worked out anew only when it has moved."""
+    """Return the true frame of `asset`; it is computed again only if the asset has moved."""
     if asset.placed_at != (asset.x, asset.y):
         asset.placed_at, asset.place = asset.position, terrain.frame_at(asset.x, asset.y)
     return asset.place
 
 
 def report_of(terrain: Terrain, tick: int, asset: AssetState) -> SelfReport:
-    """Return the report of `asset` at `tick`: true but for a position that has drifted.
+    """Return the report of `asset` at `tick`: true except for a drifted position.
 
-    For an asset that stands idle only the battery and the time are new.
+    For an idle asset, only the battery and the time are new.
     """
     low, stamp_s = asset.battery < terrain.world.low_battery_pct, terrain.seconds(tick)
     said = asset.said
@@ -93,7 +93,7 @@ def report_of(terrain: Terrain, tick: int, asset: AssetState) -> SelfReport:
 
 
 def cameras_known(terrain: Terrain, scene: Scene) -> dict[str, CameraReport]:
-    """Return the condition of each camera, which its wire reports at once."""
+    """Return the condition of each camera; cameras are wired, so it is reported without delay."""
     now_s, broken = terrain.seconds(scene.tick), scene.sensing.broken
     return {
         name: CameraReport.of_valid(
@@ -104,7 +104,7 @@ def cameras_known(terrain: Terrain, scene: Scene) -> dict[str, CameraReport]:
 
 
 def _forged(terrain: Terrain, scene: Scene, asset: AssetState) -> SelfReport:
-    """Return a forged report: all is well, and the asset has its watch at the frame."""
+    """Return a forged report: nothing is wrong, and the asset is posted at the forged frame."""
     frame = asset.spoofed or terrain.world.base
     last = scene.station.heard[asset.id].telemetry.telemetry()
     places = terrain.places(frame, asset.kind)
@@ -129,5 +129,5 @@ def _forged(terrain: Terrain, scene: Scene, asset: AssetState) -> SelfReport:
 
 
 def rounded(point: Point) -> Point:
-    """Return `point` to the millimetre."""
+    """Return `point` rounded to the millimetre."""
     return (round(point[0], 3), round(point[1], 3))

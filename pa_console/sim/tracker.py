@@ -1,10 +1,11 @@
-"""The station's tracks: detections brought together to one estimate per contact.
+"""The station's tracks: the detections of each contact, combined into one estimate.
 
-Constant velocity with random acceleration; both axes have the same covariance, as measurement
-noise has no direction. It draws nothing, so equal detections give equal estimates.
+The model is constant velocity with random acceleration. Both axes have the same covariance, because
+measurement noise has no direction. No random numbers are drawn, so equal detections give equal
+estimates.
 
-A conclusion needs motion well beyond the estimate's error and has to hold for a while, so that
-noise does not change it at every scan.
+A conclusion needs motion well beyond the estimate's error and must hold for a while, so that noise
+does not change it at every scan.
 
 The contact's signature (plate, shape, gait) determines which detections belong together, so
 association is perfect; position, velocity and everything derived from them are estimated.
@@ -32,13 +33,31 @@ SPEED_SIGMA_MPS = 8.0
 """One sigma of the speed on each axis of a contact without an estimate."""
 LEAST_SIGMA_M = 0.05
 _SURPRISE = 18.4
-"""Squared error in sigmas that two dimensions exceed once in ten thousand measurements."""
+"""The squared error, in sigmas, that one in ten thousand measurements exceeds in two dimensions."""
+
+CONFIRM_S = 1.0
+"""Seconds for which a conclusion must hold before the status changes."""
+SETTLED_S = 3.0
+"""Seconds after a warning before a contact's behaviour counts as its response."""
+_MOVING_MPS, _MOVING_SIGMAS = 0.6, 3.0
+_STANDING_MPS, _STANDING_SIGMAS = 0.4, 1.5
+_KNOWN_SPEED_MPS = 2.0
+_LEAST_MOVE_M, _PLACE_SIGMAS = 1.0, 4.0
+_SLOW_MPS = 1.0
+_STANDS_S = 20.0
+"""A track stands if it has not moved while the slowest walker would have, or for this long."""
+_DEFIANT_M = 2.0
+DROP_S = 20.0
+"""Seconds after its last detection at which a track is dropped."""
+SEEN_PERIODS = 3
+"""The number of telemetry periods for which a detection counts as present."""
 
 
 def measure(file: TrackFile, at: Point, sigma_m: float, tick: int, dt_s: float) -> None:
-    """Take in a measurement made at `tick`; an older one than the latest is first moved ahead.
+    """Add a measurement made at `tick`; one older than the latest is first extrapolated to it.
 
-    A surprising one means that the contact has changed its motion: its speed is learned anew.
+    A surprising measurement means that the contact's motion has changed, so the speed is estimated
+    again.
     """
     noise = max(sigma_m, LEAST_SIGMA_M) ** 2
     if file.variance == 0.0:
@@ -69,7 +88,7 @@ def measure(file: TrackFile, at: Point, sigma_m: float, tick: int, dt_s: float) 
 
 
 def _predict(file: TrackFile, seconds: float) -> None:
-    """Carry the estimate `seconds` ahead."""
+    """Extrapolate the estimate by `seconds`."""
     q = ACCELERATION_MPS2**2
     file.x += file.vx * seconds
     file.y += file.vy * seconds
@@ -78,20 +97,6 @@ def _predict(file: TrackFile, seconds: float) -> None:
     )
     file.covariance += file.speed_variance * seconds + q * seconds**3 / 2.0
     file.speed_variance += q * seconds**2
-
-
-CONFIRM_S = 1.0
-"""The time that a conclusion has to hold before the status changes, seconds."""
-SETTLED_S = 3.0
-"""The time after a warning before a contact's behaviour counts as its answer, seconds."""
-_MOVING_MPS, _MOVING_SIGMAS = 0.6, 3.0
-_STANDING_MPS, _STANDING_SIGMAS = 0.4, 1.5
-_KNOWN_SPEED_MPS = 2.0
-_LEAST_MOVE_M, _PLACE_SIGMAS = 1.0, 4.0
-_SLOW_MPS = 1.0
-_STANDS_S = 20.0
-"""One stands that has not moved while the slowest walker would have, or for this long."""
-_DEFIANT_M = 2.0
 
 
 def conclude(terrain: Terrain, file: TrackFile) -> None:
@@ -114,20 +119,20 @@ def conclude(terrain: Terrain, file: TrackFile) -> None:
 
 
 def is_moving(file: TrackFile) -> bool:
-    """Return whether the estimated speed is beyond doubt."""
+    """Return whether the estimated speed is certainly not zero."""
     limit = max(_MOVING_MPS, _MOVING_SIGMAS * math.sqrt(file.speed_variance))
     return math.hypot(file.vx, file.vy) > limit
 
 
 def gap_to_gate(terrain: Terrain, file: TrackFile) -> float:
-    """Return the distance from where a track was last detected to its gate, metres."""
+    """Return the distance from a track's last detection to its gate in metres."""
     return math.dist(file.position, terrain.world.frames[file.gate].at)
 
 
 def _displaced(terrain: Terrain, file: TrackFile) -> TrackStatus | None:
-    """Return which way a track has moved since it last had, if that is beyond doubt.
+    """Return the direction in which a track has certainly moved since its last such move.
 
-    So one that creeps is not taken for stopped, however noisy its speed is.
+    This keeps a creeping track from counting as stopped, however noisy its speed is.
     """
     if file.anchor is None:
         file.anchor, file.anchor_tick = file.position, file.tick
@@ -139,12 +144,12 @@ def _displaced(terrain: Terrain, file: TrackFile) -> TrackStatus | None:
 
 
 def _doubt_m(file: TrackFile) -> float:
-    """Return how far apart two estimates of one place may be."""
+    """Return the distance that two estimates of one place may have, in metres."""
     return max(_LEAST_MOVE_M, _PLACE_SIGMAS * math.sqrt(2.0) * file.sigma_m)
 
 
 def _says(terrain: Terrain, file: TrackFile, depth_m: float) -> TrackStatus:
-    """Return the conclusion of the estimate alone; the present status if it is unclear."""
+    """Return the status that the estimate alone suggests; the present one if it is unclear."""
     margin = max(1.0, file.sigma_m)
     if depth_m > margin or (file.status == "inside" and depth_m > -margin):
         return "inside"
@@ -162,7 +167,7 @@ def _says(terrain: Terrain, file: TrackFile, depth_m: float) -> TrackStatus:
 
 
 def _watch_defiance(terrain: Terrain, file: TrackFile) -> None:
-    """Notice that a warned contact goes on: nearer to its gate, or in, well beyond the error."""
+    """Detect that a warned contact continues: nearer to its gate, or inside, beyond the error."""
     if file.warned_tick is None or file.defiant:
         return
     if (file.tick - file.warned_tick) * terrain.world.dt_s < SETTLED_S:
@@ -180,14 +185,10 @@ def _watch_defiance(terrain: Terrain, file: TrackFile) -> None:
     file.defiant = entered or gained > max(_DEFIANT_M, doubt)
 
 
-DROP_S = 20.0
-"""A track is dropped so long after its last detection."""
-
-
 def receive(
     terrain: Terrain, scene: Scene, sensor: str, stamp: int, detections: tuple[Detection, ...]
 ) -> None:
-    """Take in what `sensor` detected at tick `stamp`; a contact not tracked becomes a track."""
+    """Process the detections of `sensor` at tick `stamp`; a new contact becomes a track."""
     state = scene.sensing
     for detection in detections:
         if detection.contact in state.cleared:
@@ -203,7 +204,7 @@ def receive(
 
 
 def review(terrain: Terrain, scene: Scene) -> None:
-    """Conclude what each track detected since the last review is doing.
+    """Update the status of each track that was detected since the last review.
 
     A track that has not been detected for DROP_S seconds is dropped.
     """
@@ -216,13 +217,13 @@ def review(terrain: Terrain, scene: Scene) -> None:
 
 
 def name_of(scene: Scene, contact: str) -> str:
-    """Return the track id that the station has given a contact, '' if it does not track it."""
+    """Return the station's track id for a contact, or '' if it is not tracked."""
     file = scene.sensing.files.get(contact)
     return "" if file is None else file.id
 
 
 def _open(terrain: Terrain, scene: Scene, stamp: int, detection: Detection, at: Point) -> TrackFile:
-    """Begin a track, numbered in the order of first detection, heading for its gate."""
+    """Begin a track, numbered by first detection and heading for its gate."""
     state = scene.sensing
     state.numbered += 1
     gate = terrain.gate_of(at)
@@ -245,7 +246,7 @@ def _open(terrain: Terrain, scene: Scene, stamp: int, detection: Detection, at: 
 
 
 def _note(terrain: Terrain, file: TrackFile, sensor: str, stamp: int, detection: Detection) -> None:
-    """Keep when and where a sensor detected the contact, and that the contact has been warned."""
+    """Store time and place of a sensor's detection, and whether the contact has been warned."""
     if detection.position is not None:
         latest = next((one for one in file.seen if one.sensor == sensor), None)
         if latest is None or stamp >= latest.tick:
@@ -265,12 +266,8 @@ def tracks_known(terrain: Terrain, scene: Scene) -> dict[str, Track]:
     return {file.id: known_track(terrain, scene, file) for file in scene.sensing.files.values()}
 
 
-SEEN_PERIODS = 3
-"""A detection counts as present for this number of telemetry periods."""
-
-
 def known_track(terrain: Terrain, scene: Scene, file: TrackFile) -> Track:
-    """Return a track as its file has it; `position` is that of the last detection."""
+    """Return the track of a file; `position` is that of the last detection."""
     world = terrain.world
     recent = scene.tick - round(SEEN_PERIODS * world.telemetry_period_s / world.dt_s)
     seen_by = tuple(sorted(one.sensor for one in file.seen if one.tick >= recent))

@@ -1,7 +1,7 @@
-"""The exact truth of a scene, for scorers and tests; nothing else may see it.
+"""The exact truth of a scene, for scorers and tests only.
 
-Besides each contact as it is, it has what our sensors have truly found out about it: whether a
-ground robot has identified it, which UAVs have it in range now, how old its last detection is.
+Besides each contact's true state, it has the sensors' true findings about it: whether a ground
+robot has identified it, which UAVs have it in range now, and how old its last detection is.
 """
 
 import math
@@ -28,7 +28,7 @@ from pa_console.sim.worlds.terrain import Terrain
 
 
 def truth(terrain: Terrain, scene: Scene) -> Picture:
-    """Return the exact state as a picture, with the true cover of gates, reported or not."""
+    """Return the exact state as a picture, with the true cover of gates."""
     assets: dict[str, AssetTelemetry] = {}
     by: dict[str, list[str]] = {gate: [] for gate in terrain.world.gates}
     for asset in scene.assets.values():
@@ -68,13 +68,13 @@ def truth(terrain: Terrain, scene: Scene) -> Picture:
 
 
 def true_tracks(terrain: Terrain, scene: Scene) -> dict[str, Track]:
-    """Return every contact exactly, under its track id if it has one, else its contact id."""
+    """Return the exact contacts, by track id or, if untracked, by contact id."""
     found = (_true_track(terrain, scene, contact) for contact in scene.contacts.values())
     return {track.id: track for track in found}
 
 
 def _true_track(terrain: Terrain, scene: Scene, contact: ContactState) -> Track:
-    """Return a contact exactly, under its track's id if it has one; who sees it is as known."""
+    """Return the exact contact as a track; `observed_by` and `seen_by` are the station's."""
     file = scene.sensing.files.get(contact.id)
     known = None if file is None else known_track(terrain, scene, file)
     now_s = terrain.seconds(scene.tick)
@@ -104,7 +104,7 @@ def _true_track(terrain: Terrain, scene: Scene, contact: ContactState) -> Track:
 
 
 def _defies(contact: ContactState) -> bool:
-    """Return whether a contact truly goes on although it was warned."""
+    """Return whether a contact truly continues although it was warned."""
     return (
         contact.warned_tick is not None
         and contact.when_warned == "go_on"
@@ -114,12 +114,12 @@ def _defies(contact: ContactState) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class TrueContact:
-    """A contact as it is; `id` never changes, `track` is '' while the station does not track it.
+    """The true state of a contact; `id` never changes, `track` is '' if it is not tracked.
 
-    `emergency` is True once a sensor has recognised a true emergency vehicle, `confirmed` is the
-    intent that the sensors' evidence supports (ROE-01, ROE-10), `watched_by` names the working UAVs
-    that have it within range and view, `unseen_s` is the time without a detection by any sensor
-    (None: it is not tracked).
+    `emergency` is True once a sensor has recognized a true emergency vehicle. `confirmed` is the
+    intent that the sensors' evidence supports (ROE-01, ROE-10). `watched_by` has the working UAVs
+    with the contact within range and view. `unseen_s` is the time without a detection by any
+    sensor, or None if it is not tracked.
     """
 
     id: str
@@ -141,7 +141,7 @@ class TrueContact:
 
 
 def true_contacts(terrain: Terrain, scene: Scene) -> tuple[TrueContact, ...]:
-    """Return every contact that is there now, in the order of their appearance."""
+    """Return every present contact, in the order of appearance."""
     if not scene.contacts:
         return ()
     eyes = [
@@ -181,7 +181,7 @@ def _exact(
 
 
 def _in_view(terrain: Terrain, scene: Scene, asset: AssetState, contact: ContactState) -> bool:
-    """Return whether a UAV's sensor reaches the contact in this weather; walls are no matter."""
+    """Return whether a UAV's sensor reaches the contact in this weather; walls do not matter."""
     platform = terrain.world.platforms[asset.kind]
     reach = platform.sensor_range_m * WEATHER[scene.sensing.weather][0]
     if math.dist(asset.position, contact.position) > reach:

@@ -1,1 +1,1 @@
-"""Presentation models: a session, its missions and its record as plain data and words."""
+"""Presentation models: a session, its missions and its log as plain data and words."""

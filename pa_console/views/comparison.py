@@ -1,7 +1,7 @@
-"""Comparison of two recordings: the first event that differs, and its differences.
+"""Comparison of two recordings: the first differing event, and its differences.
 
 Kind, mission, simulation tick and content of events are compared. Values that differ between two
-runs of the same session are left out: session ids, times of day, hashes except those that pin a
+runs of the same session are ignored: session ids, times of day, hashes other than those that pin a
 session, and measurements of the machine (seconds, tokens).
 """
 
@@ -48,7 +48,7 @@ class ChangedValue:
 
 @dataclass(frozen=True)
 class EventDifference:
-    """Two events, counted from 0, that are not the same; a number past the end is no event."""
+    """Two differing events, counted from 0; a number past the end means that there is no event."""
 
     a: int
     b: int
@@ -57,10 +57,10 @@ class EventDifference:
 
 @dataclass(frozen=True)
 class SessionComparison:
-    """The differences in how two sessions were started, and the first event that differs.
+    """The differences in the start of two sessions, and the first event that differs.
 
-    If that event is telemetry, or differs in its tick only, `beyond` is the first event that
-    differs otherwise; None if there is none.
+    If that event is telemetry, or differs only in its tick, `beyond` is the first event with
+    another difference, or None if there is none.
     """
 
     started: tuple[ChangedValue, ...]
@@ -76,7 +76,7 @@ class SessionComparison:
 def compare_sessions(
     a: Recording, b: Recording, progress: Callable[[int, int], None] | None = None
 ) -> SessionComparison:
-    """Compare two recordings event by event; `progress` gets the events done and all of them.
+    """Compare two recordings event by event; `progress` gets the events done and the total.
 
     Raises LogError if a log can no longer be read.
     """
@@ -105,7 +105,7 @@ def _is_timing(a: Recording, b: Recording, found: EventDifference) -> bool:
 
 
 def _beyond(a: Recording, b: Recording, first: int) -> EventDifference | None:
-    """Return the first difference from event `first` on that is neither telemetry nor a tick."""
+    """Return the first difference from event `first` on, except in telemetry and ticks."""
     events = (r.timeline.without_telemetry(first, len(r)) for r in (a, b))
     for at, bt in zip_longest(*events):
         if at is None or bt is None or not _same(a, at, b, bt, ticks=False):
@@ -114,14 +114,14 @@ def _beyond(a: Recording, b: Recording, first: int) -> EventDifference | None:
 
 
 def _same(a: Recording, at: int, b: Recording, bt: int, *, ticks: bool) -> bool:
-    """Return True if two events mean the same; most are equal to the letter and are not parsed."""
+    """Return True if two events mean the same; identical texts, the usual case, are not parsed."""
     if ticks and a.timeline.ticks[at] != b.timeline.ticks[bt]:
         return False
     return a.content(at) == b.content(bt) or _meaning(a[at]) == _meaning(b[bt])
 
 
 def _difference(a: Recording, at: int, b: Recording, bt: int) -> EventDifference:
-    """Return the difference of two events, even if one is past the end."""
+    """Return the difference of two events, one of which may be past the end."""
     first = a[at] if at < len(a) else None
     second = b[bt] if bt < len(b) else None
     if first is None or second is None or first.data.kind != second.data.kind:
@@ -181,7 +181,7 @@ def _changes(a: object, b: object, path: str = "") -> tuple[ChangedValue, ...]:
 
 
 def _name(value: object, place: int) -> str:
-    """Return the id of an entry of a list, else its place."""
+    """Return the id of a list entry, or its place if it has none."""
     if isinstance(value, dict):
         fields = cast(dict[str, object], value)
         return str(next((fields[key] for key in _NAMES if key in fields), place))

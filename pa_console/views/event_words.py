@@ -1,4 +1,4 @@
-"""Every event in one short line, plans in steps in words, and a search through a recording."""
+"""Every event as one short line, plans with steps in words, and a search in a recording."""
 
 import json
 from collections.abc import Collection, Iterator, Sequence
@@ -31,9 +31,14 @@ _REACTIONS: dict[Reaction, str] = {
     "go_on": "goes on when warned",
 }
 
+AROUND = 60
+"""The number of characters that are shown with a hit."""
+MOST_AWAITED = 2
+"""The largest number of awaited actions that are named; more are only counted."""
+
 
 def incident_truth_in_words(incident: Incident) -> str:
-    """Return all of `incident`, with the truth behind a track, for the reader of a script."""
+    """Return the whole `incident`, with a track's true properties, for the reader of a script."""
     match incident:
         case SpawnTrack(name=name, track=track, gate=gate):
             who = f"a {track}{f' ({name})' if name else ''} appears on the lane to {gate}"
@@ -69,7 +74,7 @@ def references_in_words(references: Sequence[ev.Reference]) -> str:
 
 
 def standing_in_words(order: StandingOrder) -> str:
-    """Return a standing order in plain words, in one line."""
+    """Return a standing order in plain words, on one line."""
     return f"{order.id}: {trigger_in_words(order)}: {order.order_in_words}"
 
 
@@ -79,7 +84,7 @@ def trigger_in_words(order: StandingOrder) -> str:
 
 
 def moments_in_words(moments: Sequence[datetime]) -> str:
-    """Return moments of the station's clock, with its zone and with the day where it changes."""
+    """Return moments of the station's clock with its zone, and with the day where it changes."""
     parts = list[str]()
     for before, at in zip((None, *moments), moments, strict=False):
         same = before is None or before.date() == at.date()
@@ -88,7 +93,7 @@ def moments_in_words(moments: Sequence[datetime]) -> str:
 
 
 def next_in_words(scheduled: ev.StandingOrderScheduled | None, now_s: float) -> str:
-    """Return the next moment of an order and the time until then; '' for one without moments."""
+    """Return the next moment of an order and the time until then; '' if it has no moments."""
     if scheduled is None:
         return ""
     paused = "paused, " * scheduled.paused
@@ -101,15 +106,16 @@ def next_in_words(scheduled: ev.StandingOrderScheduled | None, now_s: float) -> 
 def asked_in_words(order: StandingOrder, allowed: Collection[str] | None = None) -> str:
     """Return the approval that missions started by `order` need.
 
-    `allowed` are the commands that the rules let it start unasked; None if they are unknown.
+    `allowed` are the commands that the rules let it start without approval; None if they are
+    unknown.
     """
     if not order.unasked:
         return "each mission waits for your approval"
     if allowed is None:
-        return "no approval is asked for where the rules allow it"
+        return "none where the rules allow that; otherwise you are asked"
     if not allowed:
-        return "it asks for no approval, which the rules do not allow: you are asked"
-    return f"unasked where a plan only gives {', '.join(allowed)}; else you are asked"
+        return "you are asked each time: the rules allow no exception"
+    return f"none if a plan gives only {', '.join(allowed)}; otherwise you are asked"
 
 
 def kind_in_words(kind: str) -> str:
@@ -142,12 +148,12 @@ _EVENT_TEMPLATES: dict[str, str] = {
     "session_ended": "{reason}",
     "tak": "{detail}",
     "contact_lost": "{uid}: {reason}",
-    "contacts_left_out": "{outside} beyond the site, {too_many} too many, {unreadable} unreadable",
+    "contacts_left_out": "{outside} off site, {too_many} over the limit, {unreadable} unreadable",
 }
 
 
 def event_in_words(data: ev.EventPayload) -> str:
-    """Return the content of an event beyond its kind; empty for a kind without content."""
+    """Return the content of an event, without its kind; '' for a kind without content."""
     if template := _EVENT_TEMPLATES.get(data.kind):
         return template.format_map(vars(data)).strip()
     return _session_event(data) or _planning_event(data) or _execution_event(data)
@@ -239,7 +245,7 @@ def _planning_event(data: ev.EventPayload) -> str:
 
 
 def _state(request: ev.ApprovalRequested) -> str:
-    """Return the state of a request in words; empty for one that can be plainly approved."""
+    """Return the state of a request in words; '' if nothing prevents a plain approval."""
     if request.state == "not_understood":
         return ""  # its only reason repeats the state
     if request.blocked_by:
@@ -270,17 +276,13 @@ def _execution_event(data: ev.EventPayload) -> str:
             return ""
 
 
-AROUND = 60
-"""Characters of the text that are shown with a hit."""
-
-
 _REWORDED = tuple(f'"{kind}"' for kind in ("decision_made", "incident", "plan_checked"))
-"""Kinds whose line in lists has words that are not in the log, as for an overridden judge."""
+"""Kinds of events whose line in lists has words that are not in the log."""
 
 
 @dataclass(frozen=True)
 class Hit:
-    """An event that contains all the words; `excerpt` is the text around the first of them."""
+    """An event that contains all the words; `excerpt` is the text around the first word."""
 
     index: int
     mission: str
@@ -301,7 +303,7 @@ def search(recording: Recording, text: str, first: int, end: int) -> Iterator[Hi
         line = recording.content(index)
         lowered = line.lower()
         reworded = any(kind in line for kind in _REWORDED)
-        # The text of the line is searched first: most events are ruled out without reading JSON.
+        # The text of the line is searched first, so that most events are excluded without parsing.
         if reworded or all(needle in lowered for needle in needles):
             fields = json.loads(line)
             texts = [fields["kind"], fields["mission"] or "", *_texts(fields["data"])]
@@ -332,20 +334,16 @@ def _excerpt(texts: list[str], word: str) -> str:
     return ("…" if first else "") + flat[first : first + AROUND]
 
 
-MOST_AWAITED = 2
-"""The most awaited actions that are named; more are only counted."""
-
-
 @dataclass(frozen=True)
 class StepLine:
-    """One line of a plan in steps: an action, or successive legs of one asset."""
+    """One line of a plan with steps: an action, or successive legs of one asset."""
 
     numbers: str
     """The step or steps: `1`, or `2 to 7`."""
     agent: str
     does: str
     when: str
-    """The condition of its start, in words; '' for the first step."""
+    """The condition for its start, in words; '' for the first step."""
 
     @property
     def in_words(self) -> str:
@@ -359,9 +357,9 @@ def in_steps(plan: Plan) -> bool:
 
 
 def when_in_words(plan: Plan, number: int) -> str:
-    """Return the condition of action `number`, from 1, in words: *then, after D is at North Gate*.
+    """Return the condition of action `number`, from 1, e.g. *then, after D is at North Gate*.
 
-    It is '' for an action without a condition.
+    The result is '' for an action without a condition.
     """
     awaited = [plan.actions[other - 1] for other in plan.actions[number - 1].after]
     if not awaited:
@@ -372,7 +370,7 @@ def when_in_words(plan: Plan, number: int) -> str:
 
 
 def step_lines(plan: Plan) -> tuple[StepLine, ...]:
-    """Return the lines of a plan in steps; the legs of one asset in a row are one line."""
+    """Return the lines of a plan with steps; successive legs of one asset are one line."""
     found: list[StepLine] = []
     leg: Action | None = None
     for position, numbers in enumerate(plan.steps, start=1):
@@ -392,7 +390,7 @@ def step_lines(plan: Plan) -> tuple[StepLine, ...]:
 
 
 def orders_in_line(plan: Plan) -> str:
-    """Return a plan's actions in one line, with *then* before each that waits."""
+    """Return a plan's actions on one line, with *then* before each group that waits."""
     parts = [
         "; ".join(f"{plan.actions[n - 1].agent} {plan.actions[n - 1].command}" for n in numbers)
         for numbers in plan.steps
@@ -421,7 +419,7 @@ def _does(action: Action) -> str:
 
 
 def _done(action: Action) -> str:
-    """Return a completed action in words."""
+    """Return in words that an action has been completed."""
     place = place_words(action.target) if action.target else ""
     match action.verb:
         case "return_to_base":
@@ -431,8 +429,8 @@ def _done(action: Action) -> str:
         case "report":
             return f"{action.agent} has reported"
         case "identify":
-            return f"{action.agent} has identified at {place}"
+            return f"{action.agent} has identified the track at {place}"
         case "warn":
-            return f"{action.agent} has warned at {place}"
+            return f"{action.agent} has warned the track at {place}"
         case _:
             return f"{action.agent} is at {place}"

@@ -19,8 +19,9 @@ _NAME = re.compile(r"[\w-]+")
 class DecisionEvidence:
     """The basis of the decision on a plan: the picture's tick and time, in simulated seconds.
 
-    `deciding` are the findings against the plan, or all that hold if there is none. `facts` are
-    lines of telemetry, one for each asset, track and gate that the plan or a finding names.
+    `deciding` are the findings against the plan, or, if there are none, the rules that it complies
+    with. `facts` are lines of telemetry, one for each asset, track and gate that the plan or a
+    finding names.
     """
 
     tick: int
@@ -30,7 +31,7 @@ class DecisionEvidence:
 
 
 def evidence_of(attempt: Attempt) -> DecisionEvidence | None:
-    """Return the basis of the decision on an attempt; None for one that was not rehearsed."""
+    """Return the basis of the decision on an attempt; None if it was not rehearsed."""
     if attempt.rehearsal is None or attempt.plan is None:
         return None
     picture = attempt.rehearsal.before
@@ -81,7 +82,7 @@ def _track(track: Track, now_s: float) -> str:
         "warned" if track.warned else "not warned",
         *(["emergency vehicle"] if track.emergency else []),
         *(["noncombatants suspected"] if track.noncombatants else []),
-        f"detected {now_s - track.stamp_s:.1f} s before",
+        f"last detected {now_s - track.stamp_s:.1f} s earlier",
     ]
     return ", ".join(parts)
 
@@ -90,9 +91,8 @@ def _track(track: Track, now_s: float) -> str:
 class RuleUse:
     """The use of one rule in one mission.
 
-    `decided` are the attempts on which its check gave an answer, with the finding, and
-    `prescribed` the tracks whose workflow it prescribes. A mission that it `refused` was never
-    planned.
+    `decided` has the attempts on which its check decided, with the findings; `prescribed` has the
+    tracks whose workflow it prescribes. A mission that it `refused` was never planned.
     """
 
     mission: str
@@ -137,7 +137,7 @@ RuleDeed = Literal[
     "refused", "sent back", "halted", "prescribed",
 ]  # fmt: skip
 BREAKING: tuple[RuleDeed, ...] = ("broken", "blocked", "refused", "sent back", "halted")
-"""The effects that mean that the rule was broken, or prevented something."""
+"""The effects that mean that the rule was broken, or that it prevented something."""
 
 
 @dataclass(frozen=True)
@@ -150,13 +150,13 @@ class TrailEntry:
     not applicable  its guard excluded the plan
     judged          the judge gave an opinion on it
     blocked         the plan could not be approved because of it
-    acknowledged    the operator accepted that it is broken
+    acknowledged    the operator acknowledged that it is broken
     refused         the mission was refused at intake because of it
     sent back       the planner had to try again because of it
-    halted          a running plan was brought to a safe state because of it
-    prescribed      its workflow took a track a step further
+    halted          a running plan was halted because of it
+    prescribed      its workflow moved to the next step for a track
 
-    `attempt` is 0 for an effect on no single plan.
+    `attempt` is 0 for an effect that does not concern a single plan.
     """
 
     event: int
@@ -212,7 +212,7 @@ def _entries(
             for place, hit in enumerate(hits, start=1):
                 if hit.rule_id == rule_id:
                     pinned = ", pinned" if hit.pinned else ""
-                    yield 0, "retrieved", f"place {place}, score {hit.score:.3f}{pinned}"
+                    yield 0, "retrieved", f"rank {place}, score {hit.score:.3f}{pinned}"
         case ev.PlanChecked(attempt=attempt, findings=findings):
             for finding in findings:
                 if finding.rule_id == rule_id and finding.status != "judged_only":
@@ -250,7 +250,7 @@ def _did(finding: Finding) -> RuleDeed:
 
 
 def _about(rule_id: str, reasons: Iterable[str]) -> Iterator[str]:
-    """Yield the reasons that name the rule, as `ID: words`."""
+    """Yield the texts of the reasons that begin with the rule's id."""
     for reason in reasons:
         if reason.startswith(f"{rule_id}: "):
             yield reason.removeprefix(f"{rule_id}: ")

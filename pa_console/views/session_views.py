@@ -1,4 +1,4 @@
-"""A session for programs: its state, missions and plans as plain data."""
+"""A session for other programs: its state, missions and plans as plain data."""
 
 import hashlib
 import json
@@ -30,7 +30,7 @@ Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
 class AlarmView(BaseModel):
-    """An alarm that is open."""
+    """An open alarm."""
 
     model_config = ConfigDict(from_attributes=True)
 
@@ -39,7 +39,7 @@ class AlarmView(BaseModel):
 
 
 class StandingView(BaseModel):
-    """A standing order in force; a timed one has its next moment, and is perhaps paused."""
+    """A standing order in force; a timed one has its next moment, and may be paused."""
 
     order: StandingOrder
     by: str
@@ -49,7 +49,7 @@ class StandingView(BaseModel):
 
 
 class ManualView(BaseModel):
-    """An asset under manual control, and who took it; '' if the asset itself reports it."""
+    """An asset under manual control, and who took it; '' if only the asset reports it."""
 
     asset: str
     by: str
@@ -58,7 +58,7 @@ class ManualView(BaseModel):
 class StateView(BaseModel):
     """The state of the session after event number `event`.
 
-    `awaiting` maps missions to the assets under manual control that they await.
+    `awaiting` maps missions to the assets under manual control that they wait for.
     """
 
     session: str
@@ -83,7 +83,7 @@ class StateView(BaseModel):
 
 
 class MissionView(BaseModel):
-    """A mission in short."""
+    """A mission in brief."""
 
     id: str
     text: str
@@ -94,7 +94,7 @@ class MissionView(BaseModel):
 
 
 class AttemptView(BaseModel):
-    """One plan that was made for a mission, and the findings on it."""
+    """One plan for a mission, and the findings on it."""
 
     model_config = ConfigDict(from_attributes=True)
 
@@ -111,14 +111,14 @@ class AttemptView(BaseModel):
 
 
 class MissionDetail(MissionView):
-    """A mission with every plan that was made for it."""
+    """A mission with all of its plans."""
 
     question: str
     choices: tuple[str, ...]
     attempts: tuple[AttemptView, ...]
     decisions: tuple[ev.DecisionMade, ...]
     stills: dict[int, ev.CameraStill]
-    """The camera's picture that was last shown with each plan, by its number."""
+    """The camera image that was last shown with each plan, by the plan's number."""
     verification: Verification | None
     report: str
     metrics: Metrics | None
@@ -132,9 +132,9 @@ class PlanView(BaseModel):
     shown_sha256: Sha256
     attempt: AttemptView | None
     still: ev.CameraStill | None
-    """The camera's picture that is shown with it; GET /v1/stills/SHA256 has its file."""
+    """The camera image that is shown with the plan; GET /v1/stills/SHA256 returns the file."""
     steps: tuple[str, ...]
-    """The lines of a plan in steps, each with its condition; none for other plans."""
+    """The lines of a plan with steps, each with its condition; empty for other plans."""
     question: str
     choices: tuple[str, ...]
 
@@ -156,7 +156,7 @@ def shown_sha256(request: ev.ApprovalRequested) -> str:
 
 
 def state_view(state: SessionState, number: int) -> StateView:
-    """Return the session as a client sees it."""
+    """Return the state of the session for a client."""
     started, current = state.started, state.current
     return StateView(
         session=started.session if started else "",
@@ -182,7 +182,7 @@ def state_view(state: SessionState, number: int) -> StateView:
 
 
 def _manual(state: SessionState) -> Iterator[ManualView]:
-    """Yield the assets under manual control: first those taken here, then those reporting it."""
+    """Yield the assets under manual control: those taken here, then those that report it."""
     yield from (ManualView(asset=name, by=trace.by) for name, trace in state.manual.items())
     for name, asset in state.picture.assets.items() if state.picture is not None else ():
         if asset.manual and name not in state.manual:
@@ -200,7 +200,7 @@ def _standing(trace: StandingTrace) -> StandingView:
 
 
 def mission_view(trace: MissionTrace) -> MissionView:
-    """Return a mission in short."""
+    """Return a mission in brief."""
     return MissionView(**_short(trace))
 
 

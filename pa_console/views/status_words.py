@@ -1,10 +1,10 @@
-"""The one table of status words: each is a glyph, a word and a tone, readable without colour."""
+"""The only table of status words: each has a glyph, a word and a tone, readable without colour."""
 
 from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
 Tone = Literal["", "good", "bad", "warn", "calm", "quiet", "note"]
-"""The meaning of a text to its reader; each front end has its own colours for them."""
+"""The meaning of a text for the reader; each front end has its own colours for them."""
 
 
 class Status(NamedTuple):
@@ -46,7 +46,7 @@ STATUSES: dict[str, Status] = {
     "decision.approve": Status("✔", "approved", "good"),
     "decision.reject": Status("✘", "rejected", "warn"),
     "decision.modify": Status("✎", "modified", "note"),
-    "decision.choose": Status("✎", "read anew", "note"),
+    "decision.choose": Status("✎", "other reading chosen", "note"),
     "approval.approve": Status("✔", "Approve", "good"),
     "approval.narrowed": Status("△", "Narrowed by rules", "warn"),
     "approval.warned": Status("△", "Breaks a Medium rule", "warn"),
@@ -144,11 +144,11 @@ STATUSES: dict[str, Status] = {
 
 
 def status_of(family: str, value: str) -> Status:
-    """Return the status of `value` in `family`; a value not in the table gets a question mark."""
+    """Return the status of `value` in `family`; an unknown value gets a question mark."""
     return STATUSES.get(f"{family}.{value}", Status("?", value, "warn"))
 
 
 def outcomes_in_words(outcomes: Mapping[str, int]) -> str:
-    """Return the number of missions by status: `2 verified, 1 rejected`; `none` without any."""
+    """Return the number of missions by status, e.g. `2 verified, 1 rejected`, or `none`."""
     words = (f"{number} {status_of('mission', each).word}" for each, number in outcomes.items())
     return ", ".join(words) or "none"

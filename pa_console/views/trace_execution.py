@@ -26,16 +26,16 @@ from pa_console.views.trace_parts import (
 from pa_console.views.trace_planning import outcome_verdict
 
 _BAR = 14
-"""Cells of the bar of the stage that took longest."""
+"""The width in cells of the bar for the longest stage."""
 
 
 def decisions(made: Sequence[DecisionMade], voided: str) -> TraceSection:
-    """Return the operator's decisions, valid or not, and the reason that an approval is void."""
+    """Return the operator's decisions, valid or not, and why an approval became void."""
     blocks: list[Block] = []
     for item in made:
         given = item.decision
         mark = sign(status_of("decision", given.kind))
-        # Attempt 0 stands for a decision on a question or a standing order.
+        # Attempt 0 means a decision on a question or a standing order.
         subject = f"plan {item.attempt}" if item.attempt else "no plan"
         blocks.append(TraceLine((Span(f"by {given.by}, {subject}"),), mark=mark))
         if given.override_judge:
@@ -67,7 +67,7 @@ def command_state(command: CommandTrace) -> Status:
 
 
 def commands(given: Sequence[CommandTrace], options: TraceOptions) -> TraceSection:
-    """Return step 7: every dispatched command with its state, resends and reply."""
+    """Return step 7: every dispatched command with its state, repetitions and reply."""
     columns = [
         Column("state", 14),
         Column("asset", 11, stress="bold"),
@@ -115,7 +115,7 @@ def _halt(given: PlanHalted, number: int) -> TraceSection:
 
 
 def held(given: Sequence[StepsHeld]) -> list[TraceSection]:
-    """Return step 7: the actions of a plan in steps that were not sent, and why."""
+    """Return step 7: the unsent actions of a plan with steps, and the reasons."""
     return [
         TraceSection(
             f"held-{item.attempt}.{number}",
@@ -172,7 +172,7 @@ _COLUMNS = (Column("what", 24, stress="bold"), Column("result"))
 def report_table(report: str) -> TraceTable:
     """Return the lines of a report as rows of a label and a text.
 
-    A line without a label is a row of its own.
+    A line without a label is a separate row.
     """
     rows: list[list[str]] = []
     for line in filter(None, (line.strip() for line in report.splitlines())):
@@ -202,7 +202,7 @@ def outcome(trace: MissionTrace) -> TraceSection:
 def timings(trace: MissionTrace, options: TraceOptions) -> TraceSection:
     """Return the seconds of each stage: simulated time for execution, wall time for the others.
 
-    Stages that took no time are left out in brief.
+    In brief traces, stages that took no time are left out.
     """
     given = trace.metrics
     if given is None:

@@ -1,4 +1,4 @@
-"""The layout of a mission's trace, its sections in the order of the events, and its progress."""
+"""The layout of a mission's trace, with sections in the order of the events, and its progress."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -28,12 +28,20 @@ from pa_console.views.trace_parts import (
 )
 from pa_console.views.trace_planning import Rules
 
+_MOST_LABEL = 15
+"""The largest width of the labels in an answer, in cells."""
+STEPS = (
+    "queued", "retrieve", "picture", "prompt", "plan", "safeguards", "judge", "decide",
+    "execute", "verify", "report",
+)  # fmt: skip
+"""The stages of a mission, in order."""
+
 
 def lay_out(trace: MissionTrace, rules: Rules, options: TraceOptions) -> list[TraceSection]:
     """Return the whole trace of the mission, in the order of its events.
 
-    The last plan is shown open, with its chosen attempt. The plans before it, phase by phase, and
-    the attempts that were not chosen come first, collapsed.
+    The last plan is expanded, with its chosen attempt. Earlier plans, phase by phase, and attempts
+    that were not chosen come first, collapsed.
     """
     result = [workflow(trace, options)] if trace.workflow else []
     result += _given(trace, rules, options)
@@ -65,14 +73,14 @@ def lay_out(trace: MissionTrace, rules: Rules, options: TraceOptions) -> list[Tr
 def lay_out_proposal(
     trace: MissionTrace, number: int, rules: Rules, options: TraceOptions
 ) -> list[TraceSection]:
-    """Return the trace of attempt `number`, as its approver needs it."""
+    """Return the trace of attempt `number` for the person who decides on it."""
     attempt = trace.find(number)
     result = _given(trace, rules, options)
     return result + (_chosen(attempt, trace, rules, options) if attempt is not None else [])
 
 
 def _given(trace: MissionTrace, rules: Rules, options: TraceOptions) -> list[TraceSection]:
-    """Return steps 2 and 3: the rules and the picture that planning used."""
+    """Return steps 2 and 3: the rules and the picture used for planning."""
     result: list[TraceSection] = []
     if trace.standing is not None:
         result.append(standing_order(trace.standing))
@@ -86,7 +94,7 @@ def _given(trace: MissionTrace, rules: Rules, options: TraceOptions) -> list[Tra
 def _chosen(
     attempt: Attempt, trace: MissionTrace, rules: Rules, options: TraceOptions
 ) -> list[TraceSection]:
-    """Return the chosen attempt; it has a heading if it is one of several or has an origin."""
+    """Return the chosen attempt, with a heading if it is one of several or has an origin."""
     parts = _attempt(attempt, trace.digest, rules, options, with_rest=True)
     beside = len(trace.attempts) > 1
     if not (beside or attempt.origin or attempt.repair):
@@ -104,7 +112,7 @@ def _chosen(
 def _not_chosen(
     attempt: Attempt, trace: MissionTrace, rules: Rules, options: TraceOptions
 ) -> TraceSection:
-    """Return an attempt that was not chosen, collapsed under the reason."""
+    """Return an attempt that was not chosen, collapsed, with the reason as its mark."""
     broken = [finding.rule_id for finding in attempt.findings if finding.broken]
     objected = attempt.verdict is not None and attempt.verdict.verdict == "Failure"
     unused = "the judge objects" if objected else "not used"
@@ -129,7 +137,7 @@ def _heading(attempt: Attempt, section: TraceSection, parts: list[TraceSection])
 def _earlier_round(
     given: Round, trace: MissionTrace, rules: Rules, options: TraceOptions
 ) -> TraceSection:
-    """Return a plan before the present one, collapsed."""
+    """Return an earlier plan, collapsed."""
     parts = [
         _heading(
             attempt,
@@ -154,7 +162,7 @@ def _earlier_round(
 def _folded_attempt(
     attempt: Attempt, trace: MissionTrace, rules: Rules, options: TraceOptions
 ) -> list[TraceSection]:
-    """Return the sections of a collapsed attempt, in brief without the rules that stand."""
+    """Return the sections of a collapsed attempt; only a full record lists unbroken rules."""
     with_rest = options.detail >= Detail.RECORD
     return _attempt(attempt, trace.digest, rules, options, with_rest=with_rest)
 
@@ -197,7 +205,7 @@ def _attempt(
 
 
 def _carried_out(given: Round, options: TraceOptions) -> list[TraceSection]:
-    """Return the decisions on a plan, its commands, halts and verifications, the last one first."""
+    """Return decisions, commands and halts of a plan, and its verifications, the last first."""
     result: list[TraceSection] = []
     if given.decisions or given.voided:
         result.append(execution.decisions(given.decisions, given.voided))
@@ -210,12 +218,8 @@ def _carried_out(given: Round, options: TraceOptions) -> list[TraceSection]:
     return result
 
 
-_MOST_LABEL = 15
-"""The largest width of the labels of an answer, in cells."""
-
-
 def answered(given: Sequence[QuestionAnswered]) -> list[TraceSection]:
-    """Return a section for each question of the operator, all but the last one collapsed."""
+    """Return a section for each question of the operator; all but the last are collapsed."""
     return [
         TraceSection(
             f"asked-{number}",
@@ -229,20 +233,13 @@ def answered(given: Sequence[QuestionAnswered]) -> list[TraceSection]:
 
 
 def _answer_lines(given: Sequence[AnswerLine]) -> Iterator[TraceLine]:
-    """Yield the lines of an answer after their subjects; an equal subject is not repeated."""
+    """Yield the lines of an answer with their subjects; a repeated subject is left out."""
     width = min(max((len(line.about) for line in given), default=0), _MOST_LABEL)
     before = ""
     for line in given:
         label = " " if line.about == before else line.about
         before = line.about
         yield TraceLine((Span(line.said),), label, "quiet", width=width)
-
-
-STEPS = (
-    "queued", "retrieve", "picture", "prompt", "plan", "safeguards", "judge", "decide",
-    "execute", "verify", "report",
-)  # fmt: skip
-"""The stages of a mission, in order."""
 
 
 def headline(trace: MissionTrace) -> tuple[Spans, ...]:
@@ -257,7 +254,7 @@ def headline(trace: MissionTrace) -> tuple[Spans, ...]:
 
 
 def step_of(trace: MissionTrace) -> int:
-    """Return the number of STEPS that the mission has completed."""
+    """Return the number of the mission's present step in STEPS."""
     return STEPS.index(trace.stage) if trace.stage in STEPS else 0
 
 
@@ -274,7 +271,7 @@ def progress(trace: MissionTrace) -> Spans:
 def phase_mark(moves: Sequence[WorkflowMoved], number: int) -> Status:
     """Return the status of phase `number` after `moves`: done, current, skipped or to come.
 
-    The phases after the last one of a workflow that ended early count as skipped.
+    If a workflow ended early, the phases after its last one count as skipped.
     """
     last = moves[-1]
     if last.phases[number] in last.skipped:
@@ -288,7 +285,7 @@ def phase_mark(moves: Sequence[WorkflowMoved], number: int) -> Status:
 
 
 def standing(moves: Sequence[WorkflowMoved]) -> Spans:
-    """Return the track of `moves` and every phase with its sign, in one line."""
+    """Return the track of `moves` and every phase with its sign, on one line."""
     move = moves[-1]
     parts = [Span(move.track, "note", "bold")]
     for number, name in enumerate(move.phases):
@@ -330,7 +327,7 @@ def workflow(trace: MissionTrace, options: TraceOptions) -> TraceSection:
 
 
 def standing_order(read: StandingOrderRead) -> TraceSection:
-    """Return a standing order as it was read: its condition, its order, its immediate starts."""
+    """Return the reading of a standing order: its condition, order and immediate starts."""
     order = read.order
     timed = order.schedule is not None
     if order.ban is not None:

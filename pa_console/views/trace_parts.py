@@ -14,9 +14,9 @@ from pa_console.views.status_words import Status, Tone
 class Detail(IntEnum):
     """The detail of a trace; each level includes the one before it.
 
-    BRIEF    the grounds of a decision or its outcome
-    FULL     also the picture, prompts, the plan's JSON, texts of rules and the rules that stand
-    RECORD   also answers word for word, their cost, every reply and every attempt's picture
+    BRIEF    the basis of a decision, or its outcome
+    FULL     also the picture, prompts, the plan's JSON, texts of rules and unbroken rules
+    RECORD   also verbatim answers, their cost, every reply and every attempt's picture
     """
 
     BRIEF = 1
@@ -34,7 +34,7 @@ class TraceOptions:
 
 @dataclass(frozen=True)
 class Span:
-    """A piece of text in one tone; it may come from a model and is never read as markup."""
+    """A piece of text in one tone; it may come from a model and is never parsed as markup."""
 
     text: str
     tone: Tone = ""
@@ -48,8 +48,8 @@ Spans = tuple[Span, ...]
 class TraceLine:
     """One statement: a label, a status sign, and a body.
 
-    `width` is the room of the label in cells, the same for lines in a column; without it a colon
-    follows the label. `depth` is the number of indents.
+    `width` is the width of the label in cells, which is the same for lines in a column; without it,
+    a colon follows the label. `depth` is the number of indents.
     """
 
     body: Spans = ()
@@ -64,9 +64,9 @@ class TraceLine:
 class Column:
     """One column of a table.
 
-    `width` is the least room of the cells of an aligned column; columns without one follow each
-    other. A column with `below`, in cells of indent, is a long text that may stand under its row.
-    A column without a `head` only decorates and is left out of documents.
+    `width` is the least width of the cells of an aligned column; columns without one follow each
+    other. A column with `below`, in cells of indent, has long texts that may be placed under their
+    rows. A column without a `head` is only a decoration and is left out of documents.
     """
 
     head: str
@@ -79,7 +79,7 @@ class Column:
 
 @dataclass(frozen=True)
 class TraceTable:
-    """Rows of the same facts; `gap` separates columns without a width."""
+    """Rows with the same kinds of facts; `gap` separates columns without a width."""
 
     columns: tuple[Column, ...]
     rows: tuple[Spans, ...]
@@ -88,7 +88,7 @@ class TraceTable:
 
 @dataclass(frozen=True)
 class Text:
-    """A quoted text of several lines; `verbatim` if each character counts."""
+    """A quoted text of several lines; it is `verbatim` if every character matters."""
 
     text: str
     caption: str = ""
@@ -102,8 +102,8 @@ Block = TraceLine | TraceTable | Text
 class TraceSection:
     """One titled part of a trace.
 
-    `key` identifies the part while its content grows. `step` is its step in the paper, from 1 to
-    8, or 0 for none. A `collapsed` section is folded at first.
+    `key` identifies the part while its content grows. `step` is its step in the paper, from 1 to 8,
+    or 0 for none. A `collapsed` section is folded at first.
     """
 
     key: str
@@ -141,7 +141,7 @@ def sign(status: Status) -> Span:
 
 
 def statement(text: str, tone: Tone = "") -> TraceLine:
-    """Build a line of one statement without a label."""
+    """Build a line with one statement and no label."""
     return TraceLine((Span(text, tone),))
 
 
@@ -200,7 +200,7 @@ def _line(line: TraceLine) -> HangingRow:
 
 
 def _table(table: TraceTable) -> Iterator[HangingRow]:
-    """Yield the rows: aligned columns first, the others after them, long texts below."""
+    """Yield the rows: aligned columns first, then the others, then long texts below."""
     widths = [
         max([column.width, *(len(row[place].text) for row in table.rows)]) if column.width else 0
         for place, column in enumerate(table.columns)

@@ -1,4 +1,4 @@
-"""Steps 2 to 6 of a mission's trace: rules, picture, prompt, plan, and its safeguards."""
+"""Steps 2 to 6 of a mission's trace: rules, picture, prompt, plan, and safeguards."""
 
 import json
 import re
@@ -40,15 +40,23 @@ from pa_console.views.trace_parts import (
 )
 
 Rules = Mapping[str, Rule]
-"""The rules of the session by id; a rule that is missing is shown as unknown."""
+"""The rules of the session by id; a missing rule is shown as unknown."""
 
 _LABEL = 10
 
+_JSON_PART = re.compile(
+    r'(?P<name>"(?:[^"\\]|\\.)*"(?=\s*:))|(?P<text>"(?:[^"\\]|\\.)*")|(?P<value>[\w.+-]+)|(?P<sign>.)'
+)
+_JSON_TONES: Mapping[str, Tone] = {"name": "note", "text": "calm", "value": "good", "sign": "quiet"}
+MOST_GATES = 12
+"""The number of gates that a rehearsal lists in full; of more, only the affected ones are listed.
+"""
+
 
 def retrieved_rules(trace: MissionTrace, rules: Rules, options: TraceOptions) -> TraceSection:
-    """Return step 2: each rule with the components of its score and its text, and the rule set.
+    """Return step 2: each rule with its text and the parts of its score, and the rule set.
 
-    Retrieved rules come before pinned ones, which are in every prompt with any score.
+    Retrieved rules come before pinned ones, which are in every prompt whatever their score.
     """
     hits = sorted(trace.hits, key=lambda hit: hit.pinned)
     places = 3 if options.detail >= Detail.RECORD else 2
@@ -78,7 +86,7 @@ def retrieved_rules(trace: MissionTrace, rules: Rules, options: TraceOptions) ->
 
 
 def pictures(given: Digest, options: TraceOptions, key: str = "") -> Iterator[TraceSection]:
-    """Yield step 3: the picture in the prompts; `key` is different for each attempt."""
+    """Yield step 3: the picture in the prompts; `key` distinguishes the attempts."""
     yield _digest(given, options, f"digest{key}")
     if given.selection is not None:
         yield _selection(given.selection, f"selection{key}")
@@ -111,7 +119,7 @@ def _fact(label: str, text: str, tone: Tone = "") -> TraceLine:
 
 
 def _selection(given: Selection, key: str) -> TraceSection:
-    """Return the part of the picture in the prompt with its reasons; the rest as numbers."""
+    """Return the part of the picture in the prompt, with reasons; the rest is only counted."""
     kinds = (("gate", given.gates), ("track", given.tracks), ("asset", given.assets))
     columns = (
         Column("kind", 6, "quiet"),
@@ -128,7 +136,7 @@ def _selection(given: Selection, key: str) -> TraceSection:
 
 
 def prompt(attempt: Attempt) -> TraceSection:
-    """Return step 4: the whole prompt, as it was sent."""
+    """Return step 4: the whole prompt as it was sent."""
     blocks = (
         Text(attempt.system, "system", verbatim=True),
         Text(attempt.user, "user", verbatim=True),
@@ -139,7 +147,7 @@ def prompt(attempt: Attempt) -> TraceSection:
 
 
 def plan(attempt: Attempt) -> TraceSection:
-    """Return step 5: the answer while it streams, then the plan that was read from it."""
+    """Return step 5: the answer while it streams, then the plan parsed from it."""
     usage, read, key = attempt.usage, attempt.plan, f"plan-{attempt.number}"
     if read is None:
         unreadable = Status("✘", "unreadable", "bad")
@@ -181,7 +189,7 @@ def _stay(action: Action) -> str:
 
 
 def plan_json(attempt: Attempt) -> TraceSection:
-    """Return the answer behind the plan as JSON, one action a line."""
+    """Return the answer behind the plan as JSON, with one action per line."""
     lines = tuple(_json_line(line) for line in _json_lines(attempt.text))
     note = f"as the {attempt.author if attempt.author != 'planner' else 'model'} wrote it"
     return TraceSection(
@@ -190,7 +198,7 @@ def plan_json(attempt: Attempt) -> TraceSection:
 
 
 def _json_lines(text: str) -> list[str]:
-    """Return the lines of a JSON object, each field and list item on its own; else `text`."""
+    """Return the lines of a JSON object, one per field and list item; else those of `text`."""
     try:
         read: object = json.loads(text)
     except ValueError:
@@ -211,14 +219,8 @@ def _json_value(value: object) -> str:
     return "\n".join(["[", ",\n".join(items), "  ]"])
 
 
-_JSON_PART = re.compile(
-    r'(?P<name>"(?:[^"\\]|\\.)*"(?=\s*:))|(?P<text>"(?:[^"\\]|\\.)*")|(?P<value>[\w.+-]+)|(?P<sign>.)'
-)
-_JSON_TONES: Mapping[str, Tone] = {"name": "note", "text": "calm", "value": "good", "sign": "quiet"}
-
-
 def _json_line(line: str) -> TraceLine:
-    """Return a line of JSON with a tone each for names, texts, other values and signs."""
+    """Return a line of JSON with separate tones for names, texts, other values and signs."""
     bare = line.lstrip(" ")
     spans = (
         Span(found[0], _JSON_TONES[found.lastgroup or "sign"])
@@ -232,7 +234,7 @@ def _warning(label: str, text: str) -> TraceLine:
 
 
 def _took(usage: Usage) -> str:
-    """Return how long a model took, and how much of that before the order was sent."""
+    """Return the time that a model took, and the part of it before the order was sent."""
     before = f" ({duration_text(usage.ahead_s)} before Enter)" if usage.ahead_s else ""
     return duration_text(usage.seconds) + before
 
@@ -248,9 +250,6 @@ def answer(key: str, title: str, text: str, usage: Usage, step: int) -> TraceSec
     blocks = (Text(text, verbatim=True),)
     return TraceSection(key, title, blocks, step=step, note=note, collapsed=True)
 
-
-MOST_GATES = 12
-"""The most gates that a rehearsal lists in full; of more, only the affected ones are listed."""
 
 _MOST_URGENT_FIRST = {priority: rank for rank, priority in enumerate(PRIORITIES)}
 
@@ -298,7 +297,7 @@ def _asset(line: AssetTimeline) -> tuple[Status, str]:
 
 
 def _affected(attempt: Attempt, timeline: Timeline) -> dict[str, GateTimeline]:
-    """Return the gates that the plan goes to, and those with a gap in their cover."""
+    """Return the gates that the plan goes to, and the gates with a gap in their cover."""
     actions = attempt.plan.actions if attempt.plan is not None else ()
     named = {action.target for action in actions}
     return {
@@ -325,11 +324,11 @@ def _track(line: TrackTimeline) -> str:
     facts = [f"{what} after {seconds:.1f} s" for what, seconds in times if seconds is not None]
     if line.least_distance_m is not None:
         facts.append(f"never nearer than {line.least_distance_m:.1f} m")
-    return ", ".join(facts) or "nothing done about it"
+    return ", ".join(facts) or "no action"
 
 
 def checks(attempt: Attempt, rules: Rules, *, with_rest: bool) -> Iterator[TraceSection]:
-    """Yield broken rules, the most urgent first, with the reason; then the rules that stand."""
+    """Yield the broken rules with reasons, the most urgent first, then the other rules."""
     found = attempt.findings
     broken = sorted(
         (item for item in found if item.broken), key=lambda f: _MOST_URGENT_FIRST[f.priority]
@@ -384,7 +383,8 @@ def _finding(found: Finding, rules: Rules) -> tuple[Span | Status | str, ...]:
 def evidence(attempt: Attempt, given: DecisionEvidence) -> TraceSection:
     """Return the telemetry of the checks for everything that the plan or a finding names."""
     by = ", ".join(found.rule_id for found in given.deciding) or "no rule"
-    stands = "against it" if any(found.broken for found in given.deciding) else "for it"
+    against = any(found.broken for found in given.deciding)
+    stands = "against the plan" if against else "for the plan"
     columns = (Column("name", 11, stress="bold"), Column("telemetry", tone="quiet"))
     facts = (table(columns, given.facts),) if given.facts else ()
     note = f"tick {given.tick}, {given.time_s:.1f} s"
@@ -394,7 +394,7 @@ def evidence(attempt: Attempt, given: DecisionEvidence) -> TraceSection:
 
 
 def verdict(attempt: Attempt) -> TraceSection:
-    """Return the judge's opinion per rule and its feedback; no verdict means hold."""
+    """Return the judge's opinion on each rule and its feedback; no verdict means hold."""
     given, key = attempt.verdict, f"verdict-{attempt.number}"
     if not attempt.judged:
         blocks = (Text(attempt.judge_text, verbatim=True),)
@@ -410,7 +410,7 @@ def verdict(attempt: Attempt) -> TraceSection:
 
 
 def second_reading(attempt: Attempt, read: OrderReadAgain) -> TraceSection:
-    """Return the second reader's reading of an order that planner or judge was unsure of."""
+    """Return the second reader's reading of an order that planner or judge was unsure about."""
     key, blocks = f"read-again-{attempt.number}", [labelled("by", read.model)]
     if read.error:
         blocks.append(statement(read.error, "warn"))
@@ -440,7 +440,7 @@ def opinions(given: Verdict, broken: Collection[str] = ()) -> tuple[Block, ...]:
 
 
 def approval(asked: ApprovalRequested) -> TraceSection:
-    """Return a request for approval: its blocks, conditions and alternative readings."""
+    """Return a request for approval: its obstacles, conditions and alternative readings."""
     blocks: list[Block] = [
         TraceLine((Span(reason, "bad"),), "blocked", "bad") for reason in asked.blocked_by
     ]
@@ -455,7 +455,7 @@ def approval(asked: ApprovalRequested) -> TraceSection:
 
 
 def outcome_verdict(given: Verdict | None, error: str) -> tuple[TraceLine, ...]:
-    """Return the judge's verdict on an outcome with the rules it finds broken, or its error."""
+    """Return the judge's verdict on an outcome and the rules it finds broken, or its error."""
     mark = status_of("verdict", given.verdict if given else "none")
     line = TraceLine((Span(given.feedback if given else error),), "judge", mark=sign(mark))
     against = [item.rule_id for item in given.rules if item.opinion == "violates"] if given else []

@@ -1,7 +1,7 @@
-"""The work under way in a line: the running step of a mission, and the reading of a typed order.
+"""The current work on one line: a mission's running step, and the reading of a typed order.
 
-A step has its time so far and its usual time, seconds of the caller's clock; a replay has none. The
-reading of an order that is still being typed is never an approval.
+A step has its time so far and its usual time, in seconds of the caller's clock; a replay shows
+neither. The reading of an order that is still being typed is never an approval.
 """
 
 import json
@@ -26,7 +26,7 @@ from pa_console.views.event_words import trigger_in_words
 WORK = {
     "retrieve": "finding the rules that apply",
     "picture": "reading the picture",
-    "prompt": "preparing the question to the model",
+    "prompt": "writing the prompt",
     "plan": "the model writes the plan",
     "safeguards": "the plan is checked and rehearsed",
     "judge": "the judge reads the plan",
@@ -39,17 +39,21 @@ WORK = {
 """The line for each step that runs without the operator."""
 
 SHOWN_AFTER_S = 0.3
-"""Seconds before a step is shown: a short one is over before its name can be read."""
+"""Seconds before a step is shown; a shorter step would be over before its name can be read."""
 
 _REMEMBERED = 20
 _LEAST = 3
-"""The number of durations from which on a session's own median is the usual time."""
+"""The number of durations from which a session's own median is the usual time."""
 _CHARACTERS = 3.5
-"""Characters in a token, until an answer reports its number of tokens."""
+"""Characters per token, until an answer reports its number of tokens."""
+
+NOT_UNDERSTOOD = "not understood: "
+MOST_STEPS = 4
+"""The number of a plan's steps that are shown; the others are only counted."""
 
 
 class Waiting:
-    """A clock for the steps of the active mission; `usual` are seconds by step, of old sessions."""
+    """A clock for the steps of the active mission; `usual` has seconds by step, if known."""
 
     def __init__(self, usual: Mapping[str, float] | None = None) -> None:
         stored = (usual or {}).items()
@@ -60,10 +64,10 @@ class Waiting:
         self._written = 0
         self._characters, self._tokens = 0, 0
         self._after_judge = ""
-        """The work that follows the judge's verdict, '' before it."""
+        """The work that follows the judge's verdict; '' before the verdict."""
 
     def take(self, event: ev.Event, state: SessionState, now: float) -> None:
-        """Apply an event that is in `state` already, at time `now`."""
+        """Process an event, already applied to `state`, at time `now`."""
         match event.data:
             case ev.TextStreamed(text=text):
                 self._written += len(text)
@@ -94,7 +98,7 @@ class Waiting:
         return trace.mission.id, step
 
     def usual_s(self, step: str) -> float | None:
-        """Return the usual seconds of `step`, of the times it was waited for; None if unknown."""
+        """Return the usual seconds of `step`, from the times it was waited for; None if unknown."""
         taken = self._taken.get(step, ())
         if len(taken) >= _LEAST or (taken and step not in self._stored):
             return median(taken)
@@ -119,8 +123,8 @@ class Waiting:
     def line(self, now: float, state: SessionState, rate: float = 1.0) -> str:
         """Return the running step, its time so far and its usual time in words; '' for none.
 
-        A plan that is carried out takes as long as it was rehearsed to, at `rate` simulated seconds
-        a second.
+        The usual time of a plan's execution is that of its rehearsal, at `rate` simulated seconds
+        per second.
         """
         if state.worker is not None and state.worker.state == "loading" and state.active:
             return "the model is being loaded"
@@ -140,9 +144,9 @@ class Waiting:
 
 
 def behind_line(state: SessionState, how: str) -> str:
-    """Return which mission waits behind the one that the operator is asked about; '' for none.
+    """Return the missions that wait for the operator's decision or answer; '' for none.
 
-    `how` is the way to let it go first.
+    `how` is the way to let the next one go first.
     """
     current = state.current
     if current is None or current.approval is None or not state.queue:
@@ -163,9 +167,9 @@ def _rehearsed(state: SessionState, rate: float) -> str:
 
 
 def load_usual(path: Path, model: str) -> dict[str, float]:
-    """Return the usual seconds by step with `model` (its SHA-256) that are saved at `path`.
+    """Return the usual seconds by step for `model` (a SHA-256) that are saved at `path`.
 
-    They are empty if the file cannot be read.
+    The result is empty if the file cannot be read.
     """
     with suppress(OSError, ValueError, TypeError, AttributeError, KeyError):
         kept = json.loads(path.read_text(encoding="utf-8"))[model]
@@ -174,7 +178,7 @@ def load_usual(path: Path, model: str) -> dict[str, float]:
 
 
 def save_usual(path: Path, model: str, usual: Mapping[str, float]) -> None:
-    """Save the usual seconds by step with `model`; a file that cannot be written is skipped."""
+    """Save the usual seconds by step for `model`; if the file cannot be written, skip it."""
     kept = {step: taken for step, taken in usual.items() if step in WORK}
     if not kept:
         return
@@ -183,16 +187,11 @@ def save_usual(path: Path, model: str, usual: Mapping[str, float]) -> None:
         replace_private(path, json.dumps({model: kept}, sort_keys=True).encode())
 
 
-NOT_UNDERSTOOD = "not understood: "
-MOST_STEPS = 4
-"""The number of first steps that are shown; of the others, only the number is."""
-
-
 def reading_line(trace: MissionTrace, base: str) -> str:
-    """Return the reading of a draft, or its missing part.
+    """Return the reading of a draft, or the reason why it is not clear yet.
 
-    *Drone_T04 to East Gate; gates stay covered*. Doubts come before consequences. The line is empty
-    if the draft has no reading. `base` is the base of the world.
+    An example is *reads as: Drone_T04 to East Gate; gates stay covered*. Doubts come before
+    consequences. The line is empty if the draft has no reading. `base` is the base of the world.
     """
     request = trace.approval
     if trace.status == "refused":
@@ -224,9 +223,9 @@ def _parts(trace: MissionTrace, request: ApprovalRequested, base: str) -> Iterat
 
 
 def plan_in_words(plan: Plan, base: str) -> str:
-    """Return the orders of a plan, equal ones together: *Drone_T01 and Drone_T02 to Base*.
+    """Return the commands of a plan, equal ones together: *Drone_T01 and Drone_T02 to Base*.
 
-    For a plan in steps, the first steps are listed in turn.
+    For a plan with steps, the first steps are listed in turn.
     """
     if len(plan.steps) > 1:
         shown = [plan_in_words(plan.part(step), base) for step in plan.steps[:MOST_STEPS]]

@@ -56,7 +56,7 @@ def test_every_thing_that_a_rule_does_is_found_in_order() -> None:
         ev.DecisionMade(attempt=3, decision=decision, accepted=True),
         ev.PlanHalted(attempt=3, reasons=reasons, safe_state=()),
     ) == [
-        (0, "retrieved", "place 2, score 0.250"),
+        (0, "retrieved", "rank 2, score 0.250"),
         (1, "broken", "GateA is left"),
         (1, "sent back", "GateA is left"),
         (2, "not applicable", "GateA is left"),
@@ -111,7 +111,7 @@ def test_a_decision_leads_back_to_the_telemetry_it_was_made_by() -> None:
     assert "battery 12 %, link degraded" in facts["Ugv_T02"]
     assert facts["WestGate"] == "covered by Drone_T01; tracks: V1"
     assert "identity unknown" in facts["V1"]
-    assert "detected 2.0 s before" in facts["V1"]
+    assert "last detected 2.0 s earlier" in facts["V1"]
     assert found.time_s == attempt.rehearsal.before.time_s
     assert set(facts) - {"V1"} <= {*WORLD.assets, *WORLD.frames}
     attempt.findings = (finding("complies", "ROE-01"), finding("not_applicable"))

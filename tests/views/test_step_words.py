@@ -43,8 +43,8 @@ def test_the_legs_of_one_asset_are_one_line() -> None:
         ("return_to_base", "is at the base"),
         ("hold", "holds"),
         ("report", "has reported"),
-        ("identify EastGate", "has identified at East Gate"),
-        ("warn EastGate", "has warned at East Gate"),
+        ("identify EastGate", "has identified the track at East Gate"),
+        ("warn EastGate", "has warned the track at East Gate"),
         ("block EastGate", "is at East Gate"),
     ],
 )

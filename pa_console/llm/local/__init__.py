@@ -1,1 +1,1 @@
-"""The models of this machine: a worker process holds each, and the engine is its parent."""
+"""The models of this machine: each runs in a worker process, which the engine starts."""

@@ -1,10 +1,10 @@
-"""One answer being written under a grammar, with forced and guessed tokens evaluated in batches.
+"""An answer being written under a grammar; forced and guessed tokens are evaluated in batches.
 
-Plans repeat names of the prompt. A guess costs little, as it is evaluated together with what is
-written anyway, and changes nothing: tokens are taken only where the model would choose the same.
-
-Only the worker process imports this. The most likely token is tried first; the mask over the whole
-vocabulary is computed only when the grammar refuses it.
+Plans repeat names of the prompt, so tokens can be guessed. A guess costs little, because it is
+evaluated in one batch with the tokens that are due, and it changes nothing: a guessed token is
+taken only if the model would choose it. The most likely token is tried first; the mask over the
+whole vocabulary is computed only if the grammar refuses that token. Only the worker process imports
+this module.
 """
 
 import codecs
@@ -23,15 +23,19 @@ from pa_console.llm.local.runtime import InterruptedEvaluationError, Runtime
 from pa_console.schema.finding import Usage
 
 MOST = 5
-"""Tokens that are guessed at once."""
+"""The number of tokens guessed at once."""
 LONGEST, SHORTEST = 3, 2
-"""The number of equal tokens before a guess, the longer the better."""
+"""The greatest and least number of matching tokens before a guess; more is better."""
+
+LOOSE = 3
+"""The number of tokens at an answer's end that are written again when another answer continues it.
+"""
 
 
 def lookup_tokens(context: Sequence[int], most: int = MOST) -> list[int]:
-    """Return what followed the last time that `context` ended as it ends now; maybe nothing.
+    """Return the tokens that followed the last earlier occurrence of the end of `context`.
 
-    At most `most` tokens are returned.
+    At most `most` tokens are returned, or none without such an occurrence.
     """
     for length in range(min(LONGEST, len(context) - 1), SHORTEST - 1, -1):
         end = list(context[-length:])
@@ -42,7 +46,7 @@ def lookup_tokens(context: Sequence[int], most: int = MOST) -> list[int]:
 
 
 def forced_tokens(matcher: LLMatcher) -> list[int]:
-    """Take and return the tokens that the grammar leaves no choice about."""
+    """Consume and return the tokens that the grammar forces."""
     tokens = matcher.compute_ff_tokens()
     if tokens:
         matcher.consume_tokens(tokens)
@@ -50,7 +54,7 @@ def forced_tokens(matcher: LLMatcher) -> list[int]:
 
 
 def likeliest(matcher: LLMatcher, logits: NDArray[np.float32]) -> int:
-    """Take and return the likeliest token; the mask is computed only when that is refused."""
+    """Consume and return the likeliest allowed token; compute the mask only if necessary."""
     token = int(np.argmax(logits))
     if matcher.try_consume_tokens([token]) != 1:
         token = int(np.argmax(allowed_only(matcher, logits)))
@@ -59,14 +63,14 @@ def likeliest(matcher: LLMatcher, logits: NDArray[np.float32]) -> int:
 
 
 def log_chance(logits: NDArray[np.float32], token: int) -> float:
-    """Return the logarithm of the chance that `logits` give to `token`, grammar or not."""
+    """Return the log probability of `token` by `logits`, regardless of the grammar."""
     highest = logits.max()
     total = np.exp(logits - highest).sum()
     return float(logits[token] - highest - np.log(total))
 
 
 def allowed_only(matcher: LLMatcher, logits: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return `logits` with minus infinity for what the grammar refuses; ValueError for all."""
+    """Return `logits` with minus infinity for refused tokens; raises ValueError if all are."""
     mask = np.frombuffer(matcher.compute_bitmask(), dtype=np.uint8)
     allowed = np.unpackbits(mask, bitorder="little")[: logits.size].astype(bool)
     if not allowed.any():
@@ -75,17 +79,13 @@ def allowed_only(matcher: LLMatcher, logits: NDArray[np.float32]) -> NDArray[np.
 
 
 def readable(tokenizer: Any, tokens: Sequence[int], ends: frozenset[int]) -> bytes:
-    """Return what `tokens` write, without end marks."""
+    """Return the text of `tokens` as bytes, without end marks."""
     return tokenizer.decode_bytes([token for token in tokens if token not in ends])
-
-
-LOOSE = 3
-"""The number of tokens at the end of an answer that are written again when another continues it."""
 
 
 @dataclass(frozen=True)
 class FinishedAnswer:
-    """A complete answer: the tokens of `prompt` and of the answer, so many of them `evaluated`."""
+    """A complete answer: the tokens of prompt and answer, of which `evaluated` are in the cache."""
 
     prompt: Sequence[int]
     tokens: Sequence[int]
@@ -93,16 +93,16 @@ class FinishedAnswer:
     evaluated: int
 
     def is_of(self, prompt: Sequence[int], text: str) -> bool:
-        """Return whether the last answer was `text`, to `prompt`."""
+        """Return whether this is the answer `text` to `prompt`."""
         return self.prompt == prompt and self.text == text
 
     def beginning(self, ends: frozenset[int]) -> list[int]:
-        """Return its tokens but for the last ones, which what follows may be joined to."""
+        """Return the tokens except for the last ones, which may merge with the continuation."""
         written = [token for token in self.tokens if token not in ends]
         return written[:-LOOSE]
 
     def within(self, text: str, tokenizer: Any) -> int:
-        """Return how many of its tokens write no more than `text`, its beginning."""
+        """Return the number of tokens that lie within `text`, the answer's beginning."""
         room = len(text.encode())
         ends = accumulate(len(tokenizer.decode_bytes([token])) for token in self.tokens)
         return sum(1 for _ in takewhile(lambda end: end <= room, ends))
@@ -132,7 +132,7 @@ class AnswerRun:
         """The number of evaluated tokens of prompt and answer."""
 
     def write(self, sequence: int, context: list[int], max_tokens: int) -> Finish:
-        """Write to the end of `context`, the prompt."""
+        """Write the answer to the end of `context`, the prompt."""
         try:
             self._take(forced_tokens(self._matcher), context, max_tokens)
             row, self._cached = self._runtime.begin(sequence, context)
@@ -145,9 +145,9 @@ class AnswerRun:
     def go_on(
         self, sequence: int, context: list[int], last: FinishedAnswer, max_tokens: int
     ) -> Finish:
-        """Write to the end of `context`, the prompt, what begins as the answer `last`.
+        """Write an answer that begins like `last` to the end of `context`, the prompt.
 
-        Where the grammar goes another way, it is written from the start.
+        If the grammar refuses that beginning, the answer is written from the start.
         """
         begun = last.beginning(self._ends)
         if not begun or self._matcher.try_consume_tokens(begun) != len(begun):
@@ -167,9 +167,9 @@ class AnswerRun:
     def _rest(
         self, sequence: int, context: list[int], pending: list[int], max_tokens: int
     ) -> Finish:
-        """Write until the grammar ends it; `pending` is taken already and not evaluated.
+        """Write until the grammar ends; the tokens `pending` are accepted but not evaluated.
 
-        Every batch holds what is due and a guess at what comes after it.
+        Every batch has the pending tokens and a guess of those that follow.
         """
         while not self._matcher.is_stopped() and self._written < max_tokens:
             evaluated = len(context) - len(pending)
@@ -181,7 +181,7 @@ class AnswerRun:
         return "stop" if self._matcher.is_stopped() else "length"
 
     def _guess(self, context: Sequence[int]) -> list[int]:
-        """Return tokens that may come next and that the grammar would allow."""
+        """Return tokens that may come next and that the grammar allows."""
         guessed = lookup_tokens([*self._hint, *context])
         return guessed[: self._matcher.validate_tokens(guessed)] if guessed else []
 
@@ -194,8 +194,8 @@ class AnswerRun:
     ) -> tuple[list[int], int]:
         """Accept tokens while they match the guess.
 
-        `rows` are the logits before and after every guessed token. Returns the accepted tokens that
-        were not evaluated, and the number of right guesses.
+        `rows` are the logits before and after each guessed token. Returns the accepted tokens that
+        were not evaluated, and the number of correct guesses.
         """
         right = 0
         while True:
@@ -210,7 +210,7 @@ class AnswerRun:
                 return tokens[same:], right
 
     def _take(self, tokens: list[int], context: list[int], max_tokens: int) -> list[int]:
-        """Add `tokens`, as far as there is room, to the answer."""
+        """Add `tokens` to the answer, as many as fit."""
         taken = tokens[: max_tokens - self._written]
         self._written += len(taken)
         context += taken
@@ -230,7 +230,7 @@ class AnswerRun:
         )
 
     def _next(self, logits: NDArray[np.float32]) -> list[int]:
-        """Return the next tokens: the forced ones, or a chosen one and those that it forces."""
+        """Return the next tokens: forced ones, or a chosen one and those that it forces."""
         tokens = forced_tokens(self._matcher)
         if tokens or self._matcher.is_stopped():
             return tokens

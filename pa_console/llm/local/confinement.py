@@ -1,10 +1,10 @@
-"""The confinement of the model's process: it reads its files, computes, and speaks to its parent.
+"""The confinement of the model's process: it can read its files, compute and answer its parent.
 
-A GGUF file is parsed, and a grammar compiled, by large C and C++ libraries. An attacker who finds a
-hole in them finds no network, no other program, no file to write, none to read but Python's and the
-model's, no other process, no key in the environment, and no more memory than the model needs. The
-model is computed on the CPU: the devices of a GPU are files that are opened to be written to, and
-stay closed too. `python -m pa_console.llm.local.confinement` tries all of it.
+Large C and C++ libraries parse the GGUF file and compile the grammar. An attacker who exploits a
+vulnerability in them has no network, no other program, no file to write, only Python's and the
+model's files to read, no access to other processes, no keys in the environment, and no more memory
+than the model needs. The model runs on the CPU: GPU devices are files that are opened for writing,
+so they are inaccessible too. `python -m pa_console.llm.local.confinement` tests all of this.
 """
 
 import ctypes
@@ -21,15 +21,15 @@ from pa_console.llm.local import seccomp
 from pa_console.schema.base import StrictModel
 
 CREATE_RULESET, ADD_RULE, RESTRICT_SELF = 444, 445, 446
-"""Numbers of the system calls, on every kind of CPU."""
+"""The numbers of the system calls, the same on every kind of CPU."""
 EXECUTE, READ_FILE, READ_FOLDER = 1 << 0, 1 << 2, 1 << 3
 BENEATH = 1
-"""The kind of a rule: for a file, or for a folder with everything in it."""
+"""The kind of a rule: for a file, or for a folder and everything in it."""
 SET_NO_NEW_PRIVILEGES = 38
 
 
 class _Ruleset(ctypes.Structure):
-    """`struct landlock_ruleset_attr` of the first version: rights that need a rule."""
+    """`struct landlock_ruleset_attr`, first version: the rights that need a rule."""
 
     _fields_ = [("handled", ctypes.c_uint64)]
 
@@ -67,7 +67,7 @@ def restrict_reading(readable: Iterable[str | os.PathLike[str]]) -> str:
 
 
 def _allow_reading(library: ctypes.CDLL, ruleset: int, path: str | os.PathLike[str]) -> None:
-    """Add the rule that `path` may be read; raises OSError if it cannot be."""
+    """Add a rule that allows reading `path`; raises OSError if that fails."""
     parent = os.open(path, os.O_PATH | os.O_CLOEXEC)
     try:
         rights = READ_FILE | (READ_FOLDER if Path(path).is_dir() else 0)
@@ -85,27 +85,28 @@ KEPT_VARIABLES = frozenset((
     "OMP_PROC_BIND", "OMP_WAIT_POLICY", "GOMP_CPU_AFFINITY", "GOMP_SPINCOUNT",
     "OPENBLAS_NUM_THREADS",
 ))  # fmt: skip
-"""The environment variables for Python, its libraries, language and thread placement: nothing
+"""The environment variables for Python, its libraries, language and thread placement; none is
 secret."""
 
 OPEN_FILES = 64
 WORK_BYTES = 2 << 30
-"""The memory for Python, its libraries and a grammar; measured: 0.3 GB with 135M weights."""
+"""The memory for Python, its libraries and a grammar; 0.3 GB were measured with a 135M model."""
 
 WEIGHTS_TIMES = 3
-"""The caches of all roles of a 7B model with 4096 tokens each take twice its weights at most."""
+"""With 4096 tokens per role, the caches of a 7B model take at most twice the size of its weights.
+"""
 
 THREAD_BYTES = 16 << 20
 PACKAGE = str(Path(__file__).parents[2])
 BINDING = frozenset(("OMP_PLACES", "OMP_PROC_BIND", "GOMP_CPU_AFFINITY"))
-"""Variables that ask for threads that are bound to cores."""
+"""Variables that bind threads to cores."""
 STATUS, MAPS = Path("/proc/self/status"), Path("/proc/self/maps")
 OF_THE_SYSTEM = (
     "/lib", "/lib64", "/usr/lib", "/usr/lib64", "/usr/local/lib", "/usr/share/zoneinfo",
     "/etc/ld.so.cache", "/etc/localtime", "/dev/null", "/dev/urandom", "/proc/self", "/proc/stat",
     "/proc/cpuinfo", "/proc/meminfo", "/proc/sys", "/sys/devices/system", "/sys/fs/cgroup",
 )  # fmt: skip
-"""Files of the system that Python and the C library read while the model computes."""
+"""System files that Python and the C library read while the model runs."""
 TRIAL_LIMIT_S = 30.0
 REMEDY = "on Linux 5.13 or newer with Landlock, on x86-64 or ARM64, all of it holds"
 
@@ -118,7 +119,7 @@ class Restriction(StrictModel):
 
 
 def gaps(restrictions: Iterable[Restriction]) -> str:
-    """Return the restrictions that do not hold, with reasons; empty if all of them hold."""
+    """Return the restrictions that do not hold, with reasons; '' if all hold."""
     return "; ".join(f"{item.what} ({item.missing})" for item in restrictions if item.missing)
 
 
@@ -132,14 +133,15 @@ def require_all(restrictions: Iterable[Restriction]) -> None:
 
 
 def clean_environment(given: Mapping[str, str]) -> dict[str, str]:
-    """Return what of the environment `given` the model's process gets."""
+    """Return the variables of the environment `given` that the model's process may have."""
     return {name: value for name, value in given.items() if name in KEPT_VARIABLES}
 
 
 def read_only(files: Iterable[str]) -> Restriction:
-    """Give up, for good, every file but Python's own and `files`, and every other process.
+    """Give up access to other processes and to all files except Python's own and `files`.
 
-    Call it before there is a second thread: a thread that runs already is not restricted.
+    The restriction is permanent. It must be set before a second thread is started, because running
+    threads are not restricted.
     """
     return Restriction(
         what="no files but its own to read, no look into other processes",
@@ -148,7 +150,7 @@ def read_only(files: Iterable[str]) -> Restriction:
 
 
 def _python_files() -> Iterator[str]:
-    """Yield the folders of this Python, of its imports, and of libraries that it loads."""
+    """Yield the folders of this Python, of its imports, and of the libraries that it loads."""
     yield from (sys.prefix, sys.base_prefix, *filter(None, sys.path), PACKAGE)
     if sys.pycache_prefix:
         yield sys.pycache_prefix
@@ -160,10 +162,10 @@ def _python_files() -> Iterator[str]:
 
 
 def confine(weights_bytes: int, threads: int) -> tuple[Restriction, ...]:
-    """Give up, for good, what a process does not need that loads weights of that size.
+    """Permanently give up everything that a process with weights of this size does not need.
 
-    It is called once the libraries are imported and before anything of a model is parsed. Returns
-    what is given up, and what cannot be here.
+    Call this after the libraries are imported and before any part of a model is parsed. Returns the
+    restrictions, including those that cannot be set here.
     """
     return (
         Restriction(what="memory within bounds", missing=_limit_memory(weights_bytes, threads)),
@@ -176,7 +178,7 @@ def confine(weights_bytes: int, threads: int) -> tuple[Restriction, ...]:
 
 
 def _limit_memory(weights_bytes: int, threads: int) -> str:
-    """Bound what the process writes to; the weights themselves are mapped and only read."""
+    """Limit the writable memory; the weights are mapped read-only and do not count."""
     if sys.platform != "linux":
         return "the limit on memory is one of Linux"
     import resource  # noqa: PLC0415 - Unix only
@@ -187,7 +189,7 @@ def _limit_memory(weights_bytes: int, threads: int) -> str:
 
 
 def _limit_files() -> str:
-    """Bound open files and the size of a file that is written to, and leave no core dump."""
+    """Limit the number of open files, forbid writing to files, and disable core dumps."""
     if sys.platform == "win32":
         return "there are no limits on files on Windows"
     import resource  # noqa: PLC0415 - Unix only
@@ -228,9 +230,9 @@ class _Trial(StrictModel):
 
 
 def try_out() -> tuple[Restriction, ...]:
-    """Return how a process like the model's is confined on this machine; takes about 0.3 s.
+    """Return the confinement of a process like the model's on this machine; takes 0.3 s.
 
-    What it was not kept from doing, although it should have been, counts as missing.
+    An act that should have been refused but succeeded counts as missing.
     """
     try:
         ended = subprocess.run(

@@ -1,9 +1,8 @@
-"""Greedy decoding with one model: prompts as tokens, answers under a grammar, one or several.
+"""Greedy decoding with one model: prompts as tokens, one or several answers under a grammar.
 
-Of several answers each leaves the most likely one where the model came nearest to doing so, and
-goes on with what is most likely after that: no two are alike, and equal requests give equal ones.
-
-Only the worker process imports this.
+If several answers are requested, each branches off the most likely one at a point where the
+alternative was most probable, and continues with the most likely tokens. No two are alike, and
+equal requests give equal answers. Only the worker process imports this module.
 """
 
 import codecs
@@ -40,11 +39,20 @@ FORMATS: dict[ChatFormat, str] = {
     ),
     "plain": "{% for message in messages %}{{ message.content }}\n\n{% endfor %}{{ 'Answer:\n' }}",
 }
-"""Named formats; a model of format `template` brings its own in the GGUF metadata."""
+"""Built-in formats; a model with the format `template` has its own in the GGUF metadata."""
 
 SYSTEM, USER = "\ue000", "\ue001"
-"""The placeholders of messages while the template is rendered, so that a message is never read as
-part of the template: no text can forge a control token or another role's turn."""
+"""The placeholders of messages while the template is rendered. A message is therefore never parsed
+as part of the template: no text can forge a control token or another role's turn."""
+
+AT_ONE_PLACE = 32
+"""The number of likeliest tokens considered at each place."""
+
+LONGEST = 8
+"""A number of answer tokens whose text is longer than that of any single token."""
+ROWS = 16
+"""The number of tokens of the most likely answer evaluated at once; it limits the memory for
+logits."""
 
 
 class ChatPrompt:
@@ -67,12 +75,12 @@ class ChatPrompt:
                     {"role": "user", "content": USER},
                 ]
             ).prompt
-        except Exception:  # a template raises what it likes when it has no system role
+        except Exception:  # a template without a system role may raise anything
             both = f"{SYSTEM}\n\n{USER}"
             self._frame = formatter(messages=[{"role": "user", "content": both}]).prompt
 
     def tokens(self, system: str, user: str) -> list[int]:
-        """Return the whole prompt as tokens, up to where the model answers."""
+        """Return the whole prompt as tokens, up to the beginning of the answer."""
         texts = {SYSTEM: system, USER: user}
         tokens: list[int] = []
         for part in re.split(f"([{SYSTEM}{USER}])", self._frame):
@@ -86,19 +94,12 @@ class ChatPrompt:
         return tokens
 
     def closing(self) -> list[int]:
-        """Return what stands between the end of the user's message and the model's answer."""
+        """Return the tokens between the end of the user's message and the model's answer."""
         return self._runtime.tokenise(self._frame.rpartition(USER)[2], special=True)
 
 
-AT_ONE_PLACE = 32
-"""The number of likeliest tokens considered at each place."""
-
-LONGEST = 8
-"""The number of answer tokens that write more than any one token does."""
-
-
 class BranchPoint(NamedTuple):
-    """The answer's first `kept` tokens, then `token`; `chance` is the logarithm of theirs."""
+    """The answer's first `kept` tokens, then `token`; `chance` is their log probability."""
 
     chance: float
     kept: int
@@ -113,14 +114,14 @@ def branch_points(  # noqa: PLR0917
     begun: int,
     count: int,
 ) -> list[BranchPoint]:
-    """Return the `count` likeliest ways to leave `answer`, the likeliest first.
+    """Return the `count` likeliest branches from `answer`, the likeliest first.
 
-    `rows` are the logits before each of its tokens, shape (n_vocabulary,); `matcher` is at its
-    start and is moved along it. Its first `begun` tokens and the tokens that the grammar forces
-    stay. A token that spells the answer's own continuation does not count as leaving it.
+    `rows` are the logits before each of its tokens, shape (n_vocabulary,). `matcher` is at the
+    start of the answer and is advanced along it. The first `begun` tokens and the tokens that the
+    grammar forces are kept. A token that spells the answer's own continuation is not a branch.
     """
     found: list[BranchPoint] = []
-    """The likeliest ones so far, the least likely of them first."""
+    """The likeliest branches so far, the least likely first."""
     chance, forced_to = 0.0, 0
     for position, (token, row) in enumerate(zip(answer, rows, strict=True)):
         if matcher.is_stopped():
@@ -158,25 +159,21 @@ def _chances(
     return dict(zip([token, *allowed], values.tolist(), strict=True))
 
 
-ROWS = 16
-"""The number of tokens of the most likely answer evaluated at once: their logits take memory."""
-
-
 @dataclass
 class _OpenAnswer:
-    """One answer being written; `open` until it is complete or too long."""
+    """An answer being written; `open` until it is complete or too long."""
 
     matcher: LLMatcher
     tokens: list[int]
     pending: list[int] = field(default_factory=list[int])
-    """The last of them, which are not evaluated."""
+    """The last tokens, which are not evaluated yet."""
     sampled: int = 1
     open: bool = True
     complete: bool = False
 
 
 class Candidates:
-    """Writes as many other likely answers as `request` wants."""
+    """Writes the alternative answers to `request`, the likeliest first."""
 
     def __init__(
         self,
@@ -186,7 +183,7 @@ class Candidates:
         ends: frozenset[int],
         request: Request,
     ) -> None:
-        """`shared` is asked to hold the copies of a sequence of `runtime`."""
+        """Prepare for answers; `shared` will hold the copies of a sequence of `runtime`."""
         self._runtime, self._shared, self._request = runtime, shared, request
         self._tokenizer, self._ends = tokenizer, ends
         self._stop = re.compile(request.stop) if request.stop else None
@@ -194,10 +191,11 @@ class Candidates:
     def answers(
         self, sequence: int, likeliest: FinishedAnswer, begun: int
     ) -> tuple[list[str], Finish, Usage]:
-        """Write answers to the prompt of the `likeliest` one.
+        """Write alternatives to the answer `likeliest`.
 
         They keep its first `begun` tokens, and end at the first match of the request's regular
-        expression `stop`, if any. Incomplete answers are left out. Raises ValueError without room.
+        expression `stop`, if any. Incomplete answers are left out. Raises ValueError if there is no
+        room.
         """
         prompt, answer = likeliest.prompt, likeliest.tokens
         started = perf_counter()
@@ -237,7 +235,7 @@ class Candidates:
     def _rows(
         self, sequence: int, start: int, answer: Sequence[int], logits: NDArray[np.float32]
     ) -> Iterator[NDArray[np.float32]]:
-        """Evaluate `answer` from position `start` on; yield the logits before each token."""
+        """Evaluate `answer` from position `start`; yield the logits before each token."""
         for at in range(0, len(answer), ROWS):
             tokens = answer[at : at + ROWS]
             after = self._runtime.extend(sequence, start + at, tokens, len(tokens))
@@ -252,7 +250,7 @@ class Candidates:
         return begun
 
     def _write(self, answers: list[_OpenAnswer], start: int) -> None:
-        """Let every open answer take its next tokens, all of them evaluated at once."""
+        """Extend every open answer by its next tokens, evaluating all of them at once."""
         while running := [(n, answer) for n, answer in enumerate(answers) if answer.open]:
             rows = self._shared.extend(
                 [
@@ -286,8 +284,8 @@ class Decoder:
         self._runtime = runtime
         self._ends = frozenset(runtime.end_tokens)
         vocabulary: Any = runtime.vocabulary
-        # Without `slices`, which are for free text: they take 13 MB, and masks under our grammars
-        # are computed as fast.
+        # `slices` are for free text and take 13 MB. Masks under our grammars are computed as fast
+        # without them.
         self._tokenizer = lltokenizer_from_vocab(
             vocabulary, eos_token=sorted(self._ends), slices=[]
         )
@@ -295,7 +293,7 @@ class Decoder:
         self.written: tuple[int, ...] = ()
         """The tokens of the last answer."""
         self.chances: tuple[Chance, ...] = ()
-        """The probabilities of the chosen tokens, unless it continued another answer."""
+        """The probabilities of the chosen tokens, unless the answer continued another one."""
 
     def answer(
         self,
@@ -304,12 +302,12 @@ class Decoder:
         request: Request,
         on_text: Callable[[str], None],
     ) -> tuple[Finish, Usage]:
-        """Write the answer to `request`, whose tokens are `prompt`, giving text as it comes.
+        """Write the answer to `request`, whose tokens are `prompt`; pass the text on as it comes.
 
-        What the answer may repeat is guessed from the prompt and from the request's `hint`. When
-        the last answer in `sequence` was to this prompt and its text is `begun`, the new one goes
-        on from there. Returns why it ended and what it cost. Raises ValueError when the grammar
-        (lark) is not valid or prompt and answer do not fit in the context.
+        Repetitions are guessed from the prompt and from the request's `hint`. If the last answer in
+        `sequence` was to this prompt and its text is `begun`, the new answer continues it. Returns
+        the reason for the end, and the cost. Raises ValueError if the grammar (lark) is not valid,
+        or if prompt and answer do not fit in the context.
         """
         hint, begun, max_tokens = request.hint, request.begun, request.max_tokens
         self._fits(prompt, max_tokens)
@@ -354,7 +352,8 @@ class Decoder:
         if within and last.text.startswith(within):
             last = replace(last, tokens=last.tokens[: last.within(within, self._tokenizer)])
         room = len(prompt) + request.count * request.max_tokens
-        # Made in 30 ms and freed at once: it takes more memory than any other context.
+        # It is created in 30 ms and freed at once, because it takes more memory than any other
+        # context.
         with closing(SharedContext(self._runtime, request.count, room)) as shared:
             several = Candidates(self._runtime, shared, self._tokenizer, self._ends, request)
             return several.answers(sequence, last, kept)

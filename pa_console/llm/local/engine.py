@@ -1,6 +1,6 @@
-"""The parent side of the local LLM: an asyncio engine over one worker process.
+"""The parent side of the local LLM: an asyncio engine for one worker process.
 
-The event loop is never blocked: the worker is an asyncio subprocess that speaks JSON lines.
+The worker is an asyncio subprocess that exchanges JSON lines, so the event loop is never blocked.
 """
 
 import asyncio
@@ -45,30 +45,45 @@ from pa_console.schema.finding import Usage
 
 COMMAND = ("-m", "pa_console.llm.local.worker")
 ENVIRONMENT = {
-    # Threads of llama.cpp that wait for each other look so often before they give their core away.
-    # On an idle machine 1,000 is as fast as 10,000; a tenth of it makes a plan half as long again.
-    # Beside a busy process two threads that look longer waste the time of the one they wait for.
+    # The number of checks that llama.cpp's waiting threads make before they give up their core. On
+    # an idle machine, 1,000 is as fast as 10,000; with 100, a plan takes half as long again. If
+    # another process is busy, two threads that check longer waste the time of the one they wait
+    # for.
     "GOMP_SPINCOUNT": "1000",
-    # The C library would let the first large buffer that is freed raise this limit, keep later ones
-    # in its heap, and never return those that others lie behind: 35 MB after a context has grown.
-    # Rows of logits stay below it, so that no system call is needed for each of them.
+    # Without this, the C library raises its threshold when the first large buffer is freed. It then
+    # keeps later buffers in its heap and does not return those that others lie behind: 35 MB after
+    # a context has grown. Rows of logits are smaller than this value, so they need no system call
+    # each.
     "MALLOC_MMAP_THRESHOLD_": str(4 << 20),
     "MALLOC_TRIM_THRESHOLD_": str(8 << 20),
 }
-"""Variables of the worker, unless the console was started with others that it passes on."""
+"""The worker's environment variables; values that the console was started with and passes on
+override them."""
 
 LINE_LIMIT = 1 << 20
 WAITING_LIMIT = 8 << 20
-"""The largest number of unread bytes from a worker: ten times its longest answers."""
+"""The limit on unread bytes from a worker: ten times its longest answers."""
 
 EXIT_S = 2.0
 
 Answer = TextPiece | Done | GenerationFailure
 Signal = Literal["stop", "late", "ended"]
 
+SAMPLER = "greedy seed=0"
+WARM_GRAMMAR = 'start: "{"'
+LOAD_LIMIT_S = 300.0
+SLOWED = "the machine is busy with other work, so answers take longer"
+DIED = "the model's process died; it is started again when it is needed"
+DIED_LOADING = (
+    "the model's process died while it loaded {path}; if that happens again, the file is damaged "
+    "or made to do harm: fetch it again, or choose another model"
+)
+GRACE_S = 1.0
+"""Seconds for a worker to stop before it is killed."""
+
 
 class Worker:
-    """A running worker; `ready` is True once its model was loaded; if not, `error` is the reason.
+    """A running worker; `ready` yields True once its model is loaded, or `error` has the reason.
 
     A worker that has `ended` with an empty `error` has died.
     """
@@ -94,7 +109,8 @@ class Worker:
     ) -> "Worker":
         """Start a worker that loads a model.
 
-        It has no terminal, so Ctrl-C does not reach it, and of the environment only what it needs.
+        It has no terminal, so Ctrl-C does not reach it, and only the environment variables that it
+        needs.
         """
         child = await asyncio.create_subprocess_exec(
             *python_command(*COMMAND),
@@ -111,13 +127,13 @@ class Worker:
         return worker
 
     def send(self, message: StrictModel) -> None:
-        """Write a message; a worker that is gone gets none."""
+        """Send a message, unless the worker has ended."""
         stream = self._child.stdin
         if stream is not None and not self.ended and not stream.is_closing():
             stream.write(encode(message))
 
     async def receive(self, limit: float) -> Answer | Signal:
-        """Return the next answer or signal, "late" when none came until perf_counter() `limit`."""
+        """Return the next answer or signal, or "late" if none comes by perf_counter() `limit`."""
         try:
             async with asyncio.timeout(max(0.0, limit - perf_counter())):
                 answer, size = await self._answers.get()
@@ -131,17 +147,17 @@ class Worker:
         self._put("stop")
 
     def _put(self, answer: Answer | Signal, size: int = 0) -> None:
-        """Keep a message of `size` bytes until `receive` takes it."""
+        """Queue a message of `size` bytes for `receive`."""
         self._waiting += size
         self._answers.put_nowait((answer, size))
 
     async def kill(self) -> None:
-        """End the process now and wait until it is gone."""
+        """Kill the process and wait until it has ended."""
         self.strike()
         await self._listener
 
     async def close(self) -> None:
-        """Let the process end by closing its input; kill it when it does not."""
+        """Close the input of the process, which ends it; kill it if it does not end."""
         if self._child.stdin is not None:
             self._child.stdin.close()
         try:
@@ -153,14 +169,15 @@ class Worker:
     def strike(self) -> None:
         """Kill the process without waiting for its end.
 
-        Signal the process itself: Popen.kill could reap it, which is the event loop's part.
+        The signal is sent directly, because Popen.kill could reap the process, which the event loop
+        must do.
         """
         if self._child.returncode is None:
             with suppress(ProcessLookupError):
                 os.kill(self.pid, signal.SIGKILL)
 
     async def _reap(self) -> None:
-        """Wait for a process that sends no more; kill it if it lingers."""
+        """Wait for the end of a process that has closed its output; kill it if it lingers."""
         try:
             async with asyncio.timeout(EXIT_S):
                 await self._child.wait()
@@ -169,9 +186,9 @@ class Worker:
             await self._child.wait()
 
     async def _listen(self) -> None:
-        """Sort the worker's messages until they end or make no sense, then reap it.
+        """Distribute the worker's messages until they end or one is invalid, then reap it.
 
-        A line that is too long, or a second Ready, makes no sense.
+        A line that is too long, or a second Ready, is invalid.
         """
         stream = self._child.stdout
         try:
@@ -203,7 +220,7 @@ class Worker:
 class ModelInfo:
     """The facts of a model for the session log; `n_ctx` is exact once the engine is ready.
 
-    `adapters` has the SHA-256 of every adapter by the name of its file.
+    `adapters` has the SHA-256 of every adapter by file name.
     """
 
     name: str
@@ -214,23 +231,11 @@ class ModelInfo:
     adapters: dict[str, str] = field(default_factory=dict[str, str])
 
 
-SAMPLER = "greedy seed=0"
-WARM_GRAMMAR = 'start: "{"'
-LOAD_LIMIT_S = 300.0
-SLOWED = "the machine is busy with other work, so answers take longer"
-DIED = "the model's process died; it is started again when it is needed"
-DIED_LOADING = (
-    "the model's process died while it loaded {path}; if that happens again, the file is damaged "
-    "or made to do harm: fetch it again, or choose another model"
-)
-GRACE_S = 1.0
-"""The time for a worker to stop before it is killed, seconds."""
-
 OnState = Callable[[WorkerState, str], None]
 
 
 class Engine:
-    """Answers prompts, one at a time; `on_state` gets every change of the worker."""
+    """Answers prompts, one at a time; `on_state` is called for every change of state."""
 
     def __init__(
         self,
@@ -242,10 +247,10 @@ class Engine:
         fixed: bool = False,
         require_sandbox: bool = False,
     ) -> None:
-        """Compute on `threads` threads at most, by default one a core.
+        """Use at most `threads` threads, by default one per core.
 
-        If other programs use cores there are fewer, unless the number is `fixed`. With
-        `require_sandbox` no model is loaded by a process that the system does not confine.
+        The number is reduced while other programs use cores, unless it is `fixed`. With
+        `require_sandbox`, no model is loaded by a process that is not confined.
         """
         self.model = model
         reader = model.second_reader
@@ -254,10 +259,8 @@ class Engine:
             if reader
             else None
         )
-        """The engine of the model that reads an order again; started when it is first needed.
-
-        It reads ahead only while no caller waits for this one.
-        """
+        """The engine of the second reader; it is started when first needed. It reads ahead only
+        while no caller waits for this engine."""
         n_ctx = n_ctx or model.n_ctx
         adapters = {adapter.path.name: adapter.sha256 for adapter in model.adapters}
         self.info = ModelInfo(
@@ -282,11 +285,11 @@ class Engine:
         self._worker: Worker | None = None
         self._birth: asyncio.Future[Worker] | None = None
         self.busy = False
-        """True while the worker has a prompt without an answer."""
+        """True while the worker is answering a prompt."""
         self._urgent = 0
-        """The number of prompts with a waiting caller that are being answered or queued."""
+        """The number of prompts with a waiting caller, both queued and being answered."""
         self._interruptible = False
-        """True if the current prompt gives way to an urgent one."""
+        """True if an urgent prompt may interrupt the current one."""
         self._untold = False
         self._turn, self._spawning = asyncio.Lock(), asyncio.Lock()
         self._stop = asyncio.Event()
@@ -306,7 +309,7 @@ class Engine:
 
     @property
     def pid(self) -> int | None:
-        """The process id of the living worker."""
+        """The process id of the running worker, or None."""
         return None if self._worker is None or self._worker.ended else self._worker.pid
 
     async def start(self) -> None:
@@ -322,7 +325,7 @@ class Engine:
             self._change(self.state, self.detail)
 
     async def close(self) -> None:
-        """Stop whatever runs and end the worker."""
+        """Stop any generation and end the worker."""
         self._closed = True
         self.cancel()
         async with self._spawning:
@@ -333,23 +336,23 @@ class Engine:
             await self.second_reader.close()
 
     def cancel(self) -> None:
-        """Stop the generation that is running, if any; it ends as `cancelled`."""
+        """Stop the running generation, if any; it ends as `cancelled`."""
         self._stop.set()
         if self._worker is not None:
             self._worker.interrupt()
 
     def kill_worker(self) -> None:
-        """Kill the model's process as an outage would (fault injection); it is started on need."""
+        """Kill the model's process for fault injection; it is started again when needed."""
         if self._worker is not None:
             self._worker.strike()
 
     async def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
-        """Give the answer to `request` in pieces, then one GenerationEnd.
+        """Yield the answer to `request` in pieces, then one GenerationEnd.
 
-        One that `yields` ends as `cancelled` as soon as another one comes, and at once while
-        another one waits. Raises ModelUnavailableError when the model cannot be loaded,
-        PromptRefusedError when the prompt does not fit, EngineDiedError when the worker ended
-        meanwhile.
+        A request that `yields` ends as `cancelled` as soon as another request arrives, and at once
+        if another one is waiting. Raises ModelUnavailableError if the model cannot be loaded,
+        PromptRefusedError if the prompt does not fit, and EngineDiedError if the worker ended
+        during the request.
         """
         urgent = not request.yields
         self._urgent += urgent
@@ -365,14 +368,15 @@ class Engine:
             self._urgent -= urgent
 
     def _give_way(self) -> None:
-        """Stop reading ahead, if the worker does so."""
+        """Stop the current prompt if it may be interrupted."""
         if self._interruptible:
             self.cancel()
 
     async def warm(self, role: Role, system: str, user: str = "") -> None:
-        """Read the beginning of prompts of `role` ahead; a real prompt interrupts it.
+        """Evaluate the beginning of prompts of `role` ahead; a real prompt interrupts this.
 
-        What was read is kept, so an interrupted warm-up is not lost. Failures show in `state`.
+        The evaluated part is kept, so an interrupted warm-up is not lost. Failures appear in
+        `state`.
         """
         beginning = Request(role, system, user, WARM_GRAMMAR, 1, LOAD_LIMIT_S, yields=True)
         with suppress(EngineError):
@@ -380,7 +384,7 @@ class Engine:
                 pass
 
     async def _generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
-        """Take the turn, wait for the model, ask."""
+        """Wait for the turn and for the model, then send the prompt."""
         async with self._turn:
             self._stop.clear()
             if request.yields and self._urgent:
@@ -401,7 +405,7 @@ class Engine:
                 worker.send(Cancel(id=self._number))
 
     async def _living_worker(self) -> Worker:
-        """Return the worker; a waiting caller may be cancelled, but never a starting process."""
+        """Return the worker, started if needed; cancelling the caller does not stop the start."""
         if self._closed:
             raise ModelUnavailableError("the engine is closed")
         self._birth = asyncio.ensure_future(self._spawned())
@@ -415,7 +419,7 @@ class Engine:
             return self._worker
 
     async def _loaded(self, worker: Worker) -> bool:
-        """Wait for the model; False when cancelled meanwhile."""
+        """Wait until the model is loaded; return False if cancelled meanwhile."""
         name = self.model.name
         stop = asyncio.ensure_future(self._stop.wait())
         try:
@@ -438,9 +442,9 @@ class Engine:
     async def _exchange(
         self, worker: Worker, number: int, request: Request
     ) -> AsyncGenerator[str | GenerationEnd]:
-        """Send `request` and pass the worker's messages on until it is over or too late."""
+        """Send `request` and pass on the worker's messages until the answer ends or is too late."""
         worker.send(
-            # The worker has the grammar: the schema is for servers, and may be long.
+            # The worker uses the grammar: the schema is for servers, and may be long.
             Generate(id=number, request=replace(request, schema=None))
         )
         started = perf_counter()
@@ -485,7 +489,7 @@ class Engine:
         return f"model {self.model.name} cannot be used: {error}"
 
     def _tell_slowed(self, slowed: bool) -> None:
-        """Report that answers are slow because the machine is busy, or no longer so."""
+        """Report that answers are slow because the machine is busy, or that they no longer are."""
         if slowed != self._slowed:
             self._slowed = slowed
             if slowed:
@@ -499,14 +503,14 @@ class Engine:
         self._become_ready()
 
     def _become_ready(self) -> None:
-        """Report that the model is loaded, and what its process is not kept from."""
+        """Report that the model is loaded, and any restrictions that do not hold."""
         if self._unconfined:
             self._change("unconfined", f"{self.model.name}; what does not hold: {self._unconfined}")
         else:
             self._change("ready", self.model.name)
 
     def _on_end(self, error: str) -> None:
-        """Report why the worker ended: it could not load, or it died."""
+        """Report why the worker ended: the model could not be loaded, or the process died."""
         if not self._closed:
             self._change("unavailable" if error else "dead", error or "the process ended")
 

@@ -10,17 +10,17 @@ from pa_console.schema.finding import Usage
 
 
 class PinnedFile(StrictModel):
-    """A file to load, and the SHA-256 without which it is not loaded."""
+    """A file to load, with the SHA-256 that it must have."""
 
     path: str
     sha256: Hex32
 
 
 class Load(StrictModel):
-    """First message to a worker: the model, its adapters, and the context `n_ctx` of each role.
+    """The first message to a worker: the model, its adapters, and the context `n_ctx` per role.
 
-    It computes on `threads` threads at most, and on fewer where the machine is busy, unless they
-    are `fixed`. With `require_sandbox` it loads nothing unless every restriction holds.
+    The worker uses at most `threads` threads, and fewer if the machine is busy, unless they are
+    `fixed`. With `require_sandbox`, nothing is loaded unless every restriction holds.
     """
 
     op: Literal["load"] = "load"
@@ -34,7 +34,7 @@ class Load(StrictModel):
 
 
 class Generate(StrictModel):
-    """Answer a prompt; ids grow."""
+    """A request to answer a prompt; ids increase."""
 
     op: Literal["generate"] = "generate"
     id: int
@@ -42,17 +42,17 @@ class Generate(StrictModel):
 
 
 class Cancel(StrictModel):
-    """Stop generation `id` and every earlier one."""
+    """A request to stop generation `id` and every earlier one."""
 
     op: Literal["cancel"] = "cancel"
     id: int
 
 
 class Ready(StrictModel):
-    """The model is loaded; `n_ctx` is what each role really has.
+    """The model is loaded; `n_ctx` is the actual context of each role.
 
     `unconfined` lists the restrictions that do not hold for the process, with reasons; it is empty
-    if it is confined.
+    if all hold.
     """
 
     op: Literal["ready"] = "ready"
@@ -77,10 +77,10 @@ class TextPiece(StrictModel):
 
 
 class Done(StrictModel):
-    """Generation `id` is over; all its text was sent.
+    """Generation `id` has ended, and all its text has been sent.
 
-    `texts` are the complete answers if several were requested, `chances` those of a single answer.
-    `slowed` is True if other work on the machine delayed it.
+    `texts` has the complete answers if several were requested, `chances` the token probabilities of
+    a single answer. `slowed` is True if other work on the machine delayed it.
     """
 
     op: Literal["done"] = "done"
@@ -93,7 +93,7 @@ class Done(StrictModel):
 
 
 class GenerationFailure(StrictModel):
-    """Generation `id` was not begun, or failed."""
+    """Generation `id` could not begin, or failed."""
 
     op: Literal["refused"] = "refused"
     id: int

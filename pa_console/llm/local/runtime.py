@@ -1,7 +1,8 @@
-"""A loaded GGUF model with a context for every role, evaluated in batches that can be interrupted.
+"""A loaded GGUF model with a context for every role; evaluation can be interrupted.
 
-Only the worker process imports this. llama.cpp is used through its C API: the high-level class
-keeps one sequence, cannot be interrupted, and hides the logits (measured: `logits_all` needs GBs).
+Only the worker process imports this module. It uses llama.cpp's C API, because the high-level class
+has a single sequence, cannot be interrupted, and hides the logits (`logits_all` was measured to
+need gigabytes).
 """
 
 import ctypes
@@ -17,18 +18,42 @@ from pa_console.llm.local.threads import FreeCores
 
 _api: Any = llama_cpp
 
+CHUNK, SHARED_CHUNK = 64, 16
+"""The number of tokens of a prompt, or of several continuations of it, evaluated at once."""
+GROUP = 16
+"""The cache is reused in whole groups of this many tokens; a chunk has several groups. llama.cpp
+computes a single token in a different order than several. It may also compute up to 16 tokens
+together, and the remaining ones, in different orders. Since every batch begins at a whole group,
+and no batch has a single token, each token is evaluated exactly as in a new context: an answer
+never depends on earlier prompts."""
+
+ROOM = 256
+"""Context sizes are multiples of this number of tokens. llama.cpp attends to this many at once, so
+the size of a context does not affect its answers."""
+
+LEAST_ROOM = 2 * ROOM
+"""The context size that suffices for the prompt and answer of most missions."""
+
+WHOLE_ATTENTION = llama_cpp.LLAMA_FLASH_ATTN_TYPE_DISABLED
+"""Flash attention splits long contexts among threads, so that the logits of a single token depend
+on the number of threads, by 0.2 and more. Without it they are identical, and it is no slower here
+(135M weights, two cores: 23 ms per token, 0.32 s instead of 0.41 s for 64 in batches)."""
+
+ABORTED = 2
+"""The result of llama_decode after the abort callback stopped it."""
+
 
 class AdapterSwitch:
-    """The adapters of a loaded `model` by the sequence that is evaluated with each."""
+    """The adapters of a loaded `model`, by the sequences that use them."""
 
     def __init__(self, model: Any, paths: Mapping[int, str]) -> None:
-        """Load the files in `paths`; raises ValueError when one does not fit the model."""
+        """Load the files in `paths`; raises ValueError if one does not fit the model."""
         loaded = {path: _load_adapter(model, path) for path in dict.fromkeys(paths.values())}
         self._adapters = {sequence: loaded[path] for sequence, path in paths.items()}
         self._active: dict[int, Any] = {}
 
     def use(self, context: Any, sequence: int) -> None:
-        """Let `context` evaluate with the adapter of `sequence`, or with none if it has none."""
+        """Select the adapter of `sequence` for `context`, or none if it has none."""
         wanted = self._adapters.get(sequence)
         if self._active.get(context) == wanted:
             return
@@ -40,7 +65,7 @@ class AdapterSwitch:
         self._active[context] = wanted
 
     def forget(self, context: Any) -> None:
-        """Forget a context that is freed: the next one may stand at the same address."""
+        """Forget a context that is freed, because the next one may have the same address."""
         self._active.pop(context, None)
 
 
@@ -53,50 +78,24 @@ def _load_adapter(model: Any, path: str) -> Any:
     return adapter
 
 
-CHUNK, SHARED_CHUNK = 64, 16
-"""Tokens of a prompt, or of several continuations of one, that are evaluated at once."""
-
-GROUP = 16
-"""The cache is reused in whole groups of this many tokens; a chunk has several groups.
-
-llama.cpp computes a token alone in another order than several, and may take up to 16 together and
-those left over in another order, too. As every batch begins at a whole group, and none has a single
-token, each token is evaluated as in a fresh context, bit for bit: an answer never depends on what
-was asked before."""
-
-ROOM = 256
-"""Contexts are a multiple of this number of tokens. llama.cpp attends to so many at once: the room
-of a context does not show in its answers."""
-
-LEAST_ROOM = 2 * ROOM
-"""The room for the prompt and answer of most missions."""
-
-WHOLE_ATTENTION = llama_cpp.LLAMA_FLASH_ATTN_TYPE_DISABLED
-"""Flash attention splits long contexts among the threads, so that the logits of a single token
-depend on how many there are, by 0.2 and more. Without it they do not, bit for bit, and it is no
-slower here (135M weights, two cores: 23 ms a token, 0.32 s instead of 0.41 s for 64 in batches)."""
-
-ABORTED = 2
-"""The result of llama_decode after the abort callback stopped it."""
-
 _give_back: Any = (
     getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
 )
-"""Returns unused memory within the heap to the system, which only glibc can."""
+"""Returns unused memory within the heap to the system; only glibc has it."""
 
 State = ctypes.Array[ctypes.c_uint8]
-"""The state of a sequence in a context; it is megabytes, and never copied."""
+"""The state of a sequence in a context; it has megabytes and is never copied."""
 
 Piece = tuple[int, int, Sequence[int]]
-"""Number of the continuation, position of its first new token, the new tokens."""
+"""A continuation's number, the position of its first new token, and the new tokens."""
 
 Placed = tuple[int, int, int, bool]
-"""A token to evaluate: its sequence, its position, itself, and whether its logits are wanted."""
+"""A token to evaluate: sequence, position, token, and whether its logits are needed."""
 
 
 @_api.llama_log_callback
 def _no_log(_level: int, _text: bytes, _data: object) -> None:
-    """Swallow llama.cpp's own log."""
+    """Discard llama.cpp's log."""
 
 
 class InterruptedEvaluationError(Exception):
@@ -104,7 +103,7 @@ class InterruptedEvaluationError(Exception):
 
 
 class _LlamaContext:
-    """A context of `model`, with room for `n_ctx` tokens; raises ValueError without memory."""
+    """A context of `model` with `n_ctx` tokens; raises ValueError if memory is short."""
 
     def __init__(self, runtime: "Runtime", n_ctx: int, chunk: int, sequences: int = 1) -> None:
         self.n_ctx = n_ctx
@@ -130,14 +129,14 @@ class _LlamaContext:
         self._batch = _api.llama_batch_init(chunk, 0, 1)
 
     def free(self) -> None:
-        """Give the memory back; the context must not be used afterwards."""
+        """Free the memory; the context must not be used afterwards."""
         _api.llama_batch_free(self._batch)
         _api.llama_free(self.handle)
         if _give_back is not None:
             _give_back(0)
 
     def evaluate(self, tokens: Sequence[Placed]) -> None:
-        """Evaluate one batch; raises InterruptedEvaluationError, or RuntimeError if it cannot."""
+        """Evaluate one batch; raises InterruptedEvaluationError, or RuntimeError on failure."""
         batch = self._batch
         batch.n_tokens = len(tokens)
         for index, (sequence, position, token, wanted) in enumerate(tokens):
@@ -157,38 +156,38 @@ class _LlamaContext:
             raise RuntimeError(f"llama.cpp could not evaluate {len(tokens)} tokens (code {code})")
 
     def logits(self, index: int = -1) -> NDArray[np.float32]:
-        """Return the logits after a token of the last batch; the next one overwrites them."""
+        """Return the logits after a token of the last batch; the next batch overwrites them."""
         row = _api.llama_get_logits_ith(self.handle, index)
         return np.ctypeslib.as_array(row, shape=(self._n_vocabulary,))
 
     def state(self) -> State:
-        """Return the evaluated state of its first sequence."""
+        """Return the evaluated state of the first sequence."""
         size = _api.llama_state_seq_get_size(self.handle, 0)
         buffer = (ctypes.c_uint8 * size)()
         _api.llama_state_seq_get_data(self.handle, buffer, size, 0)
         return buffer
 
     def restore(self, state: State, problem: str) -> None:
-        """Go on from `state` in its first sequence; raises ValueError with the `problem`."""
+        """Restore `state` in the first sequence; raises ValueError with `problem` on failure."""
         if not _api.llama_state_seq_set_data(self.handle, state, len(state), 0):
             raise ValueError(problem)
 
 
 def _rounded(tokens: int) -> int:
-    """Return the room of a context that holds `tokens`."""
+    """Return the context size for `tokens`."""
     return -(-tokens // ROOM) * ROOM
 
 
 class SharedContext:
-    """A context with room for a prompt and `width` answers, `tokens` in all."""
+    """A context for a prompt and `width` answers, with `tokens` in total."""
 
     def __init__(self, runtime: "Runtime", width: int, tokens: int) -> None:
-        """Raises ValueError when there is no memory for it."""
+        """Create the context; raises ValueError if memory is short."""
         self._adapters = runtime.adapters
         self._context = _LlamaContext(runtime, _rounded(tokens), SHARED_CHUNK, width)
 
     def close(self) -> None:
-        """Give the memory back; the context must not be used afterwards."""
+        """Free the memory; the context must not be used afterwards."""
         self._adapters.forget(self._context.handle)
         self._context.free()
 
@@ -207,7 +206,7 @@ class SharedContext:
             _api.llama_memory_seq_rm(memory, number, length, -1)
 
     def extend(self, pieces: Sequence[Piece]) -> list[NDArray[np.float32]]:
-        """Evaluate the new tokens of every piece; return the logits after each one's last token.
+        """Evaluate the new tokens of every piece; return the logits after each piece's last token.
 
         Raises InterruptedEvaluationError.
         """
@@ -237,11 +236,11 @@ def prompt_chunks(tokens: Sequence[int]) -> Iterator[Sequence[int]]:
 
 
 class Runtime:
-    """One model and its sequences: each has a context of its own for at most `n_ctx` tokens.
+    """One model and its sequences; each has its own context of at most `n_ctx` tokens.
 
-    Contexts are made when they are first needed, and grow. What another sequence was asked never
-    shows in an answer, and no adapter is switched: that would cost 3 ms at every change of role.
-    `stopped` is asked between operations of the compute graph, about every millisecond.
+    Contexts are created when first needed, and grow. Prompts of other sequences never affect an
+    answer, and no adapter is switched, which would cost 3 ms at every change of role. `stopped` is
+    called between operations of the compute graph, about every millisecond.
     """
 
     def __init__(
@@ -254,10 +253,10 @@ class Runtime:
         adapters: Mapping[int, str] | None = None,
         mapped: bool = True,
     ) -> None:
-        """Load the file at `path`; raises ValueError if llama.cpp cannot.
+        """Load the file at `path`; raises ValueError if llama.cpp cannot load it.
 
-        `cores` is the number of computing threads; `adapters` has the path of each sequence's
-        adapter, if any. A `mapped` file is shared with other processes that load it.
+        `cores` supplies the number of threads; `adapters` has the path of each sequence's adapter,
+        if any. A `mapped` file is shared with other processes that load it.
         """
         _api.llama_log_set(_no_log, None)
         _api.llama_backend_init()
@@ -279,13 +278,13 @@ class Runtime:
 
     @property
     def description(self) -> str:
-        """llama.cpp's own words for the model."""
+        """llama.cpp's description of the model."""
         buffer = ctypes.create_string_buffer(256)
         _api.llama_model_desc(self.model, buffer, len(buffer))
         return buffer.value.decode("utf-8", "replace")
 
     def metadata(self, key: str) -> str | None:
-        """Return a GGUF metadata value as text, None when the file has no such key."""
+        """Return a GGUF metadata value as text, or None if the file has no such key."""
         size = _api.llama_model_meta_val_str(self.model, key.encode(), None, 0)
         if size < 0:
             return None
@@ -294,7 +293,7 @@ class Runtime:
         return buffer.value.decode("utf-8", "replace")
 
     def token_text(self, token: int) -> str:
-        """Return how the vocabulary writes `token`, empty when there is no such token."""
+        """Return the text of `token` in the vocabulary, or '' if there is no such token."""
         if token < 0:
             return ""
         return _api.llama_vocab_get_text(self.vocabulary, token).decode("utf-8", "replace")
@@ -307,12 +306,12 @@ class Runtime:
 
     @property
     def start_token(self) -> int:
-        """The token that a text begins with."""
+        """The token at the beginning of a text."""
         return _api.llama_vocab_bos(self.vocabulary)
 
     @property
     def end_token(self) -> int:
-        """The token that a text ends with."""
+        """The token at the end of a text."""
         return _api.llama_vocab_eos(self.vocabulary)
 
     @property
@@ -321,7 +320,7 @@ class Runtime:
         return bool(_api.llama_vocab_get_add_bos(self.vocabulary))
 
     def tokenise(self, text: str, *, special: bool) -> list[int]:
-        """Return the tokens of `text`; control tokens are recognised only when `special`."""
+        """Return the tokens of `text`; control tokens are recognized only if `special`."""
         data = text.encode("utf-8")
         size = len(data) + 8
         tokens = (_api.llama_token * size)()
@@ -333,8 +332,8 @@ class Runtime:
     def begin(self, sequence: int, prompt: Sequence[int]) -> tuple[NDArray[np.float32], int]:
         """Evaluate `prompt` from the start of `sequence`.
 
-        Returns the logits after its last token, shape (n_vocabulary,), and how many tokens were
-        found in the cache. Raises InterruptedEvaluationError.
+        Returns the logits after its last token, shape (n_vocabulary,), and the number of tokens
+        that were in the cache. Raises InterruptedEvaluationError.
         """
         self._make_room(sequence, len(prompt))
         cached = self._cached.get(sequence, [])
@@ -371,7 +370,7 @@ class Runtime:
         return np.stack([self._contexts[sequence].logits(row - rows) for row in range(rows)])
 
     def keep(self, sequence: int, tokens: int, trim: bool) -> None:
-        """Forget the evaluated tokens of `sequence` after the first `tokens`."""
+        """Drop the evaluated tokens of `sequence` after the first `tokens`, if `trim`."""
         if trim:
             _api.llama_memory_seq_rm(self._contexts[sequence].memory, 0, tokens, -1)
 
@@ -380,7 +379,7 @@ class Runtime:
         return self._contexts[sequence].state()
 
     def _make_room(self, sequence: int, tokens: int) -> None:
-        """Let the context of `sequence` hold `tokens`; what was evaluated in it stays."""
+        """Make the context of `sequence` large enough for `tokens`; evaluated tokens are kept."""
         room = min(max(_rounded(tokens), LEAST_ROOM), self.n_ctx)
         old = self._contexts.get(sequence)
         if old is not None and room <= old.n_ctx:

@@ -1,11 +1,12 @@
-"""A seccomp filter for a process that computes: no network, no other program, no change to files.
+"""A seccomp filter for a computing process: no network, no other program, no change to files.
 
-The filter is a small program that the kernel runs at every system call (Linux, x86-64 and ARM64);
-once installed nothing can take it off. It is a list of what is allowed: a call that is not named
-here does not exist for the process, as if the kernel were an older one. The list has what Python
-and llama.cpp were seen to use, and what the versions of the C library use in its place.
-libseccomp would write the same program, but is no Python package: it would have to be on the
-machine.
+The filter is a small program that the kernel runs at every system call (Linux, x86-64 and ARM64).
+Once installed, it cannot be removed. It is an allow list: to the process, a call that is not listed
+does not exist, as on an older kernel. The list has the calls that Python and llama.cpp were
+observed to make, and those that versions of the C library make in their place.
+
+libseccomp could write the same program, but it is not a Python package and would have to be
+installed on the machine.
 """
 
 import ctypes
@@ -24,27 +25,28 @@ NUMBER_AT, ARCHITECTURE_AT, ARGUMENTS_AT = 0, 4, 16
 """The offsets in `struct seccomp_data`; the low half of an argument comes first."""
 
 SET_FILTER, ALL_THREADS, KEEP_SPECULATION = 1, 1, 4
-"""Speculation in the CPU stays as it is: giving it up would slow the model's arithmetic."""
+"""The flags keep the CPU's speculation as it is: disabling it would slow the model's arithmetic."""
 
 SET_NO_NEW_PRIVILEGES = 38
 X32 = 0x40000000
-"""Numbers of calls from here on are those of a second ABI of x86-64, which nothing here uses."""
+"""Call numbers from here on belong to a second ABI of x86-64, which nothing here uses."""
 
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC
 NEW_THREAD = 0x00010000
-"""The flags of `clone` for a thread; without them, it makes a process."""
+"""The flag of `clone` for a thread; without it, `clone` makes a process."""
 WRITE, EXECUTE, ANONYMOUS = 2, 4, 0x20
-"""Protection of memory, and the flag of memory that is of no file."""
+"""Memory protections, and the flag of memory without a file."""
 NAMES_OF_THREADS = (15, 16)
 """Options of `prctl` that set and get a thread's name."""
 OF_DESCRIPTORS = (0, 1, 2, 3, 1030)
-"""Commands of `fcntl` that duplicate a descriptor or read its flags; none makes it send signals."""
+"""Commands of `fcntl` that duplicate a descriptor or read its flags; none of them enables signals.
+"""
 OF_FILES = (0x5401, 0x5450, 0x5451)
-"""Requests of `ioctl`: settings of a terminal, and whether a file is closed at `exec`."""
+"""Requests of `ioctl`: the settings of a terminal, and whether a file is closed at `exec`."""
 
 
 class SystemCall(NamedTuple):
-    """A system call: its number on x86-64 and on ARM64, where it may not exist."""
+    """A system call with its numbers on x86-64 and ARM64; None if it does not exist there."""
 
     name: str
     x86_64: int | None
@@ -111,13 +113,13 @@ PRCTL, FCNTL, IOCTL = (
     SystemCall("ioctl", 16, 29),
 )
 PIN = SystemCall("sched_setaffinity", 203, 122)
-"""Binds threads to cores, also those of other processes: allowed only if the environment asks for
-bound threads."""
+"""Binds threads to cores, including those of other processes. It is allowed only if the environment
+asks for bound threads."""
 
 
 @dataclass(frozen=True)
 class CpuKind:
-    """The facts of a CPU kind for a filter; `seccomp` is the number of that call."""
+    """The facts of a CPU kind for a filter; `seccomp` is the number of the call `seccomp`."""
 
     name: str
     audit: int
@@ -152,10 +154,10 @@ class _Program(ctypes.Structure):
 
 
 def restrict(*, pinned: bool = False) -> str:
-    """Install the filter for every thread of this process; return why not, '' when it is there.
+    """Install the filter for every thread of this process; return why that failed, or ''.
 
-    Threads that are `pinned` may be bound to cores. No thread can gain privileges from then on
-    either: the kernel asks for that first.
+    With `pinned`, threads may be bound to cores. From then on no thread can gain privileges either,
+    because the kernel requires that first.
     """
     machine = MACHINES.get(os.uname().machine) if sys.platform == "linux" else None
     if machine is None or sys.maxsize < 1 << 32 or sys.byteorder != "little":
@@ -208,7 +210,7 @@ def program(machine: CpuKind, pid: int, *, pinned: bool = False) -> list[Instruc
 def _by_argument(
     machine: CpuKind, call: SystemCall, argument: int, test: Sequence[Instruction]
 ) -> list[Instruction]:
-    """Return what decides about `call` by the low half of an argument."""
+    """Return instructions that decide on `call` by the low half of an argument."""
     number = machine.number(call)
     if number is None:
         return []
@@ -217,7 +219,7 @@ def _by_argument(
 
 
 def _one_of(values: Sequence[int]) -> list[Instruction]:
-    """Return what allows these values alone."""
+    """Return instructions that allow only these values."""
     tests = [(Instruction(EQUAL, 0, 1, value), _return(ALLOW)) for value in values]
     return [*(step for test in tests for step in test), _fail(errno.EACCES)]
 

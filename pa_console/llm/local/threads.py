@@ -1,9 +1,9 @@
-"""The number of threads of the model: as many as there are cores that no other program uses.
+"""The number of the model's threads: as many as there are cores that no other program uses.
 
-Threads of llama.cpp share every operation and wait for each other after it, one to two thousand
-times a plan. If one of them has to share its core, the scheduler puts it aside for milliseconds,
-and all others wait: two threads beside one busy process are slower than one thread that has the
-other core to itself. The model's answers do not depend on their number (see `contexts`).
+llama.cpp's threads share every operation and wait for each other after it, one to two thousand
+times per plan. If one of them shares its core, the scheduler suspends it for milliseconds, and all
+others wait: two threads beside one busy process are slower than one thread with a core to itself.
+The model's answers do not depend on the number of threads (see `runtime`).
 """
 
 import os
@@ -15,37 +15,37 @@ from time import perf_counter, process_time
 TOPOLOGY = Path("/sys/devices/system/cpu")
 FEW_TOKENS = 16
 FEW_CORES = 4
-"""Up to this number of cores, all are used for a few tokens."""
+"""Up to this number of cores, all are used for small batches."""
 
 LOOK_S = 0.1
-"""Seconds between two looks at what the cores do, which the system counts in hundredths."""
+"""Seconds between two measurements of the cores' load, which the system counts in hundredths."""
 
 PAUSE_S = 0.02
-"""The pause without an evaluation after which other programs may have used our cores, seconds."""
+"""Seconds without an evaluation after which other programs may have used the cores."""
 
 NEARLY = 0.5
-"""A core counts as free while other programs, the console itself among them, use at most this
-share."""
+"""A core counts as free while other programs, including the console itself, use at most this share.
+"""
 
 SHORT = 0.65
-"""Threads that got less than this share of the time that they were to compute were put aside."""
+"""Threads that got less than this share of their computing time were suspended."""
 
 BRIEF_S = 0.004
-"""A shorter time does not show whether threads were put aside, seconds."""
+"""An evaluation of fewer seconds does not show whether threads were suspended."""
 
 PATIENCE_S = (LOOK_S, 2.0)
-"""The wait before another try after the system reported free cores and threads were put aside: at
-first, and at most, seconds. The time doubles from one to the next."""
+"""Seconds to wait before trying more threads again after the system reported free cores but threads
+were suspended: first and longest. The wait doubles each time."""
 
 TELLING_S = 0.5
-"""Shorter evaluations together do not show whether the machine is busy, seconds."""
+"""Seconds of evaluations that are needed to decide whether the machine is busy."""
 
 BUSY_SHARE = 0.8
-"""Answers are slow because of the machine where it was busy for this share of their time."""
+"""Answers count as slowed if the machine was busy for more than this share of their time."""
 
 
 def physical_cores() -> int:
-    """Return the number of physical cores this process may use, logical ones where unknown."""
+    """Return the number of physical cores open to this process, or logical ones if unknown."""
     if not hasattr(os, "sched_getaffinity"):
         return os.cpu_count() or 1
     allowed = os.sched_getaffinity(0)
@@ -60,16 +60,17 @@ def physical_cores() -> int:
 
 
 def decoding_threads(cores: int) -> int:
-    """Return how many of `cores` to use for one token at a time.
+    """Return the number of `cores` to use for one token at a time.
 
-    A prompt is computed on every core. A few tokens are bound by memory, not by arithmetic: with
-    so many cores that half of them saturate the memory, the other half is left to the console.
+    A prompt is computed on every core. Small batches are limited by memory, not by arithmetic: on a
+    machine with many cores, half of them saturate the memory, and the other half is left to the
+    console.
     """
     return max(min(cores, FEW_CORES), cores // 2)
 
 
 def batch_threads(cores: int, tokens: int) -> int:
-    """Return how many of `cores` to use for `tokens` at once."""
+    """Return the number of `cores` to use for `tokens` at once."""
     return cores if tokens > FEW_TOKENS else decoding_threads(cores)
 
 
@@ -78,7 +79,7 @@ def idle_seconds() -> float | None:
 
     It is the sum over all cores, in seconds; None if the system does not report it.
     """
-    import psutil  # noqa: PLC0415 - only who looks at the cores waits for it
+    import psutil  # noqa: PLC0415 - only if the cores are measured
 
     try:
         cores = psutil.cpu_times(percpu=True)
@@ -89,10 +90,10 @@ def idle_seconds() -> float | None:
 
 
 class FreeCores:
-    """Follows how many of `most` cores others leave to this process while it evaluates tokens.
+    """The number of cores, up to `most`, that other programs leave to this process.
 
-    The clocks count seconds: `now` passes, `computed` is the processor time of this process, and
-    `idle` that in which the cores had nothing to do, None where that is not known.
+    The clocks return seconds: `now` is elapsed time, `computed` the processor time of this process,
+    and `idle` the idle time of the cores, or None if it is unknown.
     """
 
     def __init__(
@@ -105,7 +106,7 @@ class FreeCores:
         idle: Callable[[], float | None] = idle_seconds,
     ) -> None:
         self.count = self._most = most
-        """The cores that are used now; a `fixed` number stays."""
+        """The number of cores in use; it is constant if `fixed`."""
         self._fixed = fixed
         self._now, self._computed, self._idle = now, computed, idle
         self._looked = self._look()
@@ -116,7 +117,7 @@ class FreeCores:
 
     @contextmanager
     def evaluating(self, tokens: int) -> Generator[int]:
-        """Yield how many threads are to evaluate `tokens` in the block; note how that went."""
+        """Yield the number of threads for evaluating `tokens` in the block; record the speed."""
         now = self._now()
         paused = now - self._ended >= PAUSE_S
         if not self._fixed and (paused or now - self._looked[0] >= LOOK_S):
@@ -130,7 +131,7 @@ class FreeCores:
             self._note(threads, seconds, (self._computed() - computed) / (seconds * threads))
 
     def busy(self) -> bool:
-        """Return whether other work makes evaluations slow, by those of the last TELLING_S."""
+        """Return whether other work slows evaluations, judged by at least TELLING_S of them."""
         if self._whole_s >= TELLING_S:
             self._was_busy = self._busy_s > BUSY_SHARE * self._whole_s
             self._busy_s = self._whole_s = 0.0
@@ -158,7 +159,7 @@ class FreeCores:
             self.count = free
 
     def _note(self, threads: int, seconds: float, share: float) -> None:
-        """Take fewer threads where these got less than a `share` of their time."""
+        """Record an evaluation; use fewer threads if they got too small a `share` of time."""
         put_aside = share < SHORT and seconds >= BRIEF_S
         self._whole_s += seconds
         if put_aside or self.count < self._most:

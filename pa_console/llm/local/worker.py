@@ -1,8 +1,9 @@
-"""The process that holds the model: reads requests on stdin, writes answers on stdout.
+"""The process that runs the model: it reads requests on stdin and writes answers on stdout.
 
-It owns the only imports of llama.cpp and llguidance. It ignores Ctrl-C (its parent decides), ends
-at once when its parent is gone, and prints nothing to the terminal. It loads what has the hashes
-that its parent names, and gives up what it does not need before it does (see `confinement`).
+Only this process imports llama.cpp and llguidance. It ignores Ctrl-C (its parent decides), ends at
+once when its parent has ended, and prints nothing to the terminal. It loads only files with the
+hashes that its parent names, and first gives up all access that it does not need (see
+`confinement`).
 """
 
 import os
@@ -42,11 +43,11 @@ if TYPE_CHECKING:
     from pa_console.llm.local.decoding import ChatPrompt, Decoder
 
 SEQUENCES: dict[Role, int] = {"planner": 0, "judge": 1, "outcome": 2}
-"""Each role keeps its own KV cache, so its fixed prompt is evaluated once."""
+"""The sequence of each role. Each has its own KV cache, so its fixed prompt is evaluated once."""
 
 
 class Inbox:
-    """Reads the parent's messages in a thread, so that a cancel is seen while the model works."""
+    """Reads the parent's messages in a thread, so that a cancel is noticed while the model runs."""
 
     def __init__(self, stream: IO[bytes]) -> None:
         self.requests: SimpleQueue[Generate] = SimpleQueue()
@@ -56,7 +57,7 @@ class Inbox:
         threading.Thread(target=self._listen, daemon=True).start()
 
     def stopped(self) -> bool:
-        """True if the present generation was cancelled."""
+        """Return True if the current generation was cancelled."""
         return self.current <= self._cancelled
 
     def _listen(self) -> None:
@@ -70,7 +71,7 @@ class Inbox:
 
 
 def serve(load: Load, inbox: Inbox, outbox: IO[bytes], reading: Restriction) -> None:
-    """Load a model, then answer one request after the other.
+    """Load a model, then answer requests one after another.
 
     `reading` is the restriction that was put on the process before it had threads.
     """
@@ -109,7 +110,7 @@ def serve(load: Load, inbox: Inbox, outbox: IO[bytes], reading: Restriction) -> 
         )
         chat, decoder = ChatPrompt(runtime, load.chat), Decoder(runtime)
         _check(files.values())
-    except Exception as error:  # whatever it is, the parent has to know
+    except Exception as error:  # the parent must be informed of any error
         send(LoadFailed(error=_in_words(error, files.values())))
         return
     unconfined = gaps(restrictions)
@@ -131,18 +132,18 @@ def serve(load: Load, inbox: Inbox, outbox: IO[bytes], reading: Restriction) -> 
 
 
 def _open(pins: Iterable[PinnedFile]) -> dict[PinnedFile, CheckedFile]:
-    """Open every file once and hash it; raises ValueError for one that is not what was pinned."""
+    """Open every file once and hash it; raises ValueError if a file is not the pinned one."""
     return {pin: CheckedFile(pin.path, pin.sha256) for pin in set(pins)}
 
 
 def _check(files: Iterable[CheckedFile]) -> None:
-    """Raise ValueError when a file in use was written to and is another now; takes 10 µs."""
+    """Raise ValueError if a file in use has changed; takes 10 µs."""
     for file in files:
         file.check()
 
 
 def _in_words(error: Exception, files: Iterable[CheckedFile]) -> str:
-    """Return what went wrong, with the names of files for the descriptors they are loaded by."""
+    """Return the error with the descriptors of files replaced by their names."""
     text = str(error) or type(error).__name__
     for file in files:
         text = text.replace(f"{file.route}:", f"{file.path}:")
@@ -152,7 +153,7 @@ def _in_words(error: Exception, files: Iterable[CheckedFile]) -> str:
 def _answer(
     decoder: "Decoder", chat: "ChatPrompt", asked: Generate, send: Callable[[StrictModel], None]
 ) -> Done:
-    """Write one answer piece by piece, or several at once; return how that ended."""
+    """Write one answer piece by piece, or several at once; return how the generation ended."""
     request = asked.request
     sequence = SEQUENCES[request.role]
     prompt = chat.tokens(request.system, request.user)
@@ -166,7 +167,7 @@ def _answer(
 
 
 def _first(stream: IO[bytes]) -> Load:
-    """Return the first message of the parent, which names the files to load."""
+    """Return the parent's first message, which names the files to load."""
     line = stream.readline()
     if not line:
         sys.exit(0)
@@ -177,7 +178,7 @@ def _first(stream: IO[bytes]) -> Load:
 
 
 def main() -> None:
-    """Keep the pipes to the parent for messages only, and serve."""
+    """Reserve the pipes to the parent for messages, and serve."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     incoming, outgoing = os.dup(0), os.dup(1)
     nothing = os.open(os.devnull, os.O_RDWR)

@@ -1,1 +1,1 @@
-"""Models by name: where they come from, how they are fetched, checked and prepared."""
+"""Models by name: their sources, and how they are fetched, checked and prepared."""

@@ -1,9 +1,9 @@
-"""The files of models on this machine: where they are kept, how they are checked and written.
+"""The files of models on this machine: their folders, and how they are checked and written.
 
-A file is loaded only as it was checked: one that takes the place of the checked one afterwards is
-never read, as its name is not looked up again. A program that writes into the checked file itself
-changes its times, which are compared again whenever it matters: a write of the last milliseconds,
-which the kernel has not noted yet, is noticed the next time.
+A file is loaded exactly as it was checked. A file that replaces the checked one afterwards is never
+read, because the name is not looked up again. A program that writes into the checked file changes
+its times, which are compared again whenever it matters. A write within the last milliseconds, which
+the kernel has not recorded yet, is detected at the next comparison.
 """
 
 import errno
@@ -25,11 +25,22 @@ from pa_console.llm.backend import PullError
 
 DESCRIPTORS = Path("/proc/self/fd")
 
+CACHE_VARIABLE = "PA_CONSOLE_CACHE"
+PIECE = 16 << 20
+"""The number of bytes hashed at a time. While another thread computes, a hashing thread waits for
+its turn twice per piece, 5 ms each time: with pieces of 256 KiB it would hardly advance."""
+SLACK = 16_000_000
+POLL_S = 0.05
+STALL_S = 90.0
+STOP_S = 3.0
+LAST_WORDS = 64_000
+"""The number of bytes at the end of a child's output that are searched for its last line."""
+
 
 class CheckedFile:
-    """An open file with the SHA-256 that was asked for; `route` is the path to load it by.
+    """An open file with a verified SHA-256; `route` is the path to load it by.
 
-    Where a descriptor has no path of its own (it has one on Linux), `route` is the file's.
+    If a descriptor has no path of its own (on Linux it has one), `route` is the path of the file.
     """
 
     def __init__(self, path: str, sha256: str) -> None:
@@ -43,19 +54,19 @@ class CheckedFile:
         self._hash()
 
     def check(self) -> None:
-        """Hash the file again if it was written to; raises ValueError when it has changed."""
+        """Hash the file again if it was written to; raises ValueError if it has changed."""
         now = self._look()
         if now != self._stamp:
             self._hash()
             self._stamp = now
 
     def _look(self) -> tuple[int, int, int]:
-        """Return what the kernel changes with every write."""
+        """Return the values that the kernel changes with every write."""
         stat = os.fstat(self._stream.fileno())
         return stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns
 
     def _hash(self) -> None:
-        """Hash all of it in one step, in which other threads of this process can go on."""
+        """Hash the whole file in one step, during which other threads of this process can run."""
         digest = hashlib.sha256()
         if os.fstat(self._stream.fileno()).st_size:
             with mmap.mmap(self._stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
@@ -68,11 +79,8 @@ class CheckedFile:
             )
 
 
-CACHE_VARIABLE = "PA_CONSOLE_CACHE"
-
-
 def cache_folder() -> Path:
-    """Return the folder for everything that can be fetched again; PA_CONSOLE_CACHE overrides it."""
+    """Return the folder for files that can be fetched again; PA_CONSOLE_CACHE overrides it."""
     given = os.environ.get(CACHE_VARIABLE)
     return Path(given).expanduser() if given else user_cache_path("pa-console")
 
@@ -83,17 +91,12 @@ def models_folder() -> Path:
 
 
 def partial_folder(name: str) -> Path:
-    """Return the folder of what has been fetched so far of model `name`."""
+    """Return the folder of the fetched parts of model `name`."""
     return cache_folder() / "partial" / name
 
 
-PIECE = 16 << 20
-"""Bytes hashed at a time. A thread that hashes waits for its turn twice a piece, 5 ms each time,
-while another one computes: in pieces of 256 KiB it would get nowhere."""
-
-
 def hash_file(path: Path) -> str:
-    """Return the SHA-256 of the file at `path`; about 1 s per GB, other threads go on meanwhile."""
+    """Return the SHA-256 of the file at `path`; about 1 s per GB, while other threads can run."""
     digest, piece = hashlib.sha256(), memoryview(bytearray(PIECE))
     with path.open("rb", buffering=0) as stream:
         while size := stream.readinto(piece):
@@ -101,10 +104,9 @@ def hash_file(path: Path) -> str:
     return digest.hexdigest()
 
 
-SLACK = 16_000_000
-
 Progress = Callable[[int, int, str], None]
-"""Called with bytes done, bytes in all (estimated) and the present step; may raise to stop."""
+"""A callback with the bytes done, the estimated total and the present step; it may raise to stop.
+"""
 
 
 def silent(_done: int, _total: int, _text: str) -> None:
@@ -119,7 +121,7 @@ def disk_problem(error: OSError, folder: Path) -> str:
 
 
 def require_room(folder: Path, needed: int) -> None:
-    """Raise PullError unless `needed` bytes are free on the disk of the existing `folder`."""
+    """Raise PullError unless `needed` bytes are free on the disk of `folder`, which must exist."""
     free = shutil.disk_usage(folder).free
     if free < needed:
         raise PullError(
@@ -129,22 +131,15 @@ def require_room(folder: Path, needed: int) -> None:
 
 
 def most_bytes(expected: int) -> int:
-    """Return the size limit of a file announced with `expected` bytes, to the megabyte.
+    """Return the limit on the size of a file announced with `expected` bytes.
 
-    A larger file is another one, and is not kept until its hash shows that.
+    A larger file is a different one; it is abandoned before it is hashed.
     """
     return expected * 11 // 10 + SLACK
 
 
-POLL_S = 0.05
-STALL_S = 90.0
-STOP_S = 3.0
-LAST_WORDS = 64_000
-"""The number of bytes at the end of a child's output that are searched for its last words."""
-
-
 def folder_size(folder: Path) -> int:
-    """Return the bytes in all files under `folder`, which may change meanwhile."""
+    """Return the bytes in all files under `folder`, which may change during the count."""
     total = 0
     for root, _, names in os.walk(folder):
         for name in names:
@@ -164,12 +159,12 @@ def run_watched(
     stall_s: float = STALL_S,
     most: int | None = None,
 ) -> None:
-    """Run this Python with `arguments`, with nothing of the working folder.
+    """Run this Python with `arguments`, isolated from the working folder.
 
-    `report` is called with the bytes under `folder` up to twenty times a second. The child never
-    outlives the call: it is stopped on Ctrl-C, when `report` raises, when nothing was written for
-    `stall_s` seconds, and when there are more than `most` bytes. Raises PullError with the child's
-    last words.
+    `report` is called with the number of bytes under `folder`, up to twenty times a second. The
+    child never outlives the call: it is stopped on Ctrl-C, if `report` raises, if nothing was
+    written for `stall_s` seconds, and if there are more than `most` bytes. Raises PullError with
+    the last line of the child's output.
     """
     with tempfile.TemporaryFile() as output:
         child = subprocess.Popen(

@@ -1,4 +1,4 @@
-"""The models known by name, where they come from, and whether one is on this machine."""
+"""The models known by name, their sources, and their files on this machine."""
 
 import hashlib
 from collections.abc import Mapping
@@ -32,6 +32,14 @@ REMEDY = (
     "models/catalog.yaml to use it without"
 )
 
+NO_READER = "off"
+"""The value for no second reader."""
+MODEL_NAME = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
+CPU_INFO = Path("/proc/cpuinfo")
+WIDE = "avx512f"
+N_CTX = 4096
+"""The number of tokens for prompt and answer of a role together."""
+
 
 class AdapterFile(StrictModel):
     """A GGUF adapter in a catalogue entry; `file` is relative to the catalogue's folder."""
@@ -41,13 +49,13 @@ class AdapterFile(StrictModel):
 
     @property
     def path(self) -> Path:
-        """The place of the installed file."""
+        """The path of the installed file."""
         return data_folder() / "models" / self.file
 
 
 @dataclass(frozen=True)
 class LocalAdapter:
-    """An adapter file with the hash that it must have, and the role that answers with it."""
+    """An adapter file with the hash that it must have, and the role that uses it."""
 
     role: Role
     path: Path
@@ -55,9 +63,9 @@ class LocalAdapter:
 
 
 def check_adapters(model: str, files: Mapping[Role, AdapterFile]) -> tuple[LocalAdapter, ...]:
-    """Return the adapter of every role of `model`; outcomes are judged with the judge's.
+    """Return the adapter of every role of `model`; outcomes use the judge's adapter.
 
-    Raises ModelError, naming file and remedy, when one is missing or not the pinned one.
+    Raises ModelError, with file and remedy, if one is missing or not the pinned one.
     """
     for role, file in files.items():
         _check(model, role, file)
@@ -65,7 +73,7 @@ def check_adapters(model: str, files: Mapping[Role, AdapterFile]) -> tuple[Local
 
 
 def pinned_adapters(files: Mapping[Role, AdapterFile]) -> tuple[LocalAdapter, ...]:
-    """Return the adapter of every role as the catalogue pins it; none is read."""
+    """Return the adapter of every role as the catalogue pins it, without reading the files."""
     found = {role: LocalAdapter(role, file.path, file.sha256) for role, file in files.items()}
     if "judge" in found and "outcome" not in found:
         found["outcome"] = replace(found["judge"], role="outcome")
@@ -87,17 +95,10 @@ def _check(model: str, role: Role, file: AdapterFile) -> None:
         )
 
 
-NO_READER = "off"
-"""The name that stands for no second reader."""
-MODEL_NAME = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
-CPU_INFO = Path("/proc/cpuinfo")
-WIDE = "avx512f"
-
-
 def fastest_type(cpu_info: Path = CPU_INFO) -> Quantisation:
-    """Return bf16 for a CPU with AVX-512, f16 for any other, or where `cpu_info` (Linux) is not.
+    """Return bf16 for a CPU with AVX-512; f16 for others, or if `cpu_info` (Linux) is missing.
 
-    Both are as large, and f16 keeps three bits more of a weight than bf16.
+    Both have the same size, and f16 keeps three more bits of a weight than bf16.
     """
     try:
         text = cpu_info.read_text(encoding="utf-8", errors="replace")
@@ -123,7 +124,7 @@ class HubSource(StrictModel):
 
 
 class PackageSource(StrictModel):
-    """A file that Python packages carry, cut into `parts`; `{n}` in `package` is the part, from 1.
+    """A file in Python packages, cut into `parts`; `{n}` in `package` is a part's number, from 1.
 
     `member` is a glob that matches exactly one path inside each wheel.
     """
@@ -148,21 +149,17 @@ class PackageSource(StrictModel):
 WeightsSource = Annotated[PathSource | HubSource | PackageSource, Field(discriminator="kind")]
 
 
-N_CTX = 4096
-"""Tokens that prompt and answer of a role may have together."""
-
-
 class ModelEntry(StrictModel):
     """One model; `sha256` is None if no trusted hash is known.
 
-    `prepare` names the type its weights are converted to after the download, or selects the fastest
-    one on this machine; `prepared` pins their hash after that. Adapters learnt the compact prompts;
-    a model without them states its reading in clauses.
+    `prepare` is the type to which the weights are converted after the download, or `fastest` for
+    the fastest type on this machine; `prepared` pins the hashes of the converted files. Adapters
+    are trained on the compact prompts; a model without adapters states its reading in clauses.
     """
 
     name: str = Field(pattern=MODEL_NAME)
     weights: str = Field(
-        default="", description="another entry of the same file: it is kept only once"
+        default="", description="another entry with the same file, which is kept only once"
     )
     title: str
     licence: str
@@ -173,7 +170,7 @@ class ModelEntry(StrictModel):
     chat: ChatFormat = "template"
     prepare: Quantisation | Literal["fastest"] | None = None
     vocabulary: int | None = Field(
-        default=None, ge=1000, description="of the first so many pieces those in ASCII are kept"
+        default=None, ge=1000, description="the first pieces, of which those in ASCII are kept"
     )
     prepared: dict[Quantisation, Sha256] = Field(
         default={}, description="the SHA-256 of the prepared file of each type"
@@ -183,14 +180,14 @@ class ModelEntry(StrictModel):
     n_ctx: int = Field(default=N_CTX, ge=512)
     second_reader: str = Field(
         default="",
-        description="another model that reads an order of which this one is unsure, if it is here",
+        description="another model for orders that this one is unsure about, if it is here",
     )
     notes: str = ""
     sources: tuple[WeightsSource, ...] = Field(min_length=1)
 
     @property
     def description(self) -> str:
-        """One line for lists: title, size and licence."""
+        """One line for lists: title, type of weights, size and licence."""
         return f"{self.title}, {self.quantisation}, {self.size_mb} MB, {self.licence}"
 
     @property
@@ -200,27 +197,27 @@ class ModelEntry(StrictModel):
 
     @property
     def local_file(self) -> Path | None:
-        """The model's file when it is on this machine, not checked."""
+        """The path of the model's file if it is on this machine, unchecked."""
         paths = [Path(s.path).expanduser() for s in self.sources if isinstance(s, PathSource)]
         paths.append(models_folder() / f"{self.stem}.gguf")
         return next((path for path in paths if path.is_file()), None)
 
     @property
     def how(self) -> Preparation | None:
-        """The preparation of its file on this machine, None when it is used as it is."""
+        """The preparation of the file on this machine; None if it is used unchanged."""
         kind = fastest_type() if self.prepare == "fastest" else self.prepare
         return Preparation(kind, self.vocabulary) if kind or self.vocabulary else None
 
     @property
     def prepared_file(self) -> Path | None:
-        """The model's prepared weights when they are on this machine, not checked."""
+        """The path of the prepared weights if they are on this machine, unchecked."""
         path = prepared_path(self.stem, self.how) if self.how else None
         return path if path is not None and path.is_file() else None
 
     def pin(self, how: Preparation | None) -> Sha256 | None:
-        """The SHA-256 that the catalogue pins for the file that is loaded; None when it has none.
+        """Return the pinned SHA-256 of the file that is loaded; None if the catalogue has none.
 
-        What `how` makes is pinned by its type, and a file that is used as it is by its own hash.
+        A file prepared by `how` is pinned by its type, and an unchanged file by its own hash.
         """
         if how is None:
             return self.sha256
@@ -228,18 +225,18 @@ class ModelEntry(StrictModel):
         return self.prepared.get(kind) if kind and how.vocabulary == self.vocabulary else None
 
     def ready_file(self, path: Path, progress: Progress = silent) -> tuple[Path, str]:
-        """Return the file to load for the fetched one at `path`, prepared if need be; its hash too.
+        """Return the file to load for the fetched `path`, prepared if necessary, and its hash.
 
-        Raises ModelError when `path` is not the pinned file or cannot be prepared.
+        Raises ModelError if `path` is not the pinned file or cannot be prepared.
         """
         return self._made(self.how, path, progress)
 
     def learnt_file(self, path: Path) -> Path:
-        """Return the file that adapters are trained on: the fetched one with what is left of it.
+        """Return the file for training adapters: the fetched one with a cut vocabulary, if any.
 
-        Its weights are as they were published where the type depends on the machine, and of the
-        type that runs where that is the same on every machine. Cutting a vocabulary takes 20 s,
-        once. Raises ModelError like `ready_file`.
+        If the type of the weights depends on the machine, they stay as published; otherwise they
+        have the type that is run. Cutting a vocabulary takes 20 s, once. Raises ModelError like
+        `ready_file`.
         """
         if self.prepare not in {None, "fastest"}:
             return self._made(self.how, path, silent)[0]
@@ -257,9 +254,9 @@ class ModelEntry(StrictModel):
         return found
 
     def as_pinned(self) -> "LocalModel | None":
-        """Return the prepared model as the catalogue pins it, None where it is not here or pinned.
+        """Return the prepared model as pinned by the catalogue; None if it is missing or unpinned.
 
-        Nothing is hashed: the process that loads the files does so before it takes them.
+        Nothing is hashed here: the process that loads the files hashes them first.
         """
         path, pin = self.prepared_file, self.pin(self.how)
         if path is None or pin is None:
@@ -273,7 +270,7 @@ class ModelEntry(StrictModel):
         adapters: tuple[LocalAdapter, ...],
         reader: "LocalModel | None" = None,
     ) -> "LocalModel":
-        """Return this model as the file at `path`."""
+        """Return this model with the file at `path`."""
         return LocalModel(
             self.name,
             path,
@@ -305,7 +302,7 @@ class ModelEntry(StrictModel):
 
 @dataclass(frozen=True)
 class LocalModel:
-    """A model file that is here and was checked; `sha256` is of the file that is loaded."""
+    """A checked model file on this machine; `sha256` is the hash of the file that is loaded."""
 
     name: str
     path: Path
@@ -328,7 +325,7 @@ class LocalModel:
 
 
 class ServerEntry(StrictModel):
-    """A model elsewhere: its `address`, such as openai:BASE_URL#NAME, holds no key."""
+    """A model elsewhere; its `address`, such as openai:BASE_URL#NAME, contains no key."""
 
     name: str = Field(pattern=MODEL_NAME)
     title: str
@@ -346,7 +343,7 @@ class ServerEntry(StrictModel):
 
 
 class Catalog(StrictModel):
-    """Every known model, and the name of the one used when none is asked for."""
+    """Every known model, and the name of the default one."""
 
     default: str
     models: tuple[ModelEntry, ...] = Field(min_length=1)
@@ -354,13 +351,13 @@ class Catalog(StrictModel):
 
     @classmethod
     def load(cls, path: Path | None = None) -> "Catalog":
-        """Read a catalogue, the installed one unless `path` is given; raises DocumentError."""
+        """Read a catalogue, by default the installed one; raises DocumentError."""
         return Document.read(path or data_folder() / "models" / "catalog.yaml").parse(cls)
 
     def get(self, name: str) -> ModelEntry:
         """Return the model called `name`, or an entry for the GGUF file at that path.
 
-        Raises ModelError, listing the known names and the nearest one.
+        Raises ModelError with the known names and the nearest one.
         """
         known = {entry.name: entry for entry in self.models}
         if name in known:
@@ -384,14 +381,12 @@ class Catalog(StrictModel):
     def locate(
         self, name: str, progress: Progress = silent, second_reader: str = NO_READER
     ) -> LocalModel:
-        """Return model `name` as it is on this machine, hashed; blocks for about 1 s per GB.
+        """Return model `name` as it is on this machine, hashed; takes about 1 s per GB.
 
-        Its `second_reader` is a model by name, '' for the one that its entry names, if that is
-        here.
-
-        Weights that are to be prepared and are not are prepared now, 1 s per 100 MB. Raises
-        ModelError when the model is unknown, was not pulled yet, cannot be prepared, or a file is
-        not the pinned one.
+        `second_reader` is a model's name; '' is the one that the entry names, if it is on this
+        machine. Unprepared weights are prepared now, which takes 1 s per 100 MB. Raises ModelError
+        if the model is unknown, was not pulled yet or cannot be prepared, or if a file is not the
+        pinned one.
         """
         entry = self.get(name)
         path = entry.local_file
@@ -411,7 +406,7 @@ class Catalog(StrictModel):
     def _reader_after(
         self, entry: ModelEntry, wanted: str, progress: Progress
     ) -> LocalModel | None:
-        """Return what reads after `entry`; None after one without adapters."""
+        """Return the second reader configured for `entry`; None if it has none."""
         name = wanted or entry.second_reader
         if name in {"", NO_READER, entry.name} or entry.prompts != "compact":
             return None
@@ -441,11 +436,9 @@ class Catalog(StrictModel):
 def find_model(
     name: str | None, progress: Progress = silent, second_reader: str = NO_READER
 ) -> LocalModel:
-    """Return a model of the installed catalogue, or of a file, None for the default one.
+    """Return a model of the installed catalogue, or of a file; None is the default model.
 
-    `second_reader` is as in `Catalog.locate`.
-
-    Raises ModelError like `Catalog.locate`.
+    `second_reader` is as in `Catalog.locate`. Raises ModelError like `Catalog.locate`.
     """
     catalog = Catalog.load()
     return catalog.locate(name or catalog.default, progress, second_reader)

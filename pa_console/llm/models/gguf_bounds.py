@@ -1,9 +1,9 @@
-"""Bounds on the header of a GGUF file, checked before llama.cpp parses the file.
+"""Bounds on the header of a GGUF file, checked before llama.cpp parses it.
 
 llama.cpp takes lengths, counts and offsets from the file. This module reads the same header in
 Python, where a wrong length is an error and not a read beyond the buffer, and compares every number
-with the size of the file and with what published models need. It parses no weights: a tensor is
-only checked to lie inside the file, in its place.
+with the size of the file and with the needs of published models. It parses no weights: it only
+checks that each tensor lies inside the file, in its place.
 """
 
 import mmap
@@ -16,7 +16,8 @@ GgufKind = Literal["model", "adapter"]
 
 MAGIC, VERSIONS = b"GGUF", (2, 3)
 MOST_FIELDS, MOST_TENSORS = 4096, 65_536
-"""Published models have fewer than 100 fields and fewer than 10,000 tensors."""
+"""The limits on fields and tensors; published models have fewer than 100 fields and 10,000 tensors.
+"""
 MOST_KEY_BYTES, MOST_NAME_BYTES = 256, 63
 """The longest key, and ggml's limit for the name of a tensor."""
 MOST_STRING_BYTES = 1 << 22
@@ -26,7 +27,7 @@ MOST_DIMENSIONS = 4
 MOST_WIDTH = 1 << 40
 MOST_ALIGNMENT = 1 << 16
 ALIGNMENT = 32
-"""The alignment of tensors where the file names none, bytes."""
+"""The default alignment of tensors, in bytes."""
 
 STRING, ARRAY, BOOL, UINT32, FLOAT32 = 8, 9, 7, 4, 6
 SCALARS = {
@@ -42,7 +43,7 @@ BLOCKS = {
     21: (256, 110), 22: (256, 82), 23: (256, 136), 24: (1, 1), 25: (1, 2), 26: (1, 4), 27: (1, 8),
     28: (1, 8), 29: (256, 56), 30: (1, 2), 34: (256, 54), 35: (256, 66), 39: (32, 17),
 }  # fmt: skip
-"""Weights in a block, and bytes of a block, by the number of a tensor's type."""
+"""The number of weights in a block, and its bytes, by the number of the tensor's type."""
 PLAIN_NUMBERS = frozenset((0, 1, 30))
 """The types f32, f16 and bf16."""
 
@@ -61,7 +62,7 @@ SIZES: dict[str, tuple[int, int]] = {
     ".expert_used_count": (0, 4096),
     ".vocab_size": (1, MOST_ITEMS),
 }
-"""The least and greatest value of each number that llama.cpp sizes its buffers by."""
+"""The least and greatest values of the numbers that llama.cpp sizes its buffers by."""
 
 ARCHITECTURE, TYPE = "general.architecture", "general.type"
 TOKENS = "tokenizer.ggml.tokens"
@@ -69,13 +70,13 @@ KINDS = {
     ARCHITECTURE: STRING, TYPE: STRING, "general.alignment": UINT32, "adapter.type": STRING,
     "adapter.lora.alpha": FLOAT32, "adapter.alora.invocation_tokens": ARRAY,
 }  # fmt: skip
-"""The types of the values that llama.cpp reads without looking: of another, it ends the process."""
+"""The types of values that llama.cpp reads unchecked; with another type it aborts the process."""
 PER_TOKEN = ("tokenizer.ggml.scores", "tokenizer.ggml.token_type")
 REMEDY = "fetch it again, or take another file"
 
 
 class _Array(NamedTuple):
-    """A list in a header: only its type and length are kept."""
+    """A list in a header; only its type and length are kept."""
 
     kind: int
     length: int
@@ -85,7 +86,7 @@ _Value = int | float | str | _Array
 
 
 class _Header:
-    """A cursor in a GGUF file; every step raises ValueError where the file does not hold it."""
+    """A cursor in a GGUF file; every step raises ValueError if the file ends before it."""
 
     def __init__(self, content: mmap.mmap) -> None:
         self.content, self.size, self.at = content, len(content), 0
@@ -100,20 +101,20 @@ class _Header:
         return value
 
     def count(self, layout: str, most: int, what: str) -> int:
-        """Return the next whole number, which may be `most` at most."""
+        """Return the next whole number, which may be at most `most`."""
         value: int = self.number(layout, what)
         if value > most:
             raise ValueError(f"{what} is {value:,}, more than {most:,}")
         return value
 
     def skip(self, size: int, what: str) -> None:
-        """Pass over `size` bytes."""
+        """Skip `size` bytes."""
         if size > self.size - self.at:
             raise ValueError(f"{what} goes beyond the end of the file")
         self.at += size
 
     def text(self, most: int, what: str) -> str:
-        """Return the next text of `most` bytes at most."""
+        """Return the next text of at most `most` bytes."""
         size = self.count("<Q", most, f"the length of {what}")
         start = self.at
         self.skip(size, what)
@@ -149,7 +150,7 @@ class _Header:
         return _Array(kind, count)
 
     def _texts(self, count: int, key: str) -> None:
-        """Pass over `count` texts; a vocabulary has hundreds of thousands."""
+        """Skip `count` texts; a vocabulary has hundreds of thousands."""
         content, at, last = self.content, self.at, self.size - 8
         length_of: Callable[[mmap.mmap, int], tuple[int]] = struct.Struct("<Q").unpack_from
         for _ in range(count):
@@ -159,7 +160,7 @@ class _Header:
         self.skip(at - self.at, key)
 
     def _distinct_texts(self, count: int, key: str) -> None:
-        """Pass over `count` texts, no two the same: llama.cpp ends the process if two are."""
+        """Skip `count` texts, which must be distinct: otherwise llama.cpp aborts the process."""
         seen: set[bytes] = set()
         for _ in range(count):
             size: int = self.number("<Q", key)
@@ -171,7 +172,7 @@ class _Header:
 
 
 class _Tensor(NamedTuple):
-    """The type and place of a tensor: `size` bytes, `offset` bytes after the header."""
+    """The type and place of a tensor: `size` bytes, at `offset` bytes after the header."""
 
     name: str
     kind: int
@@ -180,10 +181,10 @@ class _Tensor(NamedTuple):
 
 
 def check_gguf(path: str, kind: GgufKind, *, name: str = "") -> bool:
-    """Raise ValueError, naming the file and the wrong number, unless llama.cpp may parse `path`.
+    """Raise ValueError, with the file and the wrong number, unless llama.cpp may parse `path`.
 
-    Returns whether most of its weights are quantised, by bytes. Errors name the file `name` where
-    it is opened by another path. It takes 1 s per 4 million pieces of a vocabulary.
+    Returns whether most of the weights, by bytes, are quantised. Errors refer to the file as `name`
+    if it is given. The check takes 1 s per 4 million pieces of a vocabulary.
     """
     try:
         with open(path, "rb") as stream:
@@ -227,7 +228,7 @@ def _check(header: _Header, kind: GgufKind) -> list[_Tensor]:
 
 
 def _check_fields(fields: dict[str, _Value], kind: GgufKind) -> None:
-    """Raise ValueError for a field that does not fit a file of that kind, or the other fields."""
+    """Raise ValueError for a field that does not fit the kind of file or the other fields."""
     if not isinstance(fields.get(ARCHITECTURE), str):
         raise ValueError(f"{ARCHITECTURE} is missing")
     is_adapter = fields.get(TYPE) == "adapter"
@@ -255,7 +256,7 @@ def _check_fields(fields: dict[str, _Value], kind: GgufKind) -> None:
 
 
 def _tensor(header: _Header) -> _Tensor:
-    """Return the next tensor; raises ValueError for sizes that overflow or fit no block."""
+    """Return the next tensor; raises ValueError for a type or shape that is not possible."""
     name = header.text(MOST_NAME_BYTES, "the name of a tensor")
     count = header.count("<I", MOST_DIMENSIONS, f"the number of dimensions of {name}")
     shape = tuple(header.count("<Q", MOST_WIDTH, f"a dimension of {name}") for _ in range(count))
@@ -271,7 +272,7 @@ def _tensor(header: _Header) -> _Tensor:
 
 
 def _check_places(tensors: list[_Tensor], alignment: int, room: int) -> None:
-    """Raise ValueError unless the tensors lie one after the other in `room` bytes."""
+    """Raise ValueError unless the tensors lie one after another within `room` bytes."""
     names = [tensor.name for tensor in tensors]
     if len(set(names)) < len(names):
         raise ValueError("two tensors have the same name")

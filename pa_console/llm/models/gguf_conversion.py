@@ -1,12 +1,13 @@
-"""Makes of one GGUF file another: a smaller vocabulary, weights of another type.
+"""Conversion of a GGUF file: a smaller vocabulary, weights of another type.
 
-A vocabulary for every script of the world is most of a small model: of the 270 million weights of
-Gemma 3 270M, 168 million are its 262,144 rows. What is left out is written in smaller pieces or
-bytes, as a name in another script is. An output layer that only repeats the embeddings goes too.
+A vocabulary for all scripts of the world is most of a small model: of the 270 million weights of
+Gemma 3 270M, 168 million are its 262,144 rows. Text that needs a removed piece is written in
+smaller pieces or bytes, like names in other scripts. An output layer that only repeats the
+embeddings is removed too.
 
-`python -m pa_console.llm.models.gguf_conversion SOURCE TARGET TYPE PIECES` ends with 0 when TARGET
-is complete; it is a process of its own that can be stopped. A TYPE of `stored`
-leaves the weights as they are, 0 PIECES the vocabulary.
+`python -m pa_console.llm.models.gguf_conversion SOURCE TARGET TYPE PIECES` exits with 0 when TARGET
+is complete; as a separate process it can be stopped. The TYPE `stored` keeps the weights as they
+are, and 0 PIECES keeps the vocabulary.
 """
 
 import sys
@@ -27,33 +28,34 @@ TOKENS, SCORES, TYPES, MERGES = (
 )
 VOCABULARY_SIZE, TOKEN_ID = ".vocab_size", "_token_id"
 EMBEDDINGS, OUTPUT = "token_embd.weight", "output.weight"
-"""The tensors that have a row for every piece."""
+"""The tensors with a row for every piece."""
 SCORED_MODEL = "llama"
-"""The kind of tokeniser that merges two neighbours whenever the whole is a piece of its own."""
+"""The kind of tokeniser that merges two neighbours whenever the result is a piece."""
 MERGING_MODEL = "gpt2"
-"""The kind of tokeniser that merges neighbours by rules; its pieces are in the order of the
-rules."""
+"""The kind of tokeniser that merges neighbours by rules; its pieces are in the order of the rules.
+"""
 SPACE = "\u2581"
 BYTE_SPACES = str.maketrans({"\u0120": " ", "\u010a": "\n", "\u0109": "\t", "\u010d": "\r"})
-"""The spaces of a byte tokeniser."""
+"""The space characters of a byte tokeniser."""
 ALIKE = 0.99
-"""Rows whose cosine is at least this are the same rows, rounded in two ways."""
+"""Rows with at least this cosine are the same rows with different rounding."""
 IN_USE = frozenset({gguf.TokenType.CONTROL, gguf.TokenType.USER_DEFINED})
 ALWAYS = frozenset({gguf.TokenType.BYTE, gguf.TokenType.USER_DEFINED})
 SPARE = 256
-"""The first control piece that nothing uses."""
+"""The number of the first unused control piece."""
 PLAIN_CHARACTERS = (range(0x250), range(0x2000, 0x2300))
-"""Latin letters, punctuation, currencies, arrows and operators: kept where they are pieces."""
+"""Latin letters, punctuation, currencies, arrows and operators; they are kept if they are pieces.
+"""
 
 
 def cut_vocabulary(source: Path, target: Path, pieces: int) -> int:
-    """Write the model of `source` to `target` with a smaller vocabulary, and return its size.
+    """Write the model of `source` to `target` with a smaller vocabulary; return its size.
 
-    Kept are bytes, characters, the control pieces that are in use, and of the first `pieces` those
-    in ASCII. Pieces are in the order in which they were found, the commonest first, and the two
-    parts of a piece were found before it: what remains is the vocabulary of a tokeniser that
-    stopped looking earlier, and text in pieces that remain is read as before. Raises ValueError
-    for a file that is not of that kind.
+    The result keeps bytes, characters, the control pieces in use, and the ASCII pieces among the
+    first `pieces`. Pieces are in the order in which they were found, the commonest first, and the
+    two parts of a piece were found before it. So the remaining pieces are the vocabulary of a
+    tokeniser that stopped earlier, and text in the remaining pieces is read as before. Raises
+    ValueError for a file of another kind.
     """
     reader = gguf.GGUFReader(source)
     kept = _kept_of(reader, source, pieces)
@@ -103,7 +105,7 @@ def _kept_of(reader: gguf.GGUFReader, source: Path, pieces: int) -> list[int]:
 
 
 def kept_pieces(words: Sequence[str], types: Sequence[int], pieces: int) -> list[int]:
-    """Return the numbers of the scored pieces that are kept, in order."""
+    """Return the numbers of the scored pieces to keep, in order."""
     return [
         number
         for number, (word, kind) in enumerate(zip(words, types, strict=True))
@@ -112,7 +114,7 @@ def kept_pieces(words: Sequence[str], types: Sequence[int], pieces: int) -> list
 
 
 def kept_merged_pieces(words: Sequence[str], types: Sequence[int], pieces: int) -> list[int]:
-    """Return the numbers of the merged pieces that are kept, in order; every byte is a piece."""
+    """Return the numbers of the merged pieces to keep, in order; every byte is a piece."""
     return [
         number
         for number, (word, kind) in enumerate(zip(words, types, strict=True))
@@ -133,7 +135,7 @@ def _kept(number: int, word: str, kind: gguf.TokenType, pieces: int) -> bool:
 
 
 def _cut(name: str, value: Any, kept: Sequence[int], words: Set[str]) -> Any:
-    """Return the part of the field `name` for the pieces in `kept`, spelt `words`."""
+    """Return the field `name` reduced to the pieces `kept`, which are spelt `words`."""
     if name in {TOKENS, SCORES, TYPES}:
         return [value[number] for number in kept]
     if name == MERGES:
@@ -165,10 +167,10 @@ FILE_TYPES: dict[Quantisation, int] = {
 
 
 def quantise(source: str, target: str, quantisation: Quantisation) -> None:
-    """Write the weights of `source` to `target`; raises ValueError when llama.cpp cannot.
+    """Write the weights of `source` to `target`; raises ValueError if llama.cpp cannot.
 
-    Embeddings and output layer become Q8_0 whatever the type: they are read one row or one token
-    at a time, so a wider type would only cost memory.
+    Embeddings and output layer become Q8_0 whatever the type: they are read one row or one token at
+    a time, so a wider type would only cost memory.
     """
     parameters = _api.llama_model_quantize_default_params()
     parameters.ftype = FILE_TYPES[quantisation]
@@ -179,9 +181,10 @@ def quantise(source: str, target: str, quantisation: Quantisation) -> None:
 
 
 def convert(source: str, target: str, kind: str, pieces: int) -> None:
-    """Write to `target` what `kind` and `pieces` make of `source`; raises ValueError or OSError.
+    """Convert `source` to `target` by `kind` and `pieces`; raises ValueError or OSError.
 
-    The header of `source` is checked before a library parses it: this process is not confined.
+    The header of `source` is checked before a library parses it, because this process is not
+    confined.
     """
     check_gguf(source, "model")
     if pieces and kind == AS_STORED:
@@ -197,7 +200,7 @@ def convert(source: str, target: str, kind: str, pieces: int) -> None:
 
 @_api.llama_log_callback
 def _no_log(_level: int, _text: bytes, _data: object) -> None:
-    """Swallow llama.cpp's own log: a line for every tensor."""
+    """Discard llama.cpp's log, which has a line for every tensor."""
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
-"""Keeps a model's weights in the form in which they run, made once from the fetched file.
+"""A model's weights in the form in which they run, made once from the fetched file.
 
-This is the fastest type on this machine, with only the vocabulary that is needed. The same source
+They have the fastest type on this machine, and only the vocabulary that is needed. The same source
 gives the same bytes on every machine, whatever its CPU and number of threads, so the catalogue can
 pin the SHA-256 of the result. Without a pin, a JSON file beside `<name>-<how>.gguf` records the
 source and the hash, signed with this machine's key, which is in another folder. A prepared file
@@ -37,18 +37,19 @@ PURPOSE = b"pa-console prepared weights\n"
 AS_STORED = "stored"
 BYTES_A_WEIGHT: dict[Quantisation, float] = {"f16": 2, "bf16": 2, "q8_0": 1.07, "q4_0": 0.57}
 SOURCE_BYTES_A_WEIGHT = 0.5
-"""The least that a weight takes in a source: what is needed is never guessed too low."""
+"""The least number of bytes for a weight in a source; with it, the space needed is never
+underestimated."""
 
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
 @dataclass(frozen=True)
 class Preparation:
-    """The changes to a file: its weights in a type (None: as stored), its vocabulary cut."""
+    """The changes to a file: the type of its weights (None: as stored), and its cut vocabulary."""
 
     quantisation: Quantisation | None = None
     vocabulary: int | None = None
-    """Keeps the ASCII pieces among this many first ones; None keeps all pieces."""
+    """The number of first pieces whose ASCII pieces are kept; None keeps all pieces."""
 
     def __str__(self) -> str:
         parts = [f"{self.vocabulary} pieces"] if self.vocabulary else []
@@ -56,14 +57,14 @@ class Preparation:
 
     @property
     def weight_bytes(self) -> float:
-        """The most that a weight takes afterwards."""
+        """The most bytes that a weight takes after the preparation."""
         return BYTES_A_WEIGHT[self.quantisation or "q8_0"]
 
 
 class FileOrigin(StrictModel):
-    """The origin of a prepared file, and its SHA-256 since, signed.
+    """The signed record of a prepared file: its origin and its SHA-256.
 
-    `signer` is a public key in hexadecimal, `signature` is over PURPOSE and the other fields.
+    `signer` is a public key in hexadecimal; `signature` covers PURPOSE and the other fields.
     """
 
     source_sha256: Sha256
@@ -75,7 +76,7 @@ class FileOrigin(StrictModel):
     signature: str = ""
 
     def of(self, how: Preparation, source_sha256: str) -> bool:
-        """Return whether the file is what would be made now."""
+        """Return whether the file is the one that would be made now."""
         wanted = (source_sha256, how.quantisation, how.vocabulary, version(LLAMA_CPP))
         return wanted == (self.source_sha256, self.quantisation, self.vocabulary, self.llama_cpp)
 
@@ -87,7 +88,7 @@ class FileOrigin(StrictModel):
         return unsigned.model_copy(update={"signature": signature})
 
     def is_ours(self) -> bool:
-        """Return whether this machine's key signed the record as it is; raises SigningError."""
+        """Return whether this machine's key signed the present record; raises SigningError."""
         if not is_signature(self.signature, self._signed_part(), self.signer):
             return False
         return fingerprint(self.signer) in known_keys()
@@ -97,19 +98,19 @@ class FileOrigin(StrictModel):
 
 
 class PreparedFile(NamedTuple):
-    """A prepared file that was checked."""
+    """A checked prepared file."""
 
     path: Path
     sha256: str
 
 
 def prepared_path(name: str, how: Preparation) -> Path:
-    """Return where the prepared weights of model `name` are kept; they may not be there."""
+    """Return the path for the prepared weights of model `name`; the file may not exist."""
     return models_folder() / f"{_prepared_name(name, how)}.gguf"
 
 
 def find_pinned(name: str, how: Preparation, pin: Sha256) -> PreparedFile | None:
-    """Return the prepared weights when their SHA-256 is the pinned one, else None."""
+    """Return the prepared weights if they have the pinned SHA-256, else None."""
     path = prepared_path(name, how)
     try:
         return PreparedFile(path, pin) if hash_file(path) == pin else None
@@ -120,7 +121,7 @@ def find_pinned(name: str, how: Preparation, pin: Sha256) -> PreparedFile | None
 def find_recorded(name: str, how: Preparation, source_sha256: str) -> PreparedFile | None:
     """Return the prepared weights if this machine's signed record vouches for them, else None.
 
-    This is for unpinned weights: the record must name this source and the hash of the file.
+    This is for unpinned weights: the record must have this source and the hash of the file.
     """
     path = prepared_path(name, how)
     try:
@@ -141,11 +142,11 @@ def prepare(
     *,
     pin: Sha256 | None = None,
 ) -> PreparedFile:
-    """Return the prepared weights of `source`, made now unless they are there.
+    """Return the prepared weights of `source`; they are made now unless they exist.
 
-    The file appears only when it is complete and, where there is a `pin`, has that SHA-256; another
-    process that makes it is waited for. Raises PullError, naming the remedy, when there is no room,
-    it cannot be made, or what was made is not what is pinned.
+    The file appears only when it is complete and, if there is a `pin`, has that SHA-256. If another
+    process is making it, this one waits. Raises PullError, with the remedy, if there is no room, if
+    it cannot be made, or if the result is not the pinned one.
     """
     path, folder = prepared_path(name, how), partial_folder(_prepared_name(name, how))
     try:
@@ -205,7 +206,7 @@ def _make(  # noqa: PLR0917
 
 
 def _record(path: Path, folder: Path, how: Preparation, source_sha256: str, digest: str) -> None:
-    """Write the origin of a file beside `path`; without a signing key it is made at every start."""
+    """Write the record of a file beside `path`; without a signing key there is none."""
     origin = FileOrigin(
         source_sha256=source_sha256,
         quantisation=how.quantisation,

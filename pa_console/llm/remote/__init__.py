@@ -1,1 +1,1 @@
-"""Models on another machine: servers that speak the OpenAI interface."""
+"""Models on another machine: servers with the OpenAI interface."""

@@ -1,4 +1,4 @@
-"""The address of a model's server, whether words may be sent there, and its key.
+"""The address of a model's server, the permission to send words there, and its key.
 
 A server is named as `openai:BASE_URL#NAME`. No other server gets a request.
 """
@@ -22,7 +22,7 @@ KEY_VARIABLES: dict[ServerUse, str] = {
     "judge": "PA_CONSOLE_JUDGE_SERVER_KEY",
     "second reader": "PA_CONSOLE_READER_SERVER_KEY",
 }
-"""The environment variable with the server key of each use."""
+"""The environment variable with the server key, by use."""
 KEYRING_SERVICE = "pa-console"
 
 
@@ -35,9 +35,9 @@ class ServerAddress:
 
     @classmethod
     def parse(cls, text: str) -> "ServerAddress":
-        """Read `openai:BASE_URL#NAME`; raises ModelError for what is no such address.
+        """Parse `openai:BASE_URL#NAME`; raises ModelError for an invalid address.
 
-        One that holds a password or a query is refused: it would be written to the session log.
+        An address with a password or a query is refused: it would be written to the session log.
         """
         try:
             parts = urlsplit(text.removeprefix(PREFIX))
@@ -59,12 +59,12 @@ class ServerAddress:
 
     @property
     def private(self) -> bool:
-        """True if no host between here and the server can read the traffic: loopback, or https."""
+        """True if no host on the way can read the traffic: loopback or https."""
         parts = urlsplit(self.base_url)
         return parts.scheme == "https" or is_this_machine(parts.hostname or "")
 
     def allow(self, *, plain: bool) -> None:
-        """Raise ModelError where words would be sent in clear text, unless `plain` is allowed."""
+        """Raise ModelError if words would be sent in clear text and `plain` is not set."""
         if not self.private and not plain:
             raise ModelError(
                 f"{self}: the operator's words and the picture would cross the network in clear; "
@@ -74,17 +74,17 @@ class ServerAddress:
 
 @dataclass(frozen=True)
 class ServerKey:
-    """The key that a server wants, and where it was found; it is never shown."""
+    """The key for a server, and where it was found; the key is never shown."""
 
     source: str = "none"
     secret: str = field(default="", repr=False)
 
     @classmethod
     def find(cls, address: ServerAddress, variable: str = KEY_VARIABLE) -> "ServerKey":
-        """Return the key in the environment's `variable`, else in the keyring, else none.
+        """Return the key from the environment's `variable`, else from the keyring, else none.
 
-        The keyring is looked in where the package `keyring` is installed: under the service
-        pa-console, for the address of the server as its user.
+        The keyring is searched if the package `keyring` is installed: under the service pa-console,
+        with the address of the server as the user.
         """
         if secret := os.environ.get(variable, "").strip():
             return cls(variable, secret)
@@ -93,7 +93,7 @@ class ServerKey:
         try:
             keyring = import_module("keyring")
             secret = str(keyring.get_password(KEYRING_SERVICE, address.base_url) or "").strip()
-        except Exception:  # a keyring that is locked or has no backend raises what it likes
+        except Exception:  # a keyring that is locked or has no backend may raise anything
             return cls()
         return cls("the keyring", secret) if secret else cls()
 

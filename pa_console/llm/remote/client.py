@@ -1,9 +1,8 @@
-"""One question to a model's server: its answer as it comes, and every way to fail as a ServerError.
+"""A client for one prompt to a model's server; every failure becomes a ServerError.
 
-The `openai` client speaks to it, and asks again by itself, with a growing pause that is jittered,
-where no answer had begun: when it could not connect, and after 408, 409, 429 and 5xx. Nothing is
-taken from its variables in the environment, no proxy is used and no redirect is followed: what is
-sent goes to the server that was named, with its key and no other.
+The `openai` client retries by itself, with a growing, jittered pause, if no answer had begun: when
+it could not connect, and after 408, 409, 429 and 5xx. Its environment variables are ignored, no
+proxy is used and no redirect is followed: requests go only to the named server, with its key only.
 """
 
 import asyncio
@@ -26,18 +25,18 @@ RETRIES = 2
 MOST_TOLD = 160
 """The number of characters of a server's own error message that are shown."""
 MOST_CHARS = 64 * 1024
-"""A longer answer is none of ours."""
+"""The limit on an answer's length; a longer answer is an error."""
 TIMED_OUT = "gave no complete answer within {:.1f} s"
 BROKE_OFF = "broke off in the middle of its answer"
 OTHERS = ("openai-organization", "openai-project", "x-stainless-")
-"""Beginnings of headers that the client sends of its own accord."""
+"""Prefixes of headers that the client adds by itself; they are removed."""
 
 
 @dataclass(frozen=True)
 class AnswerChunk:
-    """A piece of an answer, with the probability of its tokens as far as the server reports it.
+    """A piece of an answer, with the token probabilities that the server reports.
 
-    `finish` is why the answer ended, in the last piece; '' before.
+    `finish` is the reason for the answer's end, in the last piece; '' before.
     """
 
     text: str
@@ -46,7 +45,7 @@ class AnswerChunk:
 
 
 class ServerClient:
-    """Asks the model at `address`; nothing is sent, and the library not loaded, before `ask`."""
+    """Asks the model at `address`; before `ask`, nothing is sent and the library is not loaded."""
 
     def __init__(self, address: ServerAddress, key: ServerKey, *, retries: int = RETRIES) -> None:
         self.address = address
@@ -70,11 +69,11 @@ class ServerClient:
         *,
         chances: bool = False,
     ) -> AsyncGenerator[AnswerChunk]:
-        """Yield the answer to a prompt piece by piece, the last one with its `finish`.
+        """Yield the answer to a prompt in pieces; the last piece has `finish`.
 
-        `extra` has further fields of the request, such as a constraint on the answer. Leaving it
-        early closes the connection, which makes the server stop. Raises ServerError without a
-        complete answer within `within_s` seconds.
+        `extra` has further fields of the request, such as a constraint on the answer. Closing the
+        generator early closes the connection, which makes the server stop. Raises ServerError
+        without a complete answer within `within_s` seconds.
         """
         limit = asyncio.get_running_loop().time() + within_s
         late = ServerError(TIMED_OUT.format(within_s))
@@ -126,7 +125,7 @@ class ServerClient:
             raise self._failed(error) from None
 
     async def _next(self, stream: "AsyncStream[ChatCompletionChunk]", length: int) -> AnswerChunk:
-        """Return the next piece, which begins behind `length` characters of the answer."""
+        """Return the next piece, which begins after `length` characters of the answer."""
         try:
             chunk = await anext(stream)
             choice = chunk.choices[0] if chunk.choices else None
@@ -145,7 +144,7 @@ class ServerClient:
             raise self._failed(error, begun=True) from None
 
     def _failed(self, error: Exception, *, begun: bool = False) -> ServerError:
-        """Return why there is no answer, without the key or a part of the request."""
+        """Return an error with the reason, without the key or any part of the request."""
         from openai import APIConnectionError, APIStatusError, APITimeoutError  # noqa: PLC0415
 
         match error:
@@ -165,7 +164,7 @@ class ServerClient:
 
     def _opened(self) -> "AsyncOpenAI":
         """Load the library, which takes a second, and return a client."""
-        import httpx2  # noqa: PLC0415 - only where a server is named
+        import httpx2  # noqa: PLC0415 - only if a server is used
         import openai  # noqa: PLC0415
 
         secret = self.key.secret
@@ -192,5 +191,5 @@ class ServerClient:
             max_retries=self._retries,
             timeout=None,
         )
-        _ = client.chat.completions  # loaded here, not by the first question
+        _ = client.chat.completions  # loaded here, so that the first prompt is not delayed
         return client

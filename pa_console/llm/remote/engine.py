@@ -1,14 +1,13 @@
-"""The engine of a model on a server, as far as a server can be one.
+"""The engine of a model on a server, with the limits of a server.
 
-It answers the same requests as the engine of a local model and checks every answer itself. What a
-server cannot do it reports: it gives no answers but the likeliest one, keeps nothing that was read
-ahead, and knows the probabilities of tokens only where the server reports them. The caller has a
-model of this machine to turn to when it raises ServerError.
+It answers the same requests as the engine of a local model and checks every answer itself. A server
+gives no alternatives to the most likely answer, keeps nothing that was read ahead, and may not
+report token probabilities. If this engine raises ServerError, the caller uses a model on this
+machine.
 
-Servers hold an answer to a JSON schema in different ways, each with a field of its own in the
-request. A server that does not know a field may ignore it and answer all the same. So every way is
-tried with a schema of random words that the prompt does not mention: only a constrained answer has
-them.
+Servers constrain an answer to a JSON schema in different ways, each with its own field in the
+request. A server that does not know a field may ignore it and answer anyway. So every way is tested
+with a schema of random words that the prompt does not mention: only a constrained answer has them.
 """
 
 import asyncio
@@ -46,24 +45,43 @@ WAYS: dict[Way, Callable[[Schema], Schema]] = {
     "format": lambda schema: {"format": schema},
     "grammar": lambda schema: {"grammar": gbnf(schema)},
 }
-"""The request fields for a schema, the best known way first. `json_schema` is that of the OpenAI
-interface, which llama.cpp, Ollama and vLLM have too; `json_object` that of llama-cpp-python;
-`structured_outputs` and `guided_json` those of newer and older vLLM; `format` Ollama's own;
-`grammar` llama.cpp's, in GBNF."""
+"""The request fields for a schema, the preferred way first. `json_schema` is the way of the OpenAI
+interface, which llama.cpp, Ollama and vLLM support too; `json_object` is that of llama-cpp-python;
+`structured_outputs` and `guided_json` are those of newer and older vLLM; `format` is Ollama's own;
+`grammar` is llama.cpp's, in GBNF."""
 
 _STRING = r'[^"\\\x7F\x00-\x1F]'
-"""A character of a string with nothing to escape, in GBNF."""
+"""A string character that needs no escape, in GBNF."""
+
+PROMPT = "Say hello."
+PROBE_TOKENS = 48
+PROBE_S = 20.0
+"""The longest time of one test, in seconds."""
+REFUSES = (400, 404, 415, 422, 500, 501)
+"""The status codes of servers that do not accept a field or its value."""
+WORD = 8
+HOLDS, IGNORED = "holds", "ignored"
+UNCONSTRAINED = "nothing holds answers to their form, so one that cannot be read is asked for again"
+AGAIN_S = 15.0
+"""Seconds after which a server that failed is probed again."""
+TRIES = 2
+"""The number of attempts if an answer cannot be parsed."""
+
+MOST_BEGINNINGS = 16
+"""The number of braces that are tried as the beginning of the answer."""
+OF_THE_QUESTION = (400, 413, 422)
+"""The status codes of a working server that does not accept the request."""
 
 
 def gbnf(schema: Schema) -> str:
-    """Return the grammar of `schema` for llama.cpp: JSON spaced as prompts show it."""
+    """Return the grammar of `schema` for llama.cpp: JSON with the spacing of the prompts."""
     rules: dict[str, str] = {}
     rules["root"] = _rule(schema, "root", rules)
     return "".join(f"{name} ::= {rule}\n" for name, rule in rules.items())
 
 
 def _rule(schema: Schema, name: str, rules: dict[str, str]) -> str:
-    """Return what stands for `schema`; rules that it needs are added under names after `name`."""
+    """Return the expression for `schema`; add the rules that it needs, named after `name`."""
     match schema:
         case {"anyOf": ways}:
             kinds = [
@@ -88,7 +106,7 @@ def _rule(schema: Schema, name: str, rules: dict[str, str]) -> str:
 
 
 def _items(item: str, least: int, most: int) -> str:
-    """Return the rule of an array of `least` to `most` times `item`."""
+    """Return the rule of an array with `least` to `most` times `item`."""
     if most == 0:
         return '"[]"'
     more = f'{item} (", " {item}){{{max(least - 1, 0)},{most - 1}}}'
@@ -96,30 +114,20 @@ def _items(item: str, least: int, most: int) -> str:
 
 
 def _literal(text: str) -> str:
-    """Return `text` as a literal of GBNF."""
+    """Return `text` as a GBNF literal."""
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
-
-
-PROMPT = "Say hello."
-PROBE_TOKENS = 48
-PROBE_S = 20.0
-"""The longest time of one probe, seconds."""
-REFUSES = (400, 404, 415, 422, 500, 501)
-"""The status codes of servers for a field, or a value of it, that they do not accept."""
-WORD = 8
-HOLDS, IGNORED = "holds", "ignored"
 
 
 @dataclass(frozen=True)
 class ProbeReport:
-    """The result of every way, in words, and whether token probabilities are reported."""
+    """The result of each way in words, and whether token probabilities are reported."""
 
     ways: dict[Way, str] = field(default_factory=dict[Way, str])
     chances: bool = False
 
     @property
     def way(self) -> Way | None:
-        """The best way that holds; None where none does."""
+        """The best way that works, or None."""
         return next((way for way, found in self.ways.items() if found == HOLDS), None)
 
     @property
@@ -129,18 +137,15 @@ class ProbeReport:
 
     @property
     def told(self) -> str:
-        """All of it on a line."""
+        """All results on one line."""
         ways = ", ".join(f"{way} {found}" for way, found in self.ways.items())
         return f"{self.summary} ({ways}); token chances {'told' if self.chances else 'not told'}"
 
 
-UNCONSTRAINED = "nothing holds answers to their form, so one that cannot be read is asked for again"
-
-
 async def probe(client: ServerClient, within_s: float = PROBE_S) -> ProbeReport:
-    """Try every way, and token probabilities; each try may take `within_s` seconds.
+    """Test every way, and token probabilities; each test may take `within_s` seconds.
 
-    Raises ServerError when the server cannot be reached, is too slow or refuses every question.
+    Raises ServerError if the server cannot be reached, is too slow or refuses every prompt.
     """
     chances = await _reports_chances(client, within_s, asked_for=True)
     if not chances:
@@ -174,7 +179,7 @@ async def _tried(client: ServerClient, way: Way, within_s: float) -> str:
 
 
 async def _reports_chances(client: ServerClient, within_s: float, *, asked_for: bool) -> bool:
-    """Ask for a few words; return whether the probability of a token came with them."""
+    """Request a few words; return whether token probabilities came with them."""
     found = False
     try:
         async for piece in client.ask("", PROMPT, 4, within_s, {}, chances=asked_for):
@@ -185,21 +190,11 @@ async def _reports_chances(client: ServerClient, within_s: float, *, asked_for: 
     return found
 
 
-AGAIN_S = 15.0
-"""A server that failed is looked at again after so long."""
-TRIES = 2
-"""The number of attempts when an answer cannot be read."""
-
-MOST_BEGINNINGS = 16
-"""The number of braces that are tried as the beginning of the answer."""
-OF_THE_QUESTION = (400, 413, 422)
-"""The status codes of a healthy server that does not accept the request."""
-
 OnServer = Callable[[ServerState, str], None]
 
 
 class ServerEngine:
-    """Answers prompts with the model at `address`; `on_state` gets every change of its state."""
+    """Answers prompts with the model at `address`; `on_state` is called for every change."""
 
     def __init__(
         self,
@@ -211,7 +206,7 @@ class ServerEngine:
         chances: bool = False,
         client: ServerClient | None = None,
     ) -> None:
-        """Open the server's engine.
+        """Prepare the engine; nothing is sent before it is started.
 
         With `chances`, token probabilities are requested, which slows some servers.
         """
@@ -228,11 +223,11 @@ class ServerEngine:
 
     @property
     def usable(self) -> bool:
-        """True if it answers, or if that is not known yet."""
+        """True if the server answers, or if that is not known yet."""
         return self.state != "away"
 
     async def start(self) -> None:
-        """Begin to probe the server, now and again whenever it has failed."""
+        """Begin to probe the server; it is probed again after each failure."""
         if self._probing is None:
             self._probing = asyncio.create_task(self._probe_again(), name="model server")
 
@@ -244,7 +239,7 @@ class ServerEngine:
             await asyncio.sleep(self._again_s)
 
     async def look(self) -> None:
-        """Probe the server once; `state`, `detail` and `report` have the result."""
+        """Probe the server once; the result is in `state`, `detail` and `report`."""
         self._doubted.clear()
         if self.state != "away":
             self._change("probing", "its ways to constrain an answer are tried")
@@ -324,7 +319,7 @@ class ServerEngine:
         )
 
     def _doubt(self, why: str) -> None:
-        """Ask nothing more before the server was looked at again."""
+        """Send no more prompts until the server has been probed again."""
         if self.usable:
             self._change("away", why)
         self._doubted.set()
@@ -339,8 +334,8 @@ class ServerEngine:
 def open_server(name: str, options: BackendOptions) -> ServerEngine:
     """Return the engine of the model at the address `name`, `openai:BASE_URL#NAME`.
 
-    Raises ModelError for a name that is no address, and for one to which words would go in clear
-    text, unless `options` allow it.
+    Raises ModelError for an invalid address, and for an address to which words would be sent in
+    clear text, unless `options` allow it.
     """
     address = ServerAddress.parse(name)
     address.allow(plain=options.plain)
@@ -351,7 +346,7 @@ def open_server(name: str, options: BackendOptions) -> ServerEngine:
 
 
 class _GrowingAnswer:
-    """An answer as it comes."""
+    """The received part of an answer."""
 
     def __init__(self, began: float) -> None:
         self.text, self._chances = "", list[Chance]()
@@ -365,7 +360,7 @@ class _GrowingAnswer:
         self._pieces += bool(piece.text)
 
     def completed(self, answer: str, now: float) -> GenerationEnd:
-        """Return the end; chances count for the text as it was written only."""
+        """Return the end; probabilities are dropped if the answer is only part of the text."""
         usage = Usage(
             completion_tokens=self._pieces,
             sampled_tokens=self._pieces,
@@ -377,13 +372,13 @@ class _GrowingAnswer:
 
 
 def read_answer(text: str, schema: Schema | None) -> tuple[str, str]:
-    """Return the JSON object in `text` that meets `schema`, or else the problem with it.
+    """Return the JSON object in `text` that matches `schema`, or the problem with it.
 
-    Words around it, or a fence, do not matter. Without a schema the text is the answer.
+    Words around the object, or a fence, are ignored. Without a schema, the text is the answer.
     """
     if schema is None:
         return text, ""
-    from jsonschema import Draft202012Validator  # noqa: PLC0415 - only where a server is named
+    from jsonschema import Draft202012Validator  # noqa: PLC0415 - only if a server is used
 
     validator, wrong = Draft202012Validator(schema), ""
     begin = -1

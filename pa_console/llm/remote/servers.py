@@ -1,4 +1,4 @@
-"""The models of a session: its own, and those elsewhere that are asked before it."""
+"""The models of a session: its own, and models elsewhere that are asked first."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,7 +11,7 @@ from pa_console.schema.events.event import ServerUse
 
 @dataclass(frozen=True)
 class Servers:
-    """The backends of a session's models elsewhere, by their use; none unless named."""
+    """The backends of a session's models elsewhere, by use; by default there are none."""
 
     by_use: Mapping[ServerUse, Backend] = field(default_factory=dict[ServerUse, Backend])
 
@@ -23,10 +23,10 @@ class Servers:
         plain: bool = BackendOptions.plain,
         patience_s: float = BackendOptions.patience_s,
     ) -> "Servers":
-        """Return backends for the models that are `named`, `openai:BASE_URL#NAME` each or ''.
+        """Return backends for the `named` models, each `openai:BASE_URL#NAME` or ''.
 
-        Nothing is sent yet. Planner and judge with the same model share a backend. Raises
-        ModelError for a name that is none, and for one to which words would go in clear text,
+        Nothing is sent yet. If planner and judge use the same model, they share a backend. Raises
+        ModelError for an invalid name, and for one to which words would be sent in clear text,
         unless `plain` allows it.
         """
         found: dict[ServerUse, Backend] = {}
@@ -40,7 +40,7 @@ class Servers:
 
     @property
     def backends(self) -> dict[Backend, tuple[ServerUse, ...]]:
-        """Every backend once, with its uses."""
+        """Each backend once, with its uses."""
         found: dict[Backend, tuple[ServerUse, ...]] = {}
         for use, backend in self.by_use.items():
             found[backend] = (*found.get(backend, ()), use)
@@ -48,19 +48,19 @@ class Servers:
 
     @property
     def named(self) -> dict[ServerUse, str]:
-        """The models by their use, as a log names them."""
+        """The names of the models by use, as they are logged."""
         return {use: backend.name for use, backend in self.by_use.items()}
 
 
 NO_SERVERS = Servers()
-"""The servers of a session without any."""
+"""The value for a session without servers."""
 
 
 @dataclass(frozen=True)
 class SessionModels:
-    """The `own` model and its second reader by name, and the models elsewhere by their use.
+    """The `own` model and its second reader by name, and the models elsewhere by use.
 
-    `own` None is the catalogue's default: it takes over where a server does not answer.
+    If `own` is None, it is the catalogue's default, which takes over if a server does not answer.
     """
 
     own: str | None
@@ -69,9 +69,9 @@ class SessionModels:
 
 
 def session_models(model: str | None, judge_server: str, second_reader: str) -> SessionModels:
-    """Sort what an operator has chosen; a name of the catalogue may be that of a server.
+    """Sort the operator's choices; a catalogue name may refer to a server.
 
-    Raises ModelError for a judge's server that is none.
+    Raises ModelError if `judge_server` is not a server.
     """
     if not (model or judge_server or second_reader):
         return SessionModels(None, "")

@@ -1,1 +1,1 @@
-"""Planner and judge: their prompts, the grammars of their answers, and how models are spoken to."""
+"""Planner and judge: their prompts, the grammars of their answers, and the calls to models."""

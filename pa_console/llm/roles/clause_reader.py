@@ -1,10 +1,10 @@
-"""Reads orders with a model that was not trained for them: it states its reading in clauses.
+"""Reading of orders with an untrained model, which states its reading in clauses.
 
-Its prompt has the forms of clauses, the picture, and the taught orders most similar to the one to
-read, with which a model reads far better than with a fixed few. The answer is the beginning of a
-plan; the console makes the rest. A local model is constrained to the clauses of the present
-picture. A model on a server cannot be, so its answer is parsed with their grammar afterwards, and
-discarded if it does not match.
+The prompt has the forms of clauses, the picture, and the taught orders most similar to the order;
+with these a model reads far better than with a few fixed examples. The answer is the beginning of a
+plan; the console adds the rest. A local model is constrained to the clauses of the present picture.
+A model on a server cannot be, so its answer is parsed with the grammar afterwards, and discarded if
+it does not match.
 """
 
 import json
@@ -34,23 +34,35 @@ from pa_console.schema.telemetry import Digest
 from pa_console.schema.world import KINDS, PLAIN_KINDS, World
 
 FILE = "taught_orders.tsv"
-"""Beside the catalogue of models: an order and its clauses on a line, parted by a tab."""
+"""The file beside the model catalogue: an order and its clauses per line, separated by a tab."""
 _NAME = re.compile(r"\b\w*(?:_\w|\d|[a-z][A-Z])\w*\b")
 """The form of a world's names: Drone_T04, EastGate."""
 
+SCHEMA: Schema = {
+    "type": "object",
+    "properties": {"reason": TEXT_SCHEMA},
+    "required": ["reason"],
+    "additionalProperties": False,
+}
+MAX_TOKENS = 160
+"""The token limit of an answer; the context has room for it."""
+SHOWN = 8
+"""The number of taught orders in a prompt."""
+DEADLINE_S = 60.0
+
 
 class TaughtOrder(NamedTuple):
-    """An order with its world's names, and its reading."""
+    """An order, with the names of its world, and its reading."""
 
     text: str
     clauses: str
 
 
 def nearest_orders(text: str, count: int) -> list[TaughtOrder]:
-    """Return the `count` taught orders whose words are most like those of `text`, the nearest last.
+    """Return the `count` taught orders with the words most like those of `text`, the nearest last.
 
-    Names count as names only: which asset or place is meant makes no order like another. Raises
-    DocumentError where the file is missing or broken.
+    All names count as the same: the asset or place that is meant makes no order more similar.
+    Raises DocumentError if the file is missing or broken.
     """
     orders, masked = taught_orders()
     found = process.extract(
@@ -60,7 +72,7 @@ def nearest_orders(text: str, count: int) -> list[TaughtOrder]:
 
 
 def without_names(text: str) -> str:
-    """Return `text` in small letters, with one mark for every name in it."""
+    """Return `text` in lower case, with every name replaced by the same mark."""
     return _NAME.sub("#", text).lower()
 
 
@@ -94,17 +106,6 @@ WHO is an asset's name, or a number with a kind: 1 drone, 2 vehicles, 1 robot, a
 A place that does not exist is "unknown place".
 """
 
-SCHEMA: Schema = {
-    "type": "object",
-    "properties": {"reason": TEXT_SCHEMA},
-    "required": ["reason"],
-    "additionalProperties": False,
-}
-MAX_TOKENS = 160
-"""The longest answer; room for it is kept in the context."""
-SHOWN = 8
-"""Taught orders that a prompt has."""
-
 
 def reading_prompt(
     world: World,
@@ -114,10 +115,10 @@ def reading_prompt(
     repair: Sequence[str] = (),
     previous: str = "",
 ) -> Prompt:
-    """Return the prompt for reading an order: clauses, picture, orders like it, and its words.
+    """Return the prompt for reading an order: clauses, picture, similar orders, and its words.
 
-    It has no rules: they limit actions, not the meaning of an order. `repair` is why the `previous`
-    answer was none.
+    It has no rules: they limit actions, not the meaning of an order. `repair` lists the faults of
+    the `previous` answer.
     """
     text = link_names(world, mission.text)
     lines = ["Orders elsewhere"]
@@ -145,7 +146,7 @@ def reading_prefix(world: World, digest: Digest | None) -> Prompt:
 
 
 def _there(world: World, digest: Digest) -> Iterator[str]:
-    """Yield what an order can be about: little more than names, as the clauses hold the rest."""
+    """Yield the subjects of an order: hardly more than names, because the clauses have the rest."""
     told = told_frames(world, digest)
     yield f"Gates: {', '.join(name for name in told if world.frames[name].kind == 'gate')}"
     others = [name for name in told if world.frames[name].kind != "gate"]
@@ -158,16 +159,13 @@ def _there(world: World, digest: Digest) -> Iterator[str]:
         yield f"{track.kind.capitalize()}: {track.id} at {track.gate}"
 
 
-DEADLINE_S = 60.0
-
-
 @dataclass(frozen=True)
 class ReadingQuestion:
     """A prompt for a reader; its answer matches each of the regular expressions `patterns`."""
 
     prompt: Prompt
     patterns: Sequence[str]
-    """The patterns in Rust's syntax."""
+    """Regular expressions in Rust's syntax."""
 
     @property
     def grammar(self) -> str:
@@ -176,13 +174,13 @@ class ReadingQuestion:
 
 
 def ask_what_is_asked(world: World, digest: Digest, mission: Mission) -> ReadingQuestion:
-    """Return the question for the reading of `mission` in the picture of `digest`."""
+    """Return the prompt and grammar for the reading of `mission` in the picture of `digest`."""
     prompt = reading_prompt(world, digest, (), mission)
     return ReadingQuestion(prompt, grounded_asked(world, digest, mission.text))
 
 
 class ClauseReader:
-    """Reads orders with a model of this machine or of a server, in the name of a `role`."""
+    """Reads orders with a model on this machine or a server, as part of `role`."""
 
     def __init__(
         self, engine: Answerer, role: Role = "judge", *, deadline_s: float = DEADLINE_S
@@ -196,7 +194,7 @@ class ClauseReader:
         return self._engine.name
 
     async def read(self, asked: ReadingQuestion, on_text: OnText | None = None) -> OrderReading:
-        """Return what an order asks, as far as that is in canonical clauses about what there is.
+        """Return the reading of an order, if it is in canonical clauses that fit the picture.
 
         `on_text` gets the answer in pieces. Never raises EngineError.
         """

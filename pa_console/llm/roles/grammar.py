@@ -1,12 +1,12 @@
-"""The form of answers: grammars that make every completed one readable, and schemas for servers.
+"""The form of answers: grammars that make complete answers readable, and schemas for servers.
 
-Grammars are lark, in the dialect of llguidance. A plan addresses only assets that are up, each at
-most once and in any order, with commands of its kind and frames that exist. The text depends on
-nothing but its arguments, so its hash pins it.
+Grammars are in lark, in the dialect of llguidance. A plan addresses only available assets, each at
+most once and in any order, with commands of its kind and frames that exist. The text depends only
+on the arguments, so that its hash can pin it.
 
-A server takes no grammar of ours. A JSON schema holds the names, the commands and the verdicts to
-those that there are; that no asset has two commands, and what a reason may state, it cannot say:
-the safeguards look at every plan all the same.
+A server does not accept these grammars. A JSON schema limits names, commands and verdicts to valid
+ones. It cannot express that no asset has two commands, nor what a reason may state; the safeguards
+check every plan anyway.
 """
 
 import json
@@ -25,10 +25,10 @@ COMPARED_CHARS = 480
 """The longest feedback in which the console compares a plan with a reading."""
 MOST_VIOLATED = 6
 TEXT = r"[ !#-\[\]-~]"
-"""Printable ASCII without the quote and the backslash: nothing to escape in JSON."""
+"""Printable ASCII without the quote and the backslash, so that JSON needs no escapes."""
 
 ANY_TEXT = r"start: /(?s:.)*/" + "\n"
-"""The grammar of whatever a model cares to write (evaluations only)."""
+"""The grammar of any text (evaluations only)."""
 
 PLANNED = "; planned: "
 """The separator between the reading and the plan in a short verdict."""
@@ -36,8 +36,8 @@ Opinion = Literal["Success", "Failure"]
 
 _REASON, _ACTIONS = '{"reason": "', '", "actions": ['
 READ = r'^\{"reason": "[^"]*("|; (?!now: )((?!, else: )[^;:"])*: )'
-"""A regular expression for a plan's beginning up to the end of its reading: to the first fact that
-decides, whose name stands before a colon, or to the end of the reason."""
+"""A regular expression for a plan's beginning up to the end of its reading: to the first deciding
+fact, which has its name before a colon, or to the end of the reason."""
 _AGENT = '{{"agent": "{}", "command": "'
 _OPINION = '{{"id": "{}", "verdict": "'
 _END = '"}'
@@ -51,13 +51,12 @@ def plan_grammar(  # noqa: PLR0917
     verbs: Collection[Verb] = (),
     reasons: Sequence[str] = (),
 ) -> str:
-    """Return the grammar of a plan; with no asset up, the only plan is one without actions.
+    """Return the grammar of a plan; if no asset is available, the only plan has no actions.
 
-    Only `agents` are addressed, only `frames` named and only `verbs` given, by default all. The
-    plan's reason matches each of `reasons`, regular expressions in Rust's syntax that bound its
-    length, if there are any.
-    Whether an agent was used is a bit of llguidance's rule parameter, 64 of them (its limit and
-    MAX_ACTIONS); raises ValueError when more assets are up.
+    Only `agents` are addressed, only `frames` named and only `verbs` used; by default, all are. The
+    plan's reason matches each of `reasons`, if any: regular expressions in Rust's syntax that limit
+    its length. A bit of llguidance's rule parameter marks each used agent. It has 64 bits, as many
+    as MAX_ACTIONS; raises ValueError if more assets are available.
     """
     up = addressable(world, picture, agents, verbs)
     if len(up) > MAX_ACTIONS:
@@ -94,10 +93,10 @@ def addressable(
 
 
 def reason_grammar(reasons: Sequence[str]) -> str:
-    """Return the grammar of how a plan begins: its reason, and what stands before its actions.
+    """Return the grammar of a plan's beginning: its reason, and the text before its actions.
 
-    It matches each of `reasons`, regular expressions in Rust's syntax that bound its length. It
-    goes on behind the reason, as models write the quote and what follows it in one token.
+    It matches each of `reasons`, regular expressions in Rust's syntax that limit its length. It
+    continues past the reason, because models write the quote and the next text in one token.
     """
     return f"start: {_literal(_REASON)} REASON {_literal(_ACTIONS)}\nREASON: {_all(reasons)}\n"
 
@@ -108,14 +107,14 @@ def begun_grammar(reasons: Sequence[str]) -> str:
 
 
 def begun_reason(text: str) -> str:
-    """Return the reason in `text`, the beginning of what either of the two accepts."""
+    """Return the reason in `text`, a beginning accepted by either of these two grammars."""
     return text.removeprefix(_REASON).partition('"')[0]
 
 
 def judge_grammar(rule_ids: Sequence[str], feedback: str = "") -> str:
-    """Return the grammar of a verdict: an opinion on each rule in order, feedback, then overall.
+    """Return the grammar of a verdict: an opinion on each rule in order, feedback, verdict.
 
-    The feedback matches `feedback` (a regular expression in Rust's syntax) if there is one.
+    The feedback matches `feedback`, a regular expression in Rust's syntax, if it is not empty.
     """
     opinions = [
         f"{_literal(_OPINION.format(rule_id))} opinion {_literal(_END)}" for rule_id in rule_ids
@@ -134,11 +133,11 @@ def judge_grammar(rule_ids: Sequence[str], feedback: str = "") -> str:
 
 
 def compact_opening_grammar(asked: Sequence[str]) -> str:
-    """Return the grammar of how a short verdict begins: with what was asked, as each of `asked`.
+    """Return the grammar of a short verdict's beginning, the reading, which matches all `asked`.
 
-    They are regular expressions in Rust's syntax that bound its length. It ends in one terminal
-    with what follows: the lexer is greedy, and a terminal of its own would have to be left before
-    the next one is seen.
+    They are regular expressions in Rust's syntax that limit its length. The grammar ends in one
+    terminal with the next text: the lexer is greedy, and would have to leave a separate terminal
+    before it sees the next one.
     """
     begins = _all([f"({each}){PLANNED}" for each in asked])
     opening = _literal('{"feedback": "')
@@ -146,7 +145,7 @@ def compact_opening_grammar(asked: Sequence[str]) -> str:
 
 
 def hinted(asked: str) -> str:
-    """Return a short verdict that begins with `asked`, as far as that goes."""
+    """Return a short verdict that begins with `asked`, as a hint."""
     return json.dumps({"feedback": asked}, ensure_ascii=False)
 
 
@@ -156,10 +155,10 @@ def compact_judge_grammar(
     verdicts: Sequence[Opinion] = ("Success", "Failure"),
     most: int = FEEDBACK_CHARS,
 ) -> str:
-    """Return the grammar of a short verdict: feedback, the ids of violated rules, then overall.
+    """Return the grammar of a short verdict: feedback, the ids of violated rules, verdict.
 
-    The feedback has `most` characters and matches `feedback` (a regular expression in Rust's
-    syntax) if there is one; the verdict is one of `verdicts`.
+    The feedback has at most `most` characters and matches `feedback`, a regular expression in
+    Rust's syntax, if it is not empty; the verdict is one of `verdicts`.
     """
     whole = [_literal('{"feedback": "'), "FEEDBACK", _literal('", "violated": [')]
     whole += [
@@ -180,14 +179,15 @@ def compact_judge_grammar(
 
 
 def _text(pattern: str, most: int) -> str:
-    """Return a lark terminal for readable text of up to `most` characters, such as `pattern`."""
+    """Return a lark terminal for readable text of up to `most` characters that fits `pattern`."""
     return _all([*filter(None, [pattern]), f"{TEXT}{{1,{most}}}"])
 
 
 def _all(patterns: Sequence[str]) -> str:
-    """Return a lark terminal for what every one of `patterns` matches.
+    """Return a lark terminal for texts that match every one of `patterns`.
 
-    A third one that counts characters, beside two that share much, would take the lexer too long.
+    Keep the number small: a third pattern that counts characters, beside two similar ones, would
+    slow the lexer too much.
     """
     return " & ".join(f"/{pattern}/" for pattern in patterns)
 
@@ -197,7 +197,7 @@ def _action(agent: str, kind: AssetKind) -> str:
 
 
 def _commands(kind: AssetKind, verbs: Collection[Verb]) -> str:
-    """Return the rule for the commands that an asset of `kind` can carry out."""
+    """Return the rule for the commands that assets of `kind` can carry out."""
     words = [
         f"{_literal(verb + ' ')} frame" if COMMANDS[verb].takes_frame else _literal(verb)
         for verb in verbs_of(kind, verbs)
@@ -206,7 +206,7 @@ def _commands(kind: AssetKind, verbs: Collection[Verb]) -> str:
 
 
 def verbs_of(kind: AssetKind, verbs: Collection[Verb]) -> list[Verb]:
-    """Return the verbs for assets of `kind`; no `verbs` means every one of the vocabulary."""
+    """Return the verbs for assets of `kind`; empty `verbs` means all of the vocabulary."""
     wanted = verbs or tuple(COMMANDS)
     return [verb for verb, spec in COMMANDS.items() if kind in spec.kinds and verb in wanted]
 
@@ -216,7 +216,7 @@ def _choice(words: Iterable[str]) -> str:
 
 
 def _literal(text: str) -> str:
-    """Return `text` as a lark string; its escapes are those of JSON."""
+    """Return `text` as a lark string, whose escapes are those of JSON."""
     return json.dumps(text)
 
 
@@ -235,7 +235,7 @@ class CommandSlot(NamedTuple):
 def slot_grammar(slots: Sequence[CommandSlot], reasons: Sequence[str]) -> str:
     """Return the grammar (lark) of a plan with a command for each of `slots`, in their order.
 
-    Its reason matches each of `reasons`, regular expressions in Rust's syntax that bound its
+    Its reason matches each of `reasons`, regular expressions in Rust's syntax that limit its
     length. No agent has two commands. As in `plan_grammar`, a bit of llguidance's rule parameter
     marks each used agent.
     """
@@ -258,11 +258,11 @@ def slot_grammar(slots: Sequence[CommandSlot], reasons: Sequence[str]) -> str:
 
 
 Schema = dict[str, Any]
-"""A JSON schema in few words: objects with all their properties, arrays, strings, enums, anyOf."""
+"""A simple JSON schema: objects with all properties required, arrays, strings, enums, anyOf."""
 
 TEXT_SCHEMA: Schema = {"type": "string"}
-"""Any text. Its length is not bounded here: llama.cpp takes half a minute to count 240 characters.
-"""
+"""Any text. Its length is not limited here, because llama.cpp takes half a minute to count 240
+characters."""
 
 
 def plan_schema(
@@ -287,16 +287,16 @@ def plan_schema(
 
 
 def slot_schema(slots: Sequence[CommandSlot], asked: str) -> Schema:
-    """Return the schema of a plan that has the commands of `slots`, each with one of its agents.
+    """Return the schema of a plan with the commands of `slots`, each for one of its agents.
 
-    Its reason is what was `asked`.
+    Its reason is `asked`, the reading.
     """
     ways = [_action_schema(list(slot.agents), [slot.command]) for slot in slots]
     return _plan(ways, len(slots), len(slots), _one_of([asked]))
 
 
 def verdict_schema(rule_ids: Sequence[str]) -> Schema:
-    """Return the schema of a verdict: opinions on `rule_ids`, feedback, then Success or Failure."""
+    """Return the schema of a verdict: opinions on `rule_ids`, feedback, Success or Failure."""
     fields: Schema = {}
     if rule_ids:
         one = _object({"id": _one_of(rule_ids), "verdict": _one_of(get_args(JudgeOpinion))})
@@ -316,7 +316,7 @@ def _action_schema(agents: Sequence[str], commands: Sequence[str]) -> Schema:
 
 
 def _commands_of(kind: AssetKind, frames: Sequence[str], verbs: Collection[Verb]) -> list[str]:
-    """Return every command that an asset of `kind` can carry out."""
+    """Return every command that assets of `kind` can carry out."""
     commands: list[str] = []
     for verb in verbs_of(kind, verbs):
         takes_frame = COMMANDS[verb].takes_frame

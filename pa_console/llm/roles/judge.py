@@ -25,16 +25,16 @@ class Judgement:
     error: str = ""
     usage: Usage = field(default_factory=Usage)
     confidence: float | None = None
-    """The chance, 0 to 1, that it gave to the beginning of its answer, where that was asked for
-    by itself: to what it says was asked."""
+    """The confidence in the reading at the beginning of the answer, 0 to 1; None unless the
+    beginning was requested separately."""
 
 
 @dataclass(frozen=True)
 class JudgeQuestion:
-    """A prompt for the judge and the grammar of its answer; opinions are wanted on `rule_ids`.
+    """A prompt for the judge and the grammar of its answer, with opinions on `rule_ids`.
 
-    `role` says whose fixed part the prompt begins with: of plans, or of outcomes. Nobody waits for
-    a verdict on an outcome: it yields to every other prompt.
+    `role` selects the fixed part of the prompt: for plans or for outcomes. No caller waits for a
+    verdict on an outcome, so it yields to every other prompt.
     """
 
     role: Literal["judge", "outcome"]
@@ -42,10 +42,10 @@ class JudgeQuestion:
     grammar: str
     rule_ids: tuple[str, ...] = ()
     goes_on: Callable[[str], str] | None = None
-    """The grammar of the whole answer, for its beginning, if `grammar` is of the beginning
-    alone."""
+    """A function from the answer's beginning to the grammar of the whole answer; None if `grammar`
+    already covers the whole answer."""
     hint: str = ""
-    """The planner's reading, which the answer may repeat. It saves time only; the judge writes the
+    """The planner's reading, which the answer may repeat. It only saves time; the judge writes the
     same answer without it."""
     schema: Schema | None = None
     """The JSON schema for a model on a server, in place of `grammar`."""
@@ -60,9 +60,9 @@ class OrderReading:
     usage: Usage = field(default_factory=Usage)
     confidence: float | None = None
     text: str = ""
-    """The whole answer, as far as it came."""
+    """The received part of the answer."""
     fatal: bool = False
-    """True if asking again would not help."""
+    """True if another attempt would not help."""
 
 
 class Judge:
@@ -79,7 +79,7 @@ class Judge:
         return self._engine.name
 
     async def judge(self, asked: JudgeQuestion, on_text: OnText | None = None) -> Judgement:
-        """Return the answer, which `on_text` gets in pieces; never raises EngineError."""
+        """Return the judgement; `on_text` gets the answer in pieces. Never raises EngineError."""
         grammar, said = asked.grammar, ""
         begun: ModelAnswer | None = None
         if asked.goes_on is not None:
@@ -97,7 +97,7 @@ class Judge:
         return Judgement(whole.text, verdict, error, begun.usage.going_on(whole.usage), sure)
 
     async def read(self, asked: JudgeQuestion) -> OrderReading:
-        """Return what the answer begins with: what was asked; never raises EngineError."""
+        """Return the judge's reading, the beginning of its answer; never raises EngineError."""
         begun = await self._ask(asked, asked.grammar)
         if begun.error:
             return OrderReading("", begun.error, begun.usage)
@@ -109,7 +109,7 @@ class Judge:
     async def _ask(
         self, asked: JudgeQuestion, grammar: str, begun: str = "", on_text: OnText | None = None
     ) -> ModelAnswer:
-        """Ask for an answer that begins with `begun`, which `on_text` has got already."""
+        """Request an answer that begins with `begun`, which `on_text` already has."""
         request = Request(
             asked.role,
             asked.prompt.system,
@@ -131,7 +131,7 @@ class _Opinion(StrictModel):
 
 
 class _JudgeAnswer(StrictModel):
-    """The JSON that the judge writes, opinions first so that the verdict rests on them.
+    """The JSON answer of the judge; opinions come first, so that the verdict rests on them.
 
     A short verdict has only the ids of violated rules, after the feedback.
     """
@@ -143,9 +143,9 @@ class _JudgeAnswer(StrictModel):
 
 
 def read_verdict(text: str, rule_ids: Sequence[str] = ()) -> tuple[Verdict | None, str]:
-    """Return the verdict that `text` holds, or None and the first thing wrong with it.
+    """Return the verdict in `text`, or None and the first problem with it.
 
-    In a short verdict, those of `rule_ids` that are not named as violated comply.
+    In a short verdict, rules of `rule_ids` that are not listed as violated comply.
     """
     try:
         answer = _JudgeAnswer.model_validate_json(text)

@@ -1,4 +1,4 @@
-"""The planner role: a prompt in, text as it comes, then a plan or why there is none."""
+"""The planner role: a prompt in; text in pieces, then a plan or the reason for its absence, out."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -16,15 +16,15 @@ from pa_console.schema.plan import Action, Plan
 
 MAX_TOKENS = 700
 REASON_TOKENS = 114
-"""The longest reason that is written to see what else was asked."""
+"""The token limit of a reason that is written to find other readings."""
 DEADLINE_S = 60.0
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """The planner's whole answer; `plan` None means hold, `error` says why.
+    """The planner's whole answer; `plan` None means hold, with the reason in `error`.
 
-    `fatal` means that asking again would not help: cancelled, too late, or the engine failed.
+    `fatal` means that another attempt would not help: cancelled, too late, or an engine failure.
     """
 
     text: str
@@ -46,7 +46,7 @@ class Planner:
 
     @property
     def reader(self) -> ClauseReader:
-        """The same model, asked for no more than what an order asks."""
+        """A reader with the same model, which states only the reading of an order."""
         return ClauseReader(self._engine, "planner", deadline_s=self._deadline_s)
 
     async def plan(
@@ -56,9 +56,9 @@ class Planner:
         on_text: OnText | None = None,
         schema: Schema | None = None,
     ) -> Proposal:
-        """Return the answer, which `on_text` gets in pieces; never raises EngineError.
+        """Return the proposal; `on_text` gets the answer in pieces. Never raises EngineError.
 
-        A model on a server is held to `schema`, as far as it can be, and not to `grammar`.
+        A model on a server is constrained by `schema`, as far as it can be, and not by `grammar`.
         """
         request = self._request(prompt, grammar, schema=schema)
         answer = await ask_model(self._engine, request, on_text)
@@ -74,8 +74,8 @@ class Planner:
     ) -> tuple[list[Proposal], Usage]:
         """Return up to `count` other plans for `prompt`, the likeliest first.
 
-        They begin with the part `begun` of the most likely answer. The usage is of all of them
-        together; that of each Proposal is empty. Never raises EngineError.
+        They begin with `begun`, the beginning of the most likely answer. The usage covers all of
+        them; that of each Proposal is empty. Never raises EngineError.
         """
         request = self._request(prompt, grammar, count=count, begun=begun)
         answer = await ask_model(self._engine, request)
@@ -91,9 +91,9 @@ class Planner:
     ) -> tuple[list[str], Usage]:
         """Return the planner's other readings of `prompt`, the likeliest first.
 
-        The beginnings of `count` reasons that match `reasons` are written besides the most likely
-        one, which they leave before the end of its beginning `within`. Each reading in them is
-        given once, in its canonical words. Never raises EngineError.
+        The beginnings of `count` reasons that match `reasons` are written in addition to the most
+        likely one. They differ from that one before the end of its beginning `within`. Each reading
+        is returned once, in its canonical words. Never raises EngineError.
         """
         asked = self._request(prompt, reason_grammar(reasons), count=count)
         most = min(self._max_tokens, REASON_TOKENS)
@@ -119,9 +119,9 @@ class Planner:
 
 
 def read_plan(text: str) -> tuple[Plan | None, str]:
-    """Return the plan that `text` holds, or None and the first thing wrong with it.
+    """Return the plan in `text`, or None and the first problem with it.
 
-    Words around the JSON object, or a fence, do not matter: without a grammar models write them.
+    Words around the JSON object, or a fence, are ignored: models without a grammar write them.
     """
     begin = text.find("{")
     try:

@@ -1,12 +1,12 @@
-"""The prompts of planner and judge (paper, Step 5): fixed text first, what changes last.
+"""The prompts of planner and judge (paper, Step 5): fixed text first, changing text last.
 
-The order keeps the model's KV cache useful. Mission text comes from outside: it is written as a
-JSON string, whose closing quote it cannot forge, and never reaches the fixed part.
+This order lets the model's KV cache be reused. Mission text comes from outside: it is written as a
+JSON string, whose closing quote it cannot forge, and is never in the fixed part.
 
-Adapters are trained on compact prompts: the same facts, no instructions, no examples, in the order
-world, picture, rules, mission. World and picture can be read ahead while the operator types
-(`ahead`); after Enter only the retrieved rules and the mission's words remain. In these, assets and
-places stand under their own names, however the operator said them.
+Adapters are trained on compact prompts: the same facts without instructions or examples, in the
+order world, picture, rules, mission. World and picture can be read ahead while the operator types
+(`ahead`); after Enter, only the retrieved rules and the mission's words remain. In the mission's
+words, assets and places have their own names, whatever words the operator used.
 """
 
 import json
@@ -27,12 +27,12 @@ from pa_console.schema.telemetry import Digest
 from pa_console.schema.world import PLAIN_KINDS, World
 
 FEW_FRAMES = 24
-"""The number of frames from which every prompt names only the relevant ones."""
+"""The number of frames above which a prompt has only the relevant ones."""
 MOST_PROBLEMS = 24
 
 
 def command_vocabulary(world: World) -> str:
-    """Return who may do what and the frames of `world`, if they are few; it never changes."""
+    """Return the commands of each kind of asset, and the frames of `world` if they are few."""
     lines = ["Commands"]
     for verb, spec in COMMANDS.items():
         kinds = sorted(PLAIN_KINDS[kind] for kind in spec.kinds)
@@ -44,7 +44,7 @@ def command_vocabulary(world: World) -> str:
 
 
 def frames(world: World, digest: Digest) -> list[str]:
-    """Return a line with the frames that matter now, where `vocabulary` does not list them."""
+    """Return a line with the relevant frames if `command_vocabulary` does not list them."""
     if len(world.frames) <= FEW_FRAMES:
         return []
     chosen = digest.selection.frames if digest.selection is not None else tuple(world.frames)
@@ -52,7 +52,7 @@ def frames(world: World, digest: Digest) -> list[str]:
 
 
 def picture_facts(digest: Digest) -> str:
-    """Return the digested picture (paper, Step 4) but for the free assets."""
+    """Return the digested picture (paper, Step 4) without the free assets."""
     guards = "; ".join(f"{name} at {gate}" for gate, name in digest.sole_cover.items()) or "none"
     lines = [
         *line_if_any("Unknown", digest.unknown),
@@ -67,17 +67,17 @@ def picture_facts(digest: Digest) -> str:
 
 
 def low_battery(digest: Digest) -> list[str]:
-    """Return a line that names the assets low on battery, if any."""
+    """Return a line with the assets low on battery, if any."""
     return line_if_any("Low battery", digest.low_battery)
 
 
 def line_if_any(label: str, words: Sequence[str], due: str = "") -> list[str]:
-    """Return one line, or none without facts."""
+    """Return one line, or none if `words` is empty."""
     return [f"{label}: {'; '.join(words)}{due}"] if words else []
 
 
 def free_assets(digest: Digest) -> str:
-    """Return the assets that may leave their place, per kind."""
+    """Return the assets that may leave their place, by kind."""
     return "Free: " + "; ".join(
         f"{PLAIN_KINDS[kind]} {_list(_placed(digest, name) for name in names)}"
         for kind, names in digest.free.items()
@@ -85,7 +85,7 @@ def free_assets(digest: Digest) -> str:
 
 
 def _placed(digest: Digest, name: str) -> str:
-    """Return the asset, and which gate it covers together with others."""
+    """Return the asset, with the gate that it covers together with others."""
     place = digest.posts.get(name, "").rpartition(" at ")[2]
     return f"{name} (at {place})" if place in digest.covered else name
 
@@ -94,7 +94,7 @@ NO_PROBLEM = "no problem, so every rule complies"
 
 
 def plan_facts(world: World, plan: Plan) -> str:
-    """Return the actions of `plan` with the kind of each asset; its reason is not evidence."""
+    """Return the actions of `plan` with each asset's kind; the plan's reason is not evidence."""
     return (
         "; ".join(
             f"{PLAIN_KINDS[world.assets[action.agent].kind]} {action.agent} {action.command}"
@@ -105,7 +105,7 @@ def plan_facts(world: World, plan: Plan) -> str:
 
 
 def rehearsal_facts(world: World, rehearsal: Rehearsal) -> str:
-    """Return what became of the tracks, then what went wrong when the plan was rehearsed."""
+    """Return the results of a rehearsal: what happened to the tracks, then the problems."""
     timeline = rehearsal.timeline
     problems: list[str] = []
     restored: list[str] = []
@@ -166,16 +166,16 @@ class Prompt:
 
     @property
     def tokens(self) -> int:
-        """About the number of tokens, not too few where names are words and numbers.
+        """An estimate of the number of tokens, not too low for names of words and numbers.
 
-        Compared with the tokenizers of the models that are trained for the console.
+        It was compared with the tokenizers of the models that are trained for the console.
         """
         pieces = sum(1 for _ in _PIECE.finditer((self.system + self.user).encode()))
         return math.ceil(pieces * _PIECES_TO_TOKENS)
 
 
 _PIECE = re.compile(rb"[A-Z]?[a-z]{1,5}|[^ a-z]")
-"""A short word or a part of one, a digit, a mark."""
+"""A short word or a part of one, a digit, or a mark."""
 _PIECES_TO_TOKENS = 1.1
 
 
@@ -300,7 +300,7 @@ mission was served and every gate stayed covered, else Failure.
 
 
 def fixed_part(role: Role, world: World) -> str:
-    """Return what every prompt of `role` begins with; the engine can read it ahead."""
+    """Return the beginning of every prompt of `role`; the engine can read it ahead."""
     if role == "judge":
         return JUDGE
     return (PLANNER if role == "planner" else OUTCOME) + "\n" + command_vocabulary(world)
@@ -314,7 +314,7 @@ def planner_prompt(  # noqa: PLR0917
     repair: Sequence[str] = (),
     previous: str = "",
 ) -> Prompt:
-    """Return the planner's prompt; `repair` says what was wrong with the `previous` answer."""
+    """Return the planner's prompt; `repair` lists the faults of the `previous` answer."""
     user = [
         _rules(rules),
         *frames(world, digest),
@@ -337,7 +337,7 @@ def judge_prompt(  # noqa: PLR0917
     plan: Plan,
     rehearsal: Rehearsal,
 ) -> Prompt:
-    """Return the judge's prompt, which is independent: it leaves out the safeguards' findings.
+    """Return the judge's prompt. It is independent of the safeguards' findings.
 
     Of the picture, it has only the low batteries: a small model mistakes a line about guards or
     failed assets for a fault of the plan. The rehearsal covers the relevant rest.
@@ -368,7 +368,7 @@ def outcome_prompt(
 
 
 def _rules(rules: Sequence[Rule]) -> str:
-    """Return the rules, the critical ones first and by id: they are the same every time."""
+    """Return the rules: critical ones first, by id, so that they are always in the same order."""
     pinned = sorted((rule for rule in rules if rule.priority == "critical"), key=lambda r: r.id)
     others = [rule for rule in rules if rule.priority != "critical"]
     lines = [f"{rule.id}: {' '.join(rule.text.split())}" for rule in (*pinned, *others)]
@@ -376,7 +376,7 @@ def _rules(rules: Sequence[Rule]) -> str:
 
 
 def mission_line(text: str) -> str:
-    """Return the mission's words as one line that nothing in them can end."""
+    """Return the mission's words as one line that none of its characters can end."""
     return f"Mission: {json.dumps(' '.join(text.split()), ensure_ascii=False)}"
 
 
@@ -386,8 +386,8 @@ SYSTEM = "You are the decision engine of a checkpoint's edge command center."
 def paper_prompt(world: World, digest: Digest, rules: Sequence[Rule], mission: Mission) -> Prompt:
     """Return mission command, instruction, state, retrieved context and output format, in order.
 
-    The paper shows its prompt in simplified form only: the command templates that it speaks of
-    are ours, and a device's state is where it stands and what it does.
+    The paper shows its prompt only in simplified form. The command templates that it mentions are
+    ours, and a device's state is its place and task.
     """
     state = [f"{name}: {post}" for name, post in digest.posts.items()]
     state += [f"{name}: unavailable" for name in digest.down]
@@ -419,11 +419,11 @@ TASKS: dict[Role, str] = {
     "outcome": "Judge the outcome.",
 }
 MOST_RULES = 2
-"""The number of quoted rules: those that fit the mission's words best."""
+"""The number of quoted rules, those that fit the mission's words best."""
 
 
 def compact_fixed(role: Role, world: World) -> str:
-    """Return what every compact prompt of `role` in `world` begins with."""
+    """Return the beginning of every compact prompt of `role` in `world`."""
     lines = [TASKS[role]]
     if len(world.frames) <= FEW_FRAMES:
         posts = [name for name, frame in world.frames.items() if frame.kind == "post"]
@@ -436,7 +436,7 @@ def compact_fixed(role: Role, world: World) -> str:
 def compact_picture(world: World, digest: Digest) -> str:
     """Return the digested picture (paper, Step 4); it ends with a newline.
 
-    Every fact follows the name that it is about, by place, by asset and by kind, because a small
+    Every fact follows the name that it concerns, by place, by asset and by kind, because a small
     model finds facts after a name far better than before it. Planner and judge get the same text,
     so either prompt can be read ahead before the mission is known.
     """
@@ -447,7 +447,7 @@ def compact_picture(world: World, digest: Digest) -> str:
 
 
 def picture_prefix(role: Role, world: World, digest: Digest) -> Prompt:
-    """Return the beginning of every prompt of `role` while the picture stays as it is."""
+    """Return the beginning of every prompt of `role` while the picture does not change."""
     return Prompt(compact_fixed(role, world), compact_picture(world, digest))
 
 
@@ -456,8 +456,8 @@ def typed_prefix(
 ) -> Prompt:
     """Return the beginning of a prompt of `role` for a mission that begins with `words`.
 
-    `rules` are those retrieved for them: as long as the whole mission's are the same, only the
-    words that are missing remain to be read.
+    `rules` are the rules retrieved for `words`. If the whole mission retrieves the same rules, the
+    model has only the remaining words left to read.
     """
     start = picture_prefix(role, world, digest)
     begun = _mission(world, words).removesuffix('"')
@@ -472,7 +472,7 @@ def compact_planner_prompt(  # noqa: PLR0917
     repair: Sequence[str] = (),
     previous: str = "",
 ) -> Prompt:
-    """Return the planner's prompt; `repair` says what was wrong with the `previous` answer."""
+    """Return the planner's prompt; `repair` lists the faults of the `previous` answer."""
     lines = [*_rules_held(rules), *_said(world, mission)]
     if repair:
         lines.append(f"Previous answer: {previous}")
@@ -489,9 +489,9 @@ def compact_judge_prompt(
     _plan: Plan,
     _rehearsal: Rehearsal,
 ) -> Prompt:
-    """Return the judge's prompt, without the plan: who has seen one finds it in every order.
+    """Return the judge's prompt without the plan: a judge that sees a plan reads it into any order.
 
-    What is planned comes into the answer, after what was asked.
+    The planned actions are added to the answer, after the reading.
     """
     start = picture_prefix("judge", world, digest)
     lines = [*_rules_held(rules), *_said(world, mission)]
@@ -512,7 +512,7 @@ def compact_outcome_prompt(
 
 
 def _said(world: World, mission: Mission) -> Iterator[str]:
-    """Yield the mission's words, after the commands of the order before if they lean on it."""
+    """Yield the mission's words, after the previous order's commands if they refer to it."""
     if mission.follows:
         yield f"Before: {mission.follows}"
     yield _mission(world, mission.text)
@@ -523,7 +523,7 @@ def _mission(world: World, words: str) -> str:
 
 
 def _places(digest: Digest) -> Iterator[str]:
-    """Yield who stands where: gates first, `alone` for a gate's only cover."""
+    """Yield the assets at each place: gates first, `alone` for a gate's only cover."""
     for frame, names in standing(digest).items():
         words = ", ".join(names) or "nobody"
         if frame in digest.uncovered:
@@ -534,7 +534,7 @@ def _places(digest: Digest) -> Iterator[str]:
 
 
 def _contacts(digest: Digest) -> Iterator[str]:
-    """Yield the tracks at each gate, each with its identity in a word."""
+    """Yield the tracks at each gate, each with its identity as one word."""
     there: dict[str, list[str]] = {gate: [] for gate in digest.covered}
     for line in digest.tracks:
         name, _, facts = line.partition(": ")
@@ -545,7 +545,7 @@ def _contacts(digest: Digest) -> Iterator[str]:
 
 
 def _assets(world: World, digest: Digest) -> Iterator[str]:
-    """Yield every asset with its state, its kind and where it stands or goes."""
+    """Yield every asset with its state, kind, and place or destination."""
     for name in (*digest.posts, *digest.down):
         kind = PLAIN_KINDS[world.assets[name].kind]
         where = digest.posts.get(name, "").partition(" ")[2]
@@ -554,12 +554,12 @@ def _assets(world: World, digest: Digest) -> Iterator[str]:
 
 
 def _free(digest: Digest) -> Iterator[str]:
-    """Yield the assets that may leave their place, per kind, best first."""
+    """Yield the assets that may leave their place, by kind, best first."""
     for kind, names in digest.free.items():
         yield f"Free {PLAIN_KINDS[kind]}: {', '.join(names) or 'none'}"
 
 
 def _rules_held(rules: Sequence[Rule]) -> list[str]:
-    """Return the retrieved rules in few words; those in force always are known by heart."""
+    """Return the retrieved rules as lines, except critical ones, which the model has learnt."""
     quoted = [rule for rule in rules if rule.priority != "critical"][:MOST_RULES]
     return [f"{rule.id}: {' '.join(rule.text.split())}" for rule in quoted]

@@ -1,7 +1,7 @@
 """A model in the roles of planner and judge, and the format of its prompts.
 
-A model without adapters needs instructions and examples in every prompt. It writes a reading of an
-order alone (`clauses`), or the plan itself (`examples`). One with adapters was trained on short
+A model without adapters needs instructions and examples in every prompt. It writes only a reading
+of an order (`clauses`), or the plan itself (`examples`). A model with adapters was trained on short
 prompts and short verdicts (`prompts.py`).
 """
 
@@ -43,7 +43,7 @@ PromptFormatName = Literal["examples", "clauses", "compact"]
 
 @dataclass(frozen=True)
 class PromptFormat:
-    """The prompts of every role, the grammar of a verdict, and what can be read ahead of both."""
+    """The prompts of every role, the grammar of a verdict, and the parts that can be read ahead."""
 
     name: PromptFormatName
     planner: Callable[..., Prompt]
@@ -51,26 +51,26 @@ class PromptFormat:
     outcome: Callable[..., Prompt]
     verdict: Callable[..., str]
     reason: Callable[[World, Digest, str, str], Sequence[str]]
-    """The possible reasons of a plan for a mission in those words, as regular expressions that all
-    have to match; without any, anything. The last argument is the operator's reading, if there is
-    one."""
+    """The possible reasons of a plan for a mission with these words, as regular expressions that
+    must all match; if there are none, any reason is possible. The last argument is the operator's
+    reading, if there is one."""
     opening: Callable[[World, Digest, str, str], str] | None
-    """The grammar of how a verdict on a plan begins: with what a mission in those words asked, so
-    that the console can compare the plan with it; None: the judge compares on its own. The last
-    argument is as in `reason`."""
+    """The grammar of the beginning of a verdict on a plan: the reading of a mission with these
+    words, which the console compares with the plan. If it is None, the judge compares them. The
+    last argument is as in `reason`."""
     outcome_opening: str | None
     """The beginning of a verdict on an outcome without an earlier verdict on the plan."""
     ahead: Callable[[Role, World, Digest | None], Prompt]
-    """The beginning of a role's prompts that does not depend on a mission; without a picture in a
+    """The beginning of a role's prompts that does not depend on a mission; the picture is None in a
     world too large for the prompt."""
     typed: Callable[[Role, World, Digest, Sequence[Rule], str], Prompt] | None
-    """The same with the rules and the words of a mission being typed; None if the picture does not
-    come first, as nothing is gained then."""
+    """The beginning of a prompt with the rules and the words of a mission being typed. It is None
+    if the picture does not come first, because reading ahead then gains nothing."""
     plan_tokens: int
     verdict_tokens: int
-    """The longest answers; room for them is kept in the context."""
+    """The token limits of the answers; the context has room for them."""
     served: bool = False
-    """True if the planner writes a reading alone, and the console makes the plan."""
+    """True if the planner writes only a reading, and the console makes the plan."""
 
 
 def _fixed_only(role: Role, world: World, _digest: Digest | None) -> Prompt:
@@ -79,7 +79,7 @@ def _fixed_only(role: Role, world: World, _digest: Digest | None) -> Prompt:
 
 
 def _compact_ahead(role: Role, world: World, digest: Digest | None) -> Prompt:
-    """Return fixed part and picture; outcomes are judged in a picture that is yet to come."""
+    """Return fixed part and picture; the picture for an outcome does not exist yet."""
     if digest is None or role == "outcome":
         return Prompt(compact_fixed(role, world), "")
     return picture_prefix(role, world, digest)
@@ -90,7 +90,7 @@ def _compact_opening(world: World, digest: Digest, words: str, asked: str) -> st
 
 
 def _reader_ahead(role: Role, world: World, digest: Digest | None) -> Prompt:
-    """Return the clauses and the picture for a planner; its verdicts are those of `examples`."""
+    """Return clauses and picture for a planner; verdicts are those of `examples`."""
     if role == "planner":
         return reading_prefix(world, digest)
     return _fixed_only(role, world, digest)
@@ -141,9 +141,9 @@ PROMPT_FORMATS: dict[PromptFormatName, PromptFormat] = {
 
 
 def format_in(variant: Variant, prompts: PromptFormatName) -> PromptFormatName:
-    """Return the prompt format of a model whose entry has `prompts`, in an evaluation's `variant`.
+    """Return the prompt format for an entry with `prompts` in an evaluation's `variant`.
 
-    A trained model keeps its own; the paper's prompt asks for a plan.
+    A trained model keeps its own format; the paper's prompt asks for a plan.
     """
     if prompts == "compact":
         return prompts
@@ -152,7 +152,7 @@ def format_in(variant: Variant, prompts: PromptFormatName) -> PromptFormatName:
 
 @dataclass(frozen=True)
 class RoleModel:
-    """Planner and judge of one model; `server` is None for the session's own."""
+    """Planner and judge of one model; `server` is None for the session's own model."""
 
     planner: Planner
     judge: Judge
@@ -172,16 +172,16 @@ class RoleModel:
 
     @property
     def where(self) -> str:
-        """The model on a server, '' for the session's own."""
+        """The name of the model on a server, or '' for the session's own model."""
         return self.server.name if self.server is not None else ""
 
 
 class RoleAnswer(Protocol):
-    """The answer of a role, with the reason why it cannot be used, '' if it can."""
+    """The answer of a role; `error` is the reason why it cannot be used, or ''."""
 
     @property
     def error(self) -> str:
-        """The reason why the answer cannot be used."""
+        """The reason why the answer cannot be used, or ''."""
         ...
 
 
@@ -193,7 +193,7 @@ async def first_answer(
     ask: Callable[[RoleModel], Awaitable[AnswerT]],
     failed: Callable[[RoleModel, str], None],
 ) -> AnswerT:
-    """Return the first answer of `models`; the last model's answer is taken as it is.
+    """Return the first usable answer of `models`; the last model's answer is always returned.
 
     `failed` gets each model without an answer, and the reason. After an interruption, no other
     model is asked.

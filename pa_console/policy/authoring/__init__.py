@@ -1,1 +1,1 @@
-"""Writing rules: edit, save, compare, run their examples, find what is doubtful."""
+"""Tools for writing rules: edit, save, compare, run examples, lint."""

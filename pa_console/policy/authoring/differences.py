@@ -18,7 +18,7 @@ _WORD = re.compile(r"\s+|\w+|[^\w\s]")
 
 @dataclass(frozen=True)
 class FieldChange:
-    """One field that differs; None is a field that is not there, or has its default."""
+    """One field that differs; None means that the field is missing or has its default."""
 
     field: str
     before: object
@@ -27,10 +27,10 @@ class FieldChange:
 
 @dataclass(frozen=True)
 class Change:
-    """One rule, workflow or the set's own head that differs; `id` is empty for the head.
+    """A change to one rule, one workflow or the set's own head, whose `id` is empty.
 
-    `moved` is the same in another place among those that both sets have. A rule that is added or
-    removed has all its fields in `fields`.
+    `moved` is an unchanged entry at another place among those that both sets have. For an added or
+    removed rule, `fields` has all its fields.
     """
 
     part: Part
@@ -40,7 +40,7 @@ class Change:
 
 
 def compare_rules(before: RuleSet, after: RuleSet) -> tuple[Change, ...]:
-    """Return every difference, in the order of the files; none exactly when the hashes agree."""
+    """Return every difference, in the order of the files; none exactly if the hashes are equal."""
     head = tuple(_fields(plain_head(before), plain_head(after)))
     return (
         *((Change("set", "", "changed", head),) if head else ()),
@@ -58,7 +58,7 @@ def compare_rules(before: RuleSet, after: RuleSet) -> tuple[Change, ...]:
 
 
 def word_changes(before: str, after: str) -> list[Word]:
-    """Return `after` as it comes out of `before`, in stretches of words that joined give both."""
+    """Return the stretches of words that were kept, removed or added between the two texts."""
     old, new = _WORD.findall(before), _WORD.findall(after)
     stretches: list[Word] = []
     for kind, a, b, c, d in SequenceMatcher(None, old, new, autojunk=False).get_opcodes():
@@ -94,7 +94,7 @@ def _compare(part: Part, before: Mapping[str, Plain], after: Mapping[str, Plain]
 
 
 def _fields(before: Plain, after: Plain) -> Iterator[FieldChange]:
-    """Yield what differs; a field of which the same entries are in another order as a whole."""
+    """Yield the differing fields; a field whose entries are only reordered is yielded whole."""
     for name in (*before, *(name for name in after if name not in before)):
         a, b = before.get(name), after.get(name)
         if canonical(a) == canonical(b):
@@ -112,7 +112,7 @@ def _fields(before: Plain, after: Plain) -> Iterator[FieldChange]:
 
 
 def _leaves(place: str, value: object) -> Iterator[tuple[str, object]]:
-    """Yield what stands below `place`; the entries of a list go by their names if they have any."""
+    """Yield the values below `place`; list entries are identified by name if they have one."""
     if isinstance(value, dict) and value:
         for key, below in cast(dict[str, object], value).items():
             yield from _leaves(f"{place}.{key}", below)

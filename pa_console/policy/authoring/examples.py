@@ -1,28 +1,28 @@
-"""Runs the examples of a rule: plans and moments that must pass or fail together.
+"""The examples of a rule, plans and moments that must pass or fail, and how they are run.
 
-They are stated in a small checkpoint, `WORLD`. All assets stand at their posts, fully charged;
+They refer to a small checkpoint, `WORLD`. All assets stand at their posts, fully charged;
 every gate is covered by exactly one asset; no track is known. Frames are the corners of a cross,
 50 m from the checkpoint.
-Each entry of `moments` says what changes from the moment before. The first changes an uneventful
-one at the example checkpoint: every gate covered, no tracks, no orders.
+Each entry of `moments` lists the changes since the previous moment. The first entry changes an
+uneventful moment at the example checkpoint: every gate covered, no tracks, no orders.
 
-at       time in seconds; without it a second has passed
-tracks   facts of tracks, e.g. {V1: {gate: WestGate, observed: true}}; {V1: null} takes it away
+at       time in seconds; by default, one second later than the previous moment
+tracks   facts of tracks, e.g. {V1: {gate: WestGate, observed: true}}; {V1: null} removes V1
 covered  whether gates are covered, e.g. {SouthGate: false}
 up       whether the plan's assets are available, e.g. {Robot_T01: false}
 orders   all orders under way, e.g. [[Ugv_T02, block WestGate], [Drone_T04, hold, done]]
 
-A track of which no more than its gate is said is unknown, approaching, unobserved and unwarned.
+A track with no fact but its gate is unknown, approaching, unobserved and unwarned.
 
-`given` says how the situation differs from the example checkpoint:
+`given` lists the differences of the situation from the example checkpoint:
 
 assets    facts of assets before the plan, e.g. {Drone_T03: {status: failed}}
 tracks    tracks before the plan, e.g. {V1: {gate: WestGate, identity: unknown}}
-gates     cover before the plan, where it does not follow from the assets
-after     facts of the picture after the plan, laid over what the plan would bring about
-timeline  facts of the rehearsal, laid over an uneventful one
-sightings what was seen before, e.g. [{track: V1, place: Depot, noncombatants: true, age_s: 40}];
-          of a track that is known at present, its present facts count
+gates     cover before the plan, if it does not follow from the assets
+after     facts of the picture after the plan, in place of those that the plan would lead to
+timeline  facts of the rehearsal, in place of those of an uneventful one
+sightings earlier detections, e.g. [{track: V1, place: Depot, noncombatants: true, age_s: 40}];
+          for a track that is still known, its present facts are used instead
 """
 
 import copy
@@ -97,14 +97,26 @@ WORLD = World(
 )
 
 _UNKNOWN_ASSET = AssetSpec(kind="uav", post="Checkpoint")
-"""Stands for an asset that only an example has."""
+"""The specification of an asset that only an example has."""
+
+CHANGES = ("at", "tracks", "covered", "up", "orders")
+STEP_S = 1.0
+_UNKNOWN: Values = {
+    "identity": "unknown",
+    "intent": "unknown",
+    "status": "approaching",
+    "observed": False,
+    "warned": False,
+}
+GIVEN = ("assets", "tracks", "gates", "after", "timeline", "sightings")
+MISSION_TEXT = "Secure the checkpoint."
 
 
 def situation(given: Values, world: World = WORLD) -> Values:
-    """Return the picture of `given` assets, tracks and gates as plain values.
+    """Return the picture of the `given` assets, tracks and gates as plain values.
 
-    `available`, `low_battery` and the cover of each gate follow from the assets unless `given`
-    says otherwise; a track needs no more than its gate.
+    `available`, `low_battery` and the cover of each gate follow from the assets unless `given` has
+    them; a track needs only its gate.
     """
     picture: Values = {"tick": 0, "time_s": 100.0, "assets": {}, "tracks": {}, "gates": {}}
     assets: Values = given.get("assets", {})
@@ -131,7 +143,7 @@ def covers(picture: Values, world: World) -> Values:
 
 
 def carried_out(before: Values, plan: Plan, world: World) -> Values:
-    """Return the picture when every action that can be done has been done."""
+    """Return the picture after all possible actions of the plan."""
     after = copy.deepcopy(before)
     after["time_s"] += DURATION_S
     for action in plan.actions:
@@ -144,7 +156,7 @@ def carried_out(before: Values, plan: Plan, world: World) -> Values:
 
 
 def example_timeline(before: Values, after: Values, plan: Plan, world: World) -> Values:
-    """Return the timeline between two pictures: UAVs arrive after RECON_S, others CONTACT_S."""
+    """Return the timeline of a plan: UAVs arrive after RECON_S, others after CONTACT_S."""
     lost = {gate for gate in world.gates if not after["gates"][gate]["covered"]}
     return {
         "duration_s": DURATION_S,
@@ -166,7 +178,7 @@ def example_timeline(before: Values, after: Values, plan: Plan, world: World) ->
 
 
 def overlay(base: Values, over: Values) -> Values:
-    """Return `base` with the values of `over` laid over it, mappings merged at every depth."""
+    """Return `base` with the values of `over` on top; mappings are merged at every depth."""
     merged = dict(base)
     for key, value in over.items():
         below = merged.get(key)
@@ -205,7 +217,7 @@ def _track(world: World, name: str, facts: Values) -> Values:
 
 
 def _outside(gate: Point) -> Point:
-    """Return the position TRACK_DISTANCE_M outside of `gate`, seen from the middle."""
+    """Return the position TRACK_DISTANCE_M outside `gate`, away from the centre."""
     stretch = 1.0 + TRACK_DISTANCE_M / max(math.hypot(*gate), 1.0)
     return (gate[0] * stretch, gate[1] * stretch)
 
@@ -233,14 +245,10 @@ def _outcome(action: Action, before: Values, world: World) -> Values:
     return {"finished": not detail, "detail": detail, "least_battery_pct": asset["battery_pct"]}
 
 
-CHANGES = ("at", "tracks", "covered", "up", "orders")
-STEP_S = 1.0
-
-
 def run_moments(entry: CompiledRule, example: RuleExample) -> Finding:
-    """Return what the orderings of `entry` find over the moments of `example`, end included.
+    """Return the finding of the orderings of `entry` over the moments and end of `example`.
 
-    Raises what `example_moments` raises.
+    Raises the errors of `example_moments`.
     """
     monitor = Monitor(Rulebook("example", "", (entry,)), WORLD)
     found = [new for now in example_moments(example) for new in monitor.observe(now)]
@@ -285,15 +293,6 @@ def _changed(state: Values, change: Values) -> Values:
     return after
 
 
-_UNKNOWN: Values = {
-    "identity": "unknown",
-    "intent": "unknown",
-    "status": "approaching",
-    "observed": False,
-    "warned": False,
-}
-
-
 def _order(words: Iterable[object]) -> Values:
     agent, command, *rest = cast("list[str]", list(words))
     action = Action(agent=agent, command=command)
@@ -302,15 +301,13 @@ def _order(words: Iterable[object]) -> Values:
     return {"agent": agent, "kind": kind, "verb": action.verb, "target": target, "done": done}
 
 
-GIVEN = ("assets", "tracks", "gates", "after", "timeline", "sightings")
-MISSION_TEXT = "Secure the checkpoint."
 _SIGHTINGS: TypeAdapter[list[TrackSighting]] = TypeAdapter(list[TrackSighting])
 
 
 def run_example(rule: Rule, example: RuleExample) -> Finding:
-    """Return what the check of `rule`, or its orderings, find for `example`.
+    """Return the finding of `rule`, by its check or its orderings, for `example`.
 
-    An example that makes no sense, or a check that does not compile, is a finding of status error.
+    An inconsistent example, or a check that does not compile, gives a finding with status error.
     """
     try:
         entry = compile_rule(rule)
@@ -334,13 +331,13 @@ def run_example(rule: Rule, example: RuleExample) -> Finding:
 
 
 def example_plan(example: RuleExample) -> Plan:
-    """Return the plan of `example`; raises ValidationError for one that is not well-formed."""
+    """Return the plan of `example`; raises ValidationError if it is not well-formed."""
     actions = [{"agent": agent, "command": command} for agent, command in example.plan]
     return Plan.model_validate_json(json.dumps({"reason": example.reason, "actions": actions}))
 
 
 def example_rehearsal(example: RuleExample, plan: Plan) -> Rehearsal:
-    """Return the situation of `example` and what its plan brings about.
+    """Return the situation of `example` and the consequences of its plan.
 
     Raises ValueError for an unknown key of `given`, ValidationError for an impossible fact.
     """
@@ -352,7 +349,7 @@ def example_rehearsal(example: RuleExample, plan: Plan) -> Rehearsal:
 
 
 def rehearsal_in(world: World, given: Values, plan: Plan) -> Rehearsal:
-    """Return the `given` situation in `world` and what `plan` brings about in it.
+    """Return the `given` situation in `world` and the consequences of `plan` in it.
 
     Raises ValidationError for an impossible fact.
     """
@@ -364,9 +361,9 @@ def rehearsal_in(world: World, given: Values, plan: Plan) -> Rehearsal:
 
 
 def example_sightings(example: RuleExample, now_s: float) -> Sightings:
-    """Return the sightings before the plan of `example`, whose picture is of `now_s`.
+    """Return the sightings before the plan of `example`; `now_s` is the time of its picture.
 
-    Raises TypeError for entries that are no mappings, ValidationError for an impossible fact.
+    Raises TypeError for entries that are not mappings, ValidationError for an impossible fact.
     """
     facts: list[Any] = []
     for entry in example.given.get("sightings", ()):

@@ -1,7 +1,7 @@
 """Lint of a rule set that can be loaded: gaps, repetitions, disagreements.
 
-Missing names in a check are found by parsing; words that do not retrieve a rule are found by
-paraphrases from the retrieval vocabulary, so that the method fits any rule.
+Unknown names in a check are found by parsing. Rules that are hard to retrieve are found by
+paraphrases from the retrieval vocabulary, so that the method works for any rule.
 """
 
 import re
@@ -33,11 +33,22 @@ _PART = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 _LOOKED_UP = re.compile(r"\b(gates|assets)\s*\[\s*['\"](\w+)['\"]\s*\]")
 
 _GENERAL = re.compile(r"(?i)\bassets?\b")
-"""A text that has it speaks of kinds that it does not name."""
+"""A text with this word refers to kinds that it does not name."""
+
+FOUND_AMONG = 3
+"""The number of rules retrieved for a mission in addition to the pinned ones (paper, Step 3)."""
+
+FEWEST = 0.5
+"""The share of a rule's paraphrases that must retrieve it."""
+NEAR = 88.0
+"""The likeness, in percent and in any word order, from which texts are near-duplicates."""
+
+CONFLICTS_OF = 10
+"""One situation is searched for a contradiction per this many drawn states."""
 
 
 class NameLint:
-    """Knows how a world's names are written: `NorthGate` is also "the north gate"."""
+    """Compares names in rules with those of a world; `NorthGate` may be "the north gate"."""
 
     def __init__(self, world: World) -> None:
         self._world = world.name
@@ -46,12 +57,12 @@ class NameLint:
         self._kinds = tuple(world.platforms)
 
     def named(self, rules: Iterable[Rule]) -> frozenset[str]:
-        """Return the assets and gates that texts or expressions of `rules` name."""
+        """Return the assets and gates named in texts or expressions of `rules`."""
         whole = "\n".join(f"{rule.text}\n{_expressions(rule)}" for rule in rules)
         return frozenset(name for name, spelling in self._named.items() if spelling.search(whole))
 
     def doubts(self, rule: Rule) -> Iterator[Doubt]:
-        """Yield where text and expressions disagree, and names that the world does not have."""
+        """Yield disagreements of text and expressions, and names that the world does not have."""
         code = _expressions(rule)
         if not code:
             return
@@ -78,7 +89,7 @@ class NameLint:
 
 
 def _spelling(name: str) -> Pattern[str]:
-    """Return what finds `name` in a sentence; one of a single word must have its capitals."""
+    """Return a pattern for `name` in a sentence; a single-word name must have its capitals."""
     parts = _PART.findall(name)
     joined = r"[\s_-]*".join(map(re.escape, parts)) if parts else re.escape(name)
     return re.compile(rf"\b{joined}\b", re.IGNORECASE if len(parts) > 1 else re.NOFLAG)
@@ -96,15 +107,8 @@ def _list(names: set[str]) -> str:
     return ", ".join(sorted(names)) or "none"
 
 
-FOUND_AMONG = 3
-"""The number of rules retrieved for a mission beside the pinned ones (paper, Step 3)."""
-
-FEWEST = 0.5
-"""The share of a rule's paraphrases that has to retrieve it."""
-
-
 class Paraphraser:
-    """Makes paraphrases of rules; equal rules give equal paraphrases."""
+    """Paraphrases rules; equal rules give equal paraphrases."""
 
     def __init__(self) -> None:
         """Take synonyms from the installed vocabulary."""
@@ -113,10 +117,10 @@ class Paraphraser:
         self._members = tuple(known.groups.values())
 
     def paraphrases(self, rule: Rule) -> dict[str, str]:
-        """Return other words for `rule` by how they were made.
+        """Return paraphrases of `rule` by how they were made.
 
-        Its words backwards, every other one left out, half of them or all replaced by synonyms,
-        its tags, and the missions of its examples.
+        They are its words in reverse, parts of its words, its words with half of them replaced by
+        synonyms, its tags, and the missions of its examples.
         """
         words = [word for word in words_of(rule.text) if word not in self._groups.ignored]
         other = [self._synonym(word, number) for number, word in enumerate(words)]
@@ -135,7 +139,7 @@ class Paraphraser:
         return made
 
     def _synonym(self, word: str, number: int) -> str:
-        """Return another word of the group that `word` fits best, itself if there is none."""
+        """Return another word of the group that `word` fits best, or `word` if there is none."""
         fit = self._groups.fit(word)
         if not len(fit) or not fit.any():
             return word
@@ -144,10 +148,10 @@ class Paraphraser:
 
 
 def hard_to_retrieve(rules: Sequence[Rule]) -> Iterator[Doubt]:
-    """Yield the rules that less than FEWEST of their paraphrases find among FOUND_AMONG.
+    """Yield rules that are among the first FOUND_AMONG for less than FEWEST of their paraphrases.
 
-    Critical rules are always shown to the models, and so are never hard to retrieve; nor are those
-    that no model is given. A rule that its own text does not find needs no paraphrase.
+    Critical rules are never hard to retrieve, because the models always see them. Rules that are
+    not shown to models are left out, and so are rules that their own text does not find.
     """
     made = Paraphraser()
     retriever = Retriever(rules)
@@ -180,12 +184,6 @@ def _mixed(words: Sequence[str], other: Sequence[str], odd: int) -> list[str]:
     ]
 
 
-NEAR = 88.0
-"""The likeness, in percent and in any word order, at which texts are nearly the same."""
-
-CONFLICTS_OF = 10
-"""The number of drawn states for each situation that is searched for a contradiction."""
-
 Severity = Literal["error", "warning", "note"]
 _SEVERITY: Mapping[str, Severity] = {
     "contradiction": "error",
@@ -197,9 +195,9 @@ _SEVERITY: Mapping[str, Severity] = {
 
 @dataclass(frozen=True)
 class LintFinding:
-    """One doubt about a rule: where, what, and what to do; `line` is 1-based.
+    """A doubt about a rule: its line, the problem and the remedy; `line` is 1-based.
 
-    An error keeps the rule from doing what it is for, a warning may; a note is no fault by itself.
+    An error keeps the rule from doing its job; a warning may do so; a note is no fault by itself.
     """
 
     rule: str
@@ -212,7 +210,7 @@ class LintFinding:
 
 @dataclass
 class SearchDoubts:
-    """The doubts that searching brought up, and the extent of the search."""
+    """The doubts that a search found, and the extent of the search."""
 
     findings: list[LintFinding] = field(default_factory=list[LintFinding])
     states: int = 0
@@ -232,9 +230,9 @@ class SearchDoubts:
 
 
 def lint_rules(document: Document, rule_set: RuleSet, world: World) -> list[LintFinding]:
-    """Return every doubt about `rule_set`, read from `document`, by the line that it is about.
+    """Return every doubt about `rule_set`, read from `document`, sorted by line.
 
-    `world` has the names of assets and gates. Only the retriever is run.
+    `world` has the names of assets and gates. Nothing is run but the retriever.
     """
     names = NameLint(world)
     return _placed(
@@ -249,7 +247,7 @@ def lint_rules(document: Document, rule_set: RuleSet, world: World) -> list[Lint
     )
 
 
-def search_rules(  # noqa: PLR0917 - a rule set, where, and how much is searched
+def search_rules(  # noqa: PLR0917 - a rule set, its world and the search
     document: Document,
     rule_set: RuleSet,
     world: World,
@@ -257,10 +255,10 @@ def search_rules(  # noqa: PLR0917 - a rule set, where, and how much is searched
     seed: int = 0,
     step: Callable[[], None] = lambda: None,
 ) -> SearchDoubts:
-    """Run the rules in the states of their examples, and in as many `states` drawn by `seed`.
+    """Run the rules in the states of their examples, and in `states` more states drawn by `seed`.
 
-    Then paraphrase them. `step` is called `search_steps` times. Raises ExpressionError for a rule
-    that does not compile.
+    Then paraphrase the rules. `step` is called `search_steps` times. Raises ExpressionError for a
+    rule that does not compile.
     """
     rules = rule_set.rules
     small = small_world(world, NameLint(world).named(rules))
@@ -287,7 +285,7 @@ def search_rules(  # noqa: PLR0917 - a rule set, where, and how much is searched
 
 
 def search_steps(rule_set: RuleSet, states: int) -> int:
-    """Return how often `search_rules` calls its `step`, for a progress bar."""
+    """Return the number of calls of `step` by `search_rules`, for a progress bar."""
     return len(list(example_states(rule_set.rules))) + states + states // CONFLICTS_OF
 
 
@@ -324,7 +322,7 @@ def _examples(rule: Rule) -> Iterator[Doubt]:
 
 
 def _repetitions(rules: tuple[Rule, ...]) -> Iterator[Doubt]:
-    """Yield what two rules have in common, at the second of them."""
+    """Yield repetitions between two rules, at the second of them."""
     for first, second in combinations(rules, 2):
         likeness = _likeness(first.text, second.text)
         if likeness == 100.0:
@@ -342,7 +340,7 @@ def _repetitions(rules: tuple[Rule, ...]) -> Iterator[Doubt]:
 
 
 def _hard_to_find(rules: tuple[Rule, ...]) -> Iterator[Doubt]:
-    """Yield the rules that a mission in their own words does not bring to the models."""
+    """Yield the rules that are not retrieved for a mission in their own words."""
     retriever = Retriever(rules)
     for rule in (rule for rule in rules if rule.in_prompts):
         hits = [hit.rule_id for hit in retriever.retrieve(rule.text, FOUND_AMONG)]
@@ -360,7 +358,7 @@ def _likeness(a: str, b: str) -> float:
 
 
 def _check_of(rule: Rule) -> object:
-    """Return guard and check without their white space, None for no check."""
+    """Return the guard and the check without white space; None without a check."""
     if rule.check is None:
         return None
     return ["".join(part.split()) for part in (rule.applies or "", rule.check)]

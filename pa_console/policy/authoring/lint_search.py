@@ -1,4 +1,4 @@
-"""Lint by searching states: rules that never apply, decide nothing, or contradict."""
+"""Lint by searching states: rules that never apply, decide nothing, or contradict each other."""
 
 import random
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -22,11 +22,27 @@ from pa_console.schema.rule import PRIORITIES, Rule
 from pa_console.schema.world import World
 
 SEEN = 3
-"""The number of states in which a rule must be broken before rules broken with it are reported."""
+"""The number of states in which a rule must be broken before it is reported as shadowed."""
+
+SINGLE = 48
+"""The number of single orders that are tried, drawn from all."""
+
+SEVERAL = 96
+"""The number of plans with two to MOST orders that are drawn in addition."""
+
+MOST = 4
+
+HARD = 8
+"""The number of situations without a valid plan after which the search ends."""
+
+LARGEST = 3
+"""The largest number of rules in a contradiction."""
+
+REASON = "the track is there; the gate has no cover"
 
 
 class Doubt(NamedTuple):
-    """A doubt about a rule: its field, and the remedy."""
+    """A doubt about a rule: the field concerned, the problem and the remedy."""
 
     rule: Rule
     field: str
@@ -37,7 +53,7 @@ class Doubt(NamedTuple):
 
 @dataclass
 class SearchedRule:
-    """The results of one rule in the searched states; each state is a bit."""
+    """The results of one rule in the searched states, one bit per state."""
 
     applied: int = 0
     broken: int = 0
@@ -47,21 +63,21 @@ class SearchedRule:
 
 @dataclass
 class Search:
-    """Every rule's findings in `states` states, by the rule's id."""
+    """The findings of every rule in `states` states, by rule id."""
 
     states: int = 0
     rules: dict[str, SearchedRule] = field(default_factory=dict[str, SearchedRule])
 
 
 def checkable(rules: Iterable[Rule]) -> tuple[CompiledRule, ...]:
-    """Return the rules that have a check, compiled, without their orderings."""
+    """Return the rules with a check, compiled without their orderings."""
     return tuple(replace(compile_rule(rule), order=()) for rule in rules if rule.check is not None)
 
 
 def search_states(
     rules: Iterable[Rule], states: Iterable[SearchState], step: Callable[[], None] = lambda: None
 ) -> Search:
-    """Return what every check decides in each of `states`; `step` is called after each."""
+    """Return the decision of every check in each of `states`; `step` is called after each."""
     book = Rulebook("searched", "", checkable(rules))
     search = Search(rules={rule.id: SearchedRule() for rule in book.rules})
     for state in states:
@@ -103,10 +119,10 @@ def never_applicable(rules: Iterable[Rule], search: Search) -> Iterator[Doubt]:
 
 
 def shadowed(rules: tuple[Rule, ...], search: Search) -> Iterator[Doubt]:
-    """Yield the rules that are broken only where one at least as strict is broken too.
+    """Yield each rule that is only broken in states where a rule at least as strict is broken too.
 
-    Of two that are always broken together, the later one is named, unless their expressions are
-    the same: that is seen by reading them.
+    If two rules are always broken together, the later one is reported. Rules with the same
+    expressions are not reported, because a reader sees that.
     """
     for place, rule in enumerate(rules):
         seen = search.rules.get(rule.id)
@@ -133,29 +149,14 @@ def _as_strict(rule: Rule, other: Rule) -> bool:
     return PRIORITIES.index(rule.priority) <= PRIORITIES.index(other.priority)
 
 
-SINGLE = 48
-"""The number of single orders that are tried, drawn from all."""
-
-SEVERAL = 96
-"""The number of plans of two to MOST orders that are drawn besides."""
-
-MOST = 4
-
-HARD = 8
-"""The number of situations without a sound plan after which the search ends."""
-
-LARGEST = 3
-"""The largest number of rules in a contradiction."""
-
-REASON = "the track is there; the gate has no cover"
 Broken = frozenset[str]
 
 
 class Conflicts:
-    """Searches situations for one in which every plan breaks a rule that cannot be overridden."""
+    """Searches for situations in which every plan breaks a rule that cannot be overridden."""
 
     def __init__(self, rules: Sequence[Rule], world: World, seed: int) -> None:
-        """Critical and High checks that a plan can satisfy at all are looked at."""
+        """Select the Critical and High checks that a plan can satisfy."""
         entries = [e for e in checkable(rules) if not e.about_mission_only and e.rule.enforced]
         self._book = Rulebook("enforced", "", tuple(entries))
         self._world, self._dice = world, random.Random(seed)
@@ -181,7 +182,7 @@ class Conflicts:
                 yield self._doubt(rules, situation, len(broken))
 
     def _every_plan(self, situation: LintSituation) -> list[Broken]:
-        """Return what each plan that was tried breaks; empty as soon as one breaks nothing."""
+        """Return the rules that each tried plan breaks; empty as soon as one plan breaks none."""
         tried: dict[tuple[Action, ...], Broken] = {}
 
         def sound(*orders: Action) -> bool:
@@ -205,7 +206,7 @@ class Conflicts:
     def _together(
         self, situation: LintSituation, orders: Sequence[Action]
     ) -> Iterator[tuple[Action, ...]]:
-        """Yield plans that do the same, or the same two things, wherever a track is."""
+        """Yield plans with the same one or two orders for every place with a track."""
         places = dict.fromkeys(str(facts["gate"]) for facts in situation.tracks.values())
         verbs = sorted({order.verb for order in orders if order.target is not None})
         for wanted in (*((verb,) for verb in verbs), *combinations(verbs, 2)):
@@ -231,9 +232,9 @@ class Conflicts:
         return frozenset(found.rule_id for found in findings if found.status == "violates")
 
     def _orders(self, situation: LintSituation) -> list[Action]:
-        """Return every order that can be given, shuffled; those to where tracks are come first.
+        """Return every possible order, shuffled; orders to places with tracks come first.
 
-        Unavailable assets come last.
+        Orders to unavailable assets come last.
         """
         idle = rehearsal_of(self._world, situation, Plan(reason=REASON, actions=()))
         usable = idle.before.assets
@@ -265,7 +266,7 @@ class Conflicts:
 
 
 def _fewest(book: Rulebook, broken: Sequence[Broken]) -> tuple[str, ...]:
-    """Return the smallest set of rules that no plan satisfies, in file order; () for more."""
+    """Return the smallest set of rules that no plan satisfies, in file order; () if too large."""
     named = frozenset[str]().union(*broken)
     known = [rule.id for rule in book.rules if rule.id in named]
     for size in range(1, LARGEST + 1):

@@ -1,6 +1,6 @@
-"""The states that lint searches: a small world of the given one, in any situation.
+"""The states that lint searches: situations in a reduced copy of a world.
 
-Nothing is simulated: every asset that can move is at its destination after the plan.
+Nothing is simulated: after the plan, every asset that can move is at its destination.
 """
 
 import random
@@ -34,9 +34,9 @@ NOW_S = 100.0
 
 
 def small_world(world: World, named: Collection[str]) -> World:
-    """Return `world` with few gates, posts and assets; those that are `named` are kept first.
+    """Return `world` with few gates, posts and assets; the `named` ones are kept first.
 
-    An asset whose post is left out stands at the first frame that is kept.
+    An asset whose post is removed stands at the first frame that is kept.
     """
     base = [world.base]
     posts = [name for name, frame in world.frames.items() if frame.kind == "post"]
@@ -64,17 +64,17 @@ def _first(names: Iterable[str], named: Collection[str], most: int) -> list[str]
 class LintSituation:
     """The unusual facts of one moment, and the events of its rehearsal.
 
-    Values are fields of the models that they stand for, by name; all others are usual.
+    Values are model fields by name; fields that are not listed have their usual values.
     """
 
     assets: dict[str, dict[str, object]] = field(default_factory=dict[str, dict[str, object]])
     tracks: dict[str, dict[str, object]] = field(default_factory=dict[str, dict[str, object]])
     course: dict[str, dict[str, object]] = field(default_factory=dict[str, dict[str, object]])
-    """The events on the way, of assets and of tracks."""
+    """The events during the rehearsal, by asset and track."""
 
     @property
     def words(self) -> str:
-        """The situation for a person to read."""
+        """A description of the situation for a person."""
         parts = [
             f"{name} {' '.join(f'{key}={value}' for key, value in facts.items())}"
             for group in (self.assets, self.tracks)
@@ -84,7 +84,7 @@ class LintSituation:
 
 
 def rehearsal_of(world: World, situation: LintSituation, plan: Plan) -> Rehearsal:
-    """Return the picture of `situation` and what `plan` brings about in it."""
+    """Return the picture of `situation` and the consequences of `plan` in it."""
     course = {
         "assets": {name: situation.course.get(name, {}) for name in plan.agents},
         "tracks": {name: situation.course.get(name, {}) for name in situation.tracks},
@@ -128,7 +128,7 @@ _TRACK_COURSE: tuple[tuple[str, tuple[object, ...]], ...] = (
 
 
 class SearchState(NamedTuple):
-    """A mission, a plan, and its consequences."""
+    """A mission, a plan, and the plan's consequences."""
 
     plan: Plan
     rehearsal: Rehearsal
@@ -138,12 +138,12 @@ class SearchState(NamedTuple):
 
 
 def mission_of(text: str) -> Mission:
-    """Return a mission of these words."""
+    """Return a mission with this text."""
     return Mission(id="lint", text=text, created=datetime(2000, 1, 1, tzinfo=UTC))
 
 
 def example_states(rules: Iterable[Rule]) -> Iterator[SearchState]:
-    """Yield the state of every example with a plan that makes sense."""
+    """Yield the state of every consistent example with a plan."""
     for rule in rules:
         for example in rule.examples:
             if example.moments:
@@ -196,7 +196,7 @@ def draw_situation(world: World, dice: random.Random) -> LintSituation:
 
 
 def draw_plan(world: World, situation: LintSituation, dice: random.Random) -> Plan:
-    """Draw up to MOST_ORDERS orders, rather to where a track is; an asset may get two."""
+    """Draw up to MOST_ORDERS orders, preferably to places with tracks; an asset may get two."""
     places = [str(facts["gate"]) for facts in situation.tracks.values()]
     orders: list[Action] = []
     for _ in range(dice.randint(0, MOST_ORDERS)):

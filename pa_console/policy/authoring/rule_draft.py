@@ -1,4 +1,4 @@
-"""A rule while it is written: read, compiled and its examples run; what is wrong has a position."""
+"""A rule while it is written: parsed, compiled, its examples run; problems have a position."""
 
 import re
 from collections.abc import Collection
@@ -20,7 +20,7 @@ _STATUS = {"complies": "pass", "violates": "fail"}
 
 @dataclass(frozen=True)
 class Problem:
-    """A problem of a draft: line and column from 1, 0 if unknown, and the field."""
+    """A problem of a draft: the field, with line and column from 1, or 0 if unknown."""
 
     line: int
     column: int
@@ -50,7 +50,7 @@ class ExampleResult:
 
 @dataclass(frozen=True)
 class RuleDraft:
-    """The text of one rule; `entry` is there unless it cannot be in force because of `problem`."""
+    """The text of one rule; `entry` is None if the rule cannot be in force because of `problem`."""
 
     text: str
     entry: CompiledRule | None
@@ -64,7 +64,7 @@ class RuleDraft:
 
 
 def check_draft(text: str, taken: Collection[str] = ()) -> RuleDraft:
-    """Read the rule that `text` is and run its examples; `taken` are the ids of the other rules."""
+    """Parse `text` as a rule and run its examples; `taken` are the ids of the other rules."""
     try:
         document = Document("rule", text)
         _refuse_unknown(document)
@@ -94,7 +94,7 @@ def _run(rule: Rule, example: RuleExample) -> ExampleResult:
 
 
 def _refuse_unknown(document: Document) -> None:
-    """Name a field that does not exist before any that is missing: it may be the one misspelt."""
+    """Report an unknown field before a missing one: it may be the missing field, misspelled."""
     fields = cast(Plain, document.value) if isinstance(document.value, dict) else {}
     for key in fields:
         if key not in Rule.model_fields:
@@ -107,7 +107,7 @@ def _document_problem(error: DocumentError) -> Problem:
 
 
 def _place(document: Document, text: str, error: ExpressionError) -> tuple[int, int]:
-    """Return line and column in `text` of what does not compile; else its field's line and 0.
+    """Return line and column in `text` of a compile error, or the line of its field and 0.
 
     The position within a folded or quoted text of several lines is not known.
     """

@@ -1,6 +1,6 @@
-"""Opens one rule of a file and saves it completely or not at all, without overwriting other work.
+"""Opening one rule of a file and saving it completely or not at all, without lost edits.
 
-The file is changed as text: one rule is taken out, put back, added or removed; all else stays.
+The file is changed as text: one rule is replaced, added or removed; the rest stays as it is.
 """
 
 import hashlib
@@ -23,8 +23,8 @@ from pa_console.schema.document import Document, DocumentError, read_bytes
 class _Block:
     """The lines of one rule, as offsets into the file's text.
 
-    `start` is where the comments directly above it begin, `dash` the line of its dash, `body` its
-    first key, `end` the end of its last line, its own comments included.
+    `start` is the beginning of the comments directly above it, `dash` the line of its dash, `body`
+    its first key, and `end` the end of its last line, including its own comments.
     """
 
     id: str
@@ -35,13 +35,13 @@ class _Block:
 
 
 class RuleText:
-    """The text of a rule file, cut into its rules; nothing is changed in place."""
+    """The text of a rule file, split into its rules; the object itself never changes."""
 
     def __init__(self, source: str, text: str) -> None:
-        """Cut `text`, the content of the file `source`.
+        """Split `text`, the content of the file `source`.
 
-        Raises DocumentError when it is not YAML, or when its rules are not a list with one rule
-        below the other.
+        Raises DocumentError if it is not YAML, or if its rules are not a list with one rule below
+        the other.
         """
         self.source, self.text = source, text
         self._newline = "\r\n" if "\r\n" in text else "\n"
@@ -55,13 +55,13 @@ class RuleText:
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """The id of every rule, in order; '' for one that has none."""
+        """The id of every rule, in order; '' for a rule without an id."""
         return tuple(block.id for block in self._blocks)
 
     def rule(self, rule_id: str) -> str:
-        """Return a rule as a YAML text of its own, with the comments directly above it.
+        """Return a rule as a separate YAML text, with the comments directly above it.
 
-        Lines end in LF. Raises KeyError when the file has no such rule.
+        Lines end in LF. Raises KeyError if the file has no such rule.
         """
         block = self._find(rule_id)
         above = _outdented(self.text[block.start : block.dash], self._column)
@@ -74,9 +74,9 @@ class RuleText:
         return self.text.count("\n", 0, self._find(rule_id).start) + 1
 
     def put(self, rule_id: str, edited: str) -> str:
-        """Return the file's text with `edited` in the place of a rule; the same text changes none.
+        """Return the file's text with a rule replaced by `edited`; an equal text changes nothing.
 
-        Raises KeyError when the file has no such rule.
+        Raises KeyError if the file has no such rule.
         """
         block = self._find(rule_id)
         if edited == self.rule(rule_id):
@@ -103,7 +103,7 @@ class RuleText:
     def remove(self, rule_id: str) -> str:
         """Return the file's text without a rule and the empty lines after it.
 
-        Raises KeyError when the file has no such rule, ValueError when it is the only one.
+        Raises KeyError if the file has no such rule, ValueError if it is the only one.
         """
         block = self._find(rule_id)
         if len(self._blocks) == 1:
@@ -129,7 +129,7 @@ class RuleText:
         return node
 
     def _block(self, node: yaml.Node) -> _Block:
-        """Return where the rule `node` stands; the blocks before it are known."""
+        """Return the position of the rule `node`; the blocks before it are known."""
         body = node.start_mark.index
         dash = self._line_start(body)
         while self.text[dash : dash + self._column].strip(" ") or (
@@ -150,7 +150,7 @@ class RuleText:
         return _Block(_id_of(node), start, dash, body, self._end(node))
 
     def _end(self, node: yaml.Node) -> int:
-        """Return the end of the last line of a rule, with the comments that are set in below it."""
+        """Return the end of a rule's last line, including indented comments below it."""
         last = max(_ends(node))
         content = len(self.text[:last].rstrip())
         end = self._line_end(content)
@@ -176,19 +176,19 @@ class RuleText:
         return block.body - self._line_start(block.body)
 
     def _spaced(self) -> bool:
-        """Return whether an empty line stands between the rules of the file."""
+        """Return whether the rules of the file are separated by empty lines."""
         if len(self._blocks) < 2:
             return True
         last, before = self._blocks[-1], self._blocks[-2]
         return not self.text[before.end : last.start].strip() and before.end < last.start
 
     def _written(self, text: str, indent: int) -> str:
-        """Return `text` set in by `indent`, with the file's line ends; empty lines stay empty."""
+        """Return `text` indented by `indent`, with the file's line ends; empty lines stay empty."""
         lines = (" " * indent + line if line else line for line in text.split("\n"))
         return self._newline.join(lines)
 
     def _ended(self, new: str, end: int) -> str:
-        """Return `new` without empty lines at its end, and with a line end if one stood there."""
+        """Return `new` without trailing empty lines, with a line end if there was one before."""
         new = new.rstrip(" \t\r\n")
         return (
             new + self._newline if self.text[:end].endswith("\n") or end < len(self.text) else new
@@ -205,7 +205,7 @@ class RuleText:
 
 
 def _ends(node: yaml.Node) -> Iterator[int]:
-    """Yield where every value within `node` ends; that of a block collection is not exact."""
+    """Yield the end of every value within `node`; the end of a block collection is not exact."""
     if isinstance(node, yaml.ScalarNode) or (
         isinstance(node, yaml.CollectionNode) and node.flow_style
     ):
@@ -225,7 +225,7 @@ def _id_of(node: yaml.Node) -> str:
 
 
 def _parts(edited: str) -> tuple[str, str]:
-    """Return the comments at the beginning of a rule's text, and the rest of it."""
+    """Return the comments at the beginning of a rule's text, and the rest of the text."""
     text = edited.replace("\r\n", "\n").strip("\n") + "\n"
     found = re.match(r"(?:#[^\n]*\n|[ \t]*\n)*", text)
     at = found.end() if found is not None else 0
@@ -233,12 +233,12 @@ def _parts(edited: str) -> tuple[str, str]:
 
 
 def _outdented(text: str, indent: int) -> str:
-    """Return `text` with up to `indent` spaces taken off each line."""
+    """Return `text` with up to `indent` spaces removed from each line."""
     return re.sub(rf"(?m)^ {{0,{indent}}}", "", text)
 
 
 class RulesChangedError(ValueError):
-    """The file has changed since the rule was opened; `same_rule` is False if the rule has, too."""
+    """The file has changed since the rule was opened; with `same_rule`, so has the rule."""
 
     def __init__(self, path: Path, *, same_rule: bool) -> None:
         what = "and so was this rule" if same_rule else "but not this rule"
@@ -248,10 +248,10 @@ class RulesChangedError(ValueError):
 
 @dataclass(frozen=True)
 class OpenRule:
-    """A rule taken out of the file `path`; `id` is empty for one that is not in it yet.
+    """A rule opened from the file `path`; `id` is empty for a rule that is not yet in it.
 
-    `sha256` is that of the file when the rule was opened, `text` the rule's own, `line` where it
-    begins there, `taken` the ids of the other rules.
+    `sha256` is the hash of the file when the rule was opened, `text` the text of the rule, `line`
+    its first line in the file, and `taken` the ids of the other rules.
     """
 
     path: Path
@@ -263,7 +263,7 @@ class OpenRule:
 
 
 def open_rule(path: Path, rule_id: str) -> OpenRule:
-    """Take a rule out of the file; DocumentError when the file or the rule cannot be read."""
+    """Open a rule of the file; raises DocumentError if the file or the rule cannot be read."""
     content, cut = _read(path)
     _known(cut, rule_id)
     text = cut.rule(rule_id)
@@ -286,12 +286,12 @@ def new_rule(path: Path, domain: str) -> OpenRule:
 
 
 def save_rule(opened: OpenRule, text: str, *, anyway: bool = False) -> OpenRule:
-    """Put `text` into the file in the place of the opened rule; return the rule as it is saved.
+    """Replace the opened rule in the file by `text`; return the rule as it is saved.
 
-    All else in the file stays byte for byte. Raises RulesChangedError when the file was changed
-    since it was opened, unless `anyway`: then this rule alone is put into what the file is now.
-    Raises DocumentError when the set would not be whole or the rule is gone, OSError when the file
-    cannot be written; nothing is changed then.
+    Everything else in the file stays byte for byte. Raises RulesChangedError if the file was
+    changed since it was opened, unless `anyway` is set: then only this rule is replaced in the
+    present file. Raises DocumentError if the set would be invalid or the rule is gone, and OSError
+    if the file cannot be written; in both cases nothing is changed.
     """
 
     def change(cut: RuleText) -> str:
@@ -301,7 +301,7 @@ def save_rule(opened: OpenRule, text: str, *, anyway: bool = False) -> OpenRule:
 
 
 def remove_rule(opened: OpenRule, *, anyway: bool = False) -> OpenRule:
-    """Take the opened rule out of the file; like save_rule, with ValueError for the only rule."""
+    """Remove the opened rule from the file; as save_rule, but ValueError for the only rule."""
     return _replace(opened, lambda cut: cut.remove(opened.id), anyway=anyway)
 
 
@@ -327,9 +327,9 @@ def _replace(opened: OpenRule, change: Callable[[RuleText], str], *, anyway: boo
 
 
 def _checked(path: Path, before: RuleText, new: str, rule_id: str) -> str:
-    """Return the id that the rule has in the file's text `new`, '' when it is gone.
+    """Return the id that the rule has in the file's text `new`, or '' if it is gone.
 
-    Raises DocumentError when the set is not whole, or when another rule would change.
+    Raises DocumentError if the set is invalid, or if another rule would change.
     """
     document = Document(str(path), new)
     rule_set = parse_rule_set(document)
@@ -348,7 +348,7 @@ def _checked(path: Path, before: RuleText, new: str, rule_id: str) -> str:
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Let `path` hold `content`: a new file takes its place once it is whole on the disk."""
+    """Replace `path` with `content`: the new file takes its place once it is complete on disk."""
     path = path.resolve()
     mode = mode_of(path)
     if not mode & 0o222 or not os.access(path, os.W_OK):

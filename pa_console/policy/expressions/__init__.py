@@ -1,1 +1,1 @@
-"""CEL expressions of rules: compiled, bounded in size and in time."""
+"""CEL expressions of rules: compiled, with limits on size and time."""

@@ -1,7 +1,7 @@
-"""Time limits of expressions: each has a deadline, and a group may have one together.
+"""Time limits of expressions: one for each expression, and one for a group of them.
 
-Time is the thread's computing time, not elapsed time: a busy machine breaks no rule. Garbage is not
-collected meanwhile: in a long session that takes longer than a check may.
+Time is the thread's processor time, not elapsed time, so that a busy machine breaks no rule.
+Garbage collection is off meanwhile: in a long session it takes longer than a check may.
 """
 
 import gc
@@ -11,21 +11,23 @@ from contextlib import contextmanager
 from time import thread_time
 
 DEADLINE_S = 0.010
-"""The time limit of one expression, seconds, unless the settings have another."""
+"""The default time limit of one expression, in seconds; the settings can change it."""
 
 USUAL_SIZE = 200
-"""Assets, tracks and gates up to which that holds; with more of them it is more in proportion."""
+"""The number of assets, tracks and gates up to which the limit holds; above, it grows in
+proportion."""
 
 ROUNDS_A_LOOK = 8
-"""Rounds of a loop between two looks at the clock, which take longer than the round."""
+"""Rounds of a loop between two readings of the clock, because a reading takes longer than a round.
+"""
 
 
 class DeadlineError(Exception):
-    """An expression took too long; nothing was decided by it."""
+    """An expression took too long; it decided nothing."""
 
 
 class _Running(threading.local):
-    """The expression that runs in this thread: its deadline, and whether that was reported."""
+    """The expression that runs in this thread: its deadline, and whether it is overdue."""
 
     end_s: float | None = None
     group_end_s: float | None = None
@@ -39,10 +41,10 @@ _running = _Running()
 
 @contextmanager
 def shared_deadline(seconds: float, size: int = 0) -> Generator[None]:
-    """Let all expressions that this thread evaluates in the block take `seconds` together.
+    """Limit all expressions that this thread evaluates in the block to `seconds` in total.
 
-    They are about `size` assets, tracks and gates; above USUAL_SIZE all times are longer. So they
-    are within another such block about more of them.
+    The expressions concern about `size` assets, tracks and gates. Above USUAL_SIZE, all limits grow
+    in proportion. An enclosing block with a larger size sets the scale.
     """
     outer = _running.group_end_s, _running.scale
     _running.scale = max(1.0, size / USUAL_SIZE, outer[1])
@@ -56,9 +58,9 @@ def shared_deadline(seconds: float, size: int = 0) -> Generator[None]:
 
 @contextmanager
 def deadline(seconds: float) -> Generator[None]:
-    """Let the expression in the block take `seconds`; raises DeadlineError when it took longer.
+    """Limit the expression in the block to `seconds`; raises DeadlineError if it took longer.
 
-    It is raised even if the expression itself ignored the end of its time.
+    The error is raised even if the expression itself ignored its deadline.
     """
     now = thread_time()
     seconds *= _running.scale
@@ -93,7 +95,7 @@ def going_on() -> bool:
 
 
 def left_s() -> float | None:
-    """Return how many seconds the running expression has left, None where nothing limits it."""
+    """Return the seconds that the running expression has left; None without a limit."""
     if _running.end_s is None:
         return None
     left = _running.end_s - thread_time()
@@ -104,9 +106,9 @@ def left_s() -> float | None:
 
 @contextmanager
 def unmeasured() -> Generator[None]:
-    """Give the running expression, and its group, the time back that the block takes.
+    """Exclude the time of the block from the limits of the running expression and its group.
 
-    For work that is done once for all expressions, such as the compiling of a pattern.
+    This is for work that is done once for all expressions, such as compiling a pattern.
     """
     began = thread_time()
     try:
@@ -120,5 +122,5 @@ def unmeasured() -> Generator[None]:
 
 
 def give_up() -> None:
-    """Note that the running expression used up its time, whatever it still comes to."""
+    """Mark the running expression as overdue, whatever it may still yield."""
     _running.overdue = True

@@ -1,9 +1,9 @@
-"""CEL expressions of rules: compiled once, and searched for names that do not exist.
+"""CEL expressions of rules: compiled once, and checked for names that do not exist.
 
-Their regular expressions are searched in time that grows with the text, and never longer. RE2 takes
-what it can: its time is linear in the text, whatever the pattern. It knows letters of ASCII only,
-so texts with others, and patterns that look ahead or behind, are searched by a backtracking engine
-that stops when the check's time is up. Both mean the same by a pattern.
+The time of a regular expression grows with the text and is bounded. RE2 searches where it can: its
+time is linear in the text, whatever the pattern. It handles only ASCII letters, so other texts, and
+patterns with lookahead or lookbehind, are searched by a backtracking engine that stops at the
+check's deadline. A pattern means the same to both engines.
 """
 
 import logging
@@ -47,20 +47,37 @@ _re2: Any = import_module("re2")
 T = TypeVar("T")
 MAX_PATTERN = 16_384
 MAX_PROGRAM = 12_000
-"""Steps of a pattern in RE2, which go once through the text each at worst."""
+"""Steps of a pattern in RE2; in the worst case, each goes through the text once."""
 MAX_TEXT = 10_000
-"""Characters of a text that is searched; a mission has at most 2,000."""
+"""Characters of a text that can be searched; a mission has at most 2,000."""
 
 _ESCAPED_OR_CLASS = re.compile(r"\\(?s:.)|\[\^?\]?(?:\\(?s:.)|[^\]\\])*\]|\s+|#[^\n]*")
 _LOOKS = re.compile(r"(\\(?s:.)|\[\^?\]?(?:\\(?s:.)|[^\]\\])*\])|\(\?<?[=!]")
 _VERBOSE = re.compile(r"\s*\(\?x\)")
 
+PLAN_VARIABLES: frozenset[str] = frozenset(
+    ("plan", "actions", "before", "after", "timeline", "tracks", "assets", "gates", "mission",
+     "world", "sightings")
+)  # fmt: skip
+"""The variables of a guard or a check, described in `policy.rule_variables`."""
+
+MOMENT_VARIABLES: frozenset[str] = frozenset(("now", "world"))
+SUBJECT_VARIABLES: frozenset[str] = MOMENT_VARIABLES | {"it", "id"}
+"""The variables of an ordering, without and with `each`, described in `policy.orderings`."""
+
+WORKFLOW_VARIABLES: frozenset[str] = frozenset(("now", "it", "id", "steady_s"))
+"""The variables of a workflow, described in `policy.orderings`."""
+
+STANDARD_FUNCTIONS: frozenset[str] = frozenset(
+    ("contains", "double", "endsWith", "has", "int", "matches", "size", "startsWith", "string")
+)
+
 
 class Pattern:
-    """A compiled pattern; raises ValueError for one that is not supported, with the reason."""
+    """A compiled pattern; raises ValueError, with the reason, if it is not supported."""
 
     def __init__(self, source: str) -> None:
-        """Compile `source` for RE2; for the other engine it is compiled once it is needed."""
+        """Compile `source` for RE2; for the other engine it is compiled when needed."""
         if len(source) > MAX_PATTERN:
             raise ValueError(f"too long: {len(source):,} characters, at most {MAX_PATTERN:,}")
         try:
@@ -75,12 +92,12 @@ class Pattern:
 
     @cached_property
     def _any(self) -> regex.Pattern[str]:
-        """The pattern for the backtracking engine, which most texts never need."""
+        """The pattern for the backtracking engine, which most texts do not need."""
         with unmeasured():
             return regex.compile(self._source)
 
     def prepare(self) -> None:
-        """Compile the pattern for the other engine now."""
+        """Compile the pattern for the backtracking engine now."""
         _ = self._any
 
     def search(self, text: str) -> bool:
@@ -109,7 +126,7 @@ def compiled_pattern(source: str) -> Pattern:
 
 
 def _linear(source: str) -> Any:
-    """Return `source` compiled by RE2; raises ValueError for what no engine without memory does."""
+    """Return `source` compiled by RE2; raises ValueError for features that RE2 does not support."""
     options = _re2.Options()
     options.log_errors = False
     try:
@@ -129,7 +146,7 @@ def _linear(source: str) -> Any:
 
 
 def _left(text: str) -> float | None:
-    """Return the seconds that there are for a search of `text`; raises where it may not begin."""
+    """Return the seconds left for a search of `text`; raises if the search may not begin."""
     if len(text) > MAX_TEXT:
         raise ValueError(f"a text of {len(text):,} characters is not searched")
     left = left_s()
@@ -139,12 +156,12 @@ def _left(text: str) -> float | None:
 
 
 def _in_time(search: Callable[[float | None], T], left: float | None) -> T:
-    """Return what `search` finds within `left` seconds; raises DeadlineError when it takes longer.
+    """Return the result of `search` within `left` seconds; raises DeadlineError if it takes longer.
 
-    The engine counts what all threads of the process compute. A search that it broke off before
-    this thread has used up its own time is made again. It keeps the interpreter's lock: where it
-    lets go of that, it asks for it again every few steps, which beside a thread that computes
-    takes a hundred times as long as the search.
+    The engine counts the processor time of all threads. A search that it stopped before this
+    thread's own time was used up is repeated. The search keeps the interpreter's lock: releasing it
+    means acquiring it again every few steps, which beside a busy thread takes a hundred times as
+    long as the search.
     """
     while True:
         try:
@@ -157,7 +174,7 @@ def _in_time(search: Callable[[float | None], T], left: float | None) -> T:
 
 
 def _without_layout(source: str) -> str:
-    """Return a verbose pattern without its spaces and comments, which RE2 does not know."""
+    """Return a verbose pattern without its spaces and comments, which RE2 does not support."""
     begins = _VERBOSE.match(source)
     if begins is None:
         return source
@@ -171,28 +188,11 @@ _log.propagate = False
 _log.addHandler(logging.NullHandler())
 # A failed expression becomes the finding of its rule; the library would also print it.
 
-PLAN_VARIABLES: frozenset[str] = frozenset(
-    ("plan", "actions", "before", "after", "timeline", "tracks", "assets", "gates", "mission",
-     "world", "sightings")
-)  # fmt: skip
-"""The variables of a guard or a check; `policy.rule_variables` describes them."""
-
-MOMENT_VARIABLES: frozenset[str] = frozenset(("now", "world"))
-SUBJECT_VARIABLES: frozenset[str] = MOMENT_VARIABLES | {"it", "id"}
-"""The variables of an ordering, without and with `each`; `policy.orderings` describes them."""
-
-WORKFLOW_VARIABLES: frozenset[str] = frozenset(("now", "it", "id", "steady_s"))
-"""The variables of a workflow; `policy.orderings` describes them."""
-
-STANDARD_FUNCTIONS: frozenset[str] = frozenset(
-    ("contains", "double", "endsWith", "has", "int", "matches", "size", "startsWith", "string")
-)
-
 
 def finds(text: str, pattern: str) -> bool:
     """Return whether the regular expression `pattern` matches somewhere in `text`.
 
-    CEL's own `matches` is taken for it, for that compiles its pattern anew each time.
+    It replaces CEL's own `matches`, which compiles its pattern again at each call.
     """
     return compiled_pattern(pattern).search(text)
 
@@ -200,14 +200,14 @@ def finds(text: str, pattern: str) -> bool:
 def without(text: str, pattern: str) -> str:
     """Return `text` with every match of the regular expression `pattern` cut out.
 
-    To express "... but not in such a phrase", cut those phrases out first. A comma stays in place
-    of a phrase, so that its neighbours do not join.
+    To express "... but not in such a phrase", cut out those phrases first. A comma replaces each
+    phrase, so that its neighbours do not join.
     """
     return compiled_pattern(pattern).cut(text, " , ")
 
 
 def brief(number: float) -> str:
-    """Return `number` as a person writes it in a message, with at most four digits."""
+    """Return `number` as text for a message, with at most four significant digits."""
     return f"{number:.4g}"
 
 
@@ -221,19 +221,18 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "without": without,
     GOING_ON: going_on,
 }
-"""Functions that expressions may use besides CEL's own."""
+"""Functions that expressions may use in addition to CEL's own."""
 
 
 class Expression:
-    """A compiled CEL expression; `variables` are those of the allowed ones that it reads."""
+    """A compiled CEL expression; `variables` are the allowed ones that it reads."""
 
     def __init__(
         self, source: str, allowed: frozenset[str] = PLAN_VARIABLES, deadline_s: float = DEADLINE_S
     ) -> None:
-        """Compile `source`, which may run `deadline_s` of processor time each time.
+        """Compile `source`, which may take `deadline_s` of processor time at each evaluation.
 
-        Raises ValueError for broken syntax, for unknown names, for patterns that are not supported
-        and for what is too large.
+        Raises ValueError for broken syntax, unknown names, unsupported patterns and excessive size.
         """
         text = Source(source)
         try:
@@ -257,19 +256,19 @@ class Expression:
             raise ValueError(f"{GOING_ON!r} is not for rules to use")
         self.variables: frozenset[str] = allowed & named
         self.size = text.size
-        """The number of names, values and signs in it."""
+        """The number of names, values and signs in the expression."""
         self._tokens = text.tokens
         self._read: tuple[Shapes, Fields] | None = None
 
     def prepare(self) -> None:
-        """Compile the patterns for texts that RE2 does not search."""
+        """Compile the patterns for texts that RE2 cannot search."""
         for pattern in self._patterns:
             pattern.prepare()
 
     def reads(self, shapes: Shapes) -> Fields:
-        """Return which fields of its variables, which `shapes` describes, it can notice.
+        """Return the fields of its variables, described by `shapes`, that it can notice.
 
-        It is found out once, for the same `shapes`.
+        The result is cached for the same `shapes`.
         """
         if self._read is None or self._read[0] is not shapes:
             self._read = shapes, self._find_reads(shapes)
@@ -282,9 +281,9 @@ class Expression:
             return everything(self.variables)
 
     def evaluate(self, context: cel.Context) -> Any:
-        """Return the value in `context`; raises whatever the expression runs into.
+        """Return the value in `context`; errors of the expression are raised.
 
-        Raises DeadlineError when it takes too long.
+        Raises DeadlineError if it takes too long.
         """
         with deadline(self._deadline_s), _no_panic():
             return self._program.execute(context)
@@ -297,7 +296,7 @@ def make_context(variables: Mapping[str, Any]) -> cel.Context:
 
 @contextmanager
 def _no_panic() -> Generator[None]:
-    """Make a panic of the library, which no handler of exceptions sees, a ValueError."""
+    """Turn a panic of the library, which `except Exception` does not catch, into a ValueError."""
     try:
         yield
     except BaseException as error:
@@ -307,7 +306,7 @@ def _no_panic() -> Generator[None]:
 
 
 def _compiled(source: str, text: Source) -> cel.Program:
-    """Return the program of an expression; its errors name their places in `source`."""
+    """Return the program of an expression; errors give their positions in `source`."""
     problem = text.problem
     try:
         if not problem:

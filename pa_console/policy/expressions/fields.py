@@ -1,11 +1,11 @@
-"""The fields that an expression reads of its given values: nothing else is converted.
+"""The fields that an expression reads of its variables; no others are converted.
 
 Converting a value for CEL takes longer than deciding most rules, and a loop copies each element
-with everything in it. So a record is given without the fields that no expression can notice. An
-expression notices a field when it names it, and all of a record when it does with it anything but
-taking a field, going through it as an element, or comparing it with null: compares it with another,
-counts or looks up its keys, takes one by a name that it works out, or yields it. Where nothing is
-known for certain everything counts as read.
+with all its content. So a record is passed without the fields that the expression cannot notice. An
+expression notices a field if it names the field. It notices all fields of a record if it does
+anything with the record other than select a field, take it as an element of a loop, or compare it
+with null: if it compares it with another record, counts or looks up its keys, selects a field by a
+computed name, or yields it. If nothing is known for certain, everything counts as read.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,8 +14,11 @@ from dataclasses import dataclass, field
 from pa_console.policy.expressions.syntax import LOOPS, ExpressionToken
 
 Fields = Mapping[str, "Fields | None"]
-"""Fields by name, each with those read of it; None stands for all. A list or map has those of its
-elements."""
+"""Fields by name, each with the fields read of it; None means all. For a list or map, they are the
+fields of its elements."""
+
+_LEVELS = (("||",), ("&&",), ("<", "<=", ">", ">=", "==", "!=", "in"), ("+", "-"), ("*", "/", "%"))
+"""Operators with two operands, lowest precedence first."""
 
 
 @dataclass(frozen=True)
@@ -27,20 +30,20 @@ class Record:
 
 @dataclass(frozen=True)
 class Many:
-    """A list of records, or a map of them by name."""
+    """A list of records, or a map from names to records."""
 
     of: Record
     keyed: bool = False
 
 
 Shape = Record | Many | None
-"""The structure of a value; None for one without records, which is always given whole."""
+"""The structure of a value; None for a value without records, which is always passed whole."""
 
 Shapes = Mapping[str, Shape]
 
 
 def flat(names: Iterable[str]) -> Record:
-    """Return a record of fields that have no records in them."""
+    """Return a record whose fields contain no records."""
     return Record(dict.fromkeys(names))
 
 
@@ -50,7 +53,7 @@ def everything(names: Iterable[str]) -> Fields:
 
 
 def united(parts: Iterable[Fields]) -> Fields:
-    """Return what at least one of `parts` reads."""
+    """Return the union of the fields that `parts` read."""
     found: dict[str, Fields | None] = {}
     for part in parts:
         for name, inner in part.items():
@@ -60,19 +63,19 @@ def united(parts: Iterable[Fields]) -> Fields:
 
 
 def within(fields: Fields | None, name: str) -> Fields | None:
-    """Return the read part of the field `name`, which is one of `fields`."""
+    """Return the fields read of the field `name`, which is one of `fields`."""
     return None if fields is None else fields[name]
 
 
 def names_of(fields: Fields | None, every: Iterable[str]) -> Iterable[str]:
-    """Return the names of the `fields`, `every` one where all are read."""
+    """Return the names of the `fields`; `every` name if all are read."""
     return every if fields is None else fields
 
 
 def fields_read(tokens: Sequence[ExpressionToken], shapes: Shapes) -> Fields:
-    """Return what the expression of these `tokens` reads of the variables in `shapes`.
+    """Return the fields that the expression `tokens` reads of the variables in `shapes`.
 
-    Raises NotUnderstoodError where that cannot be known; the expression may be valid CEL.
+    Raises NotUnderstoodError if they cannot be determined; the expression may still be valid CEL.
     """
     roots = {name: _ReadValue(shape) for name, shape in shapes.items()}
     reader = _FieldReader(tokens, roots)
@@ -82,12 +85,12 @@ def fields_read(tokens: Sequence[ExpressionToken], shapes: Shapes) -> Fields:
 
 
 class NotUnderstoodError(Exception):
-    """An expression whose values cannot be followed."""
+    """An expression whose values cannot be traced."""
 
 
 @dataclass
 class _ReadValue:
-    """A value that an expression is given, and what has been read of it."""
+    """A value passed to an expression, and the parts of it that have been read."""
 
     shape: Shape
     whole: bool = False
@@ -106,7 +109,7 @@ class _ReadValue:
         return {name: part.fields() for name, part in self.parts.items()}
 
     def part(self, name: str) -> "_ReadValue | None":
-        """Return the field `name`, None when there is none or it is a plain value."""
+        """Return the field `name`; None if it does not exist or is a plain value."""
         if not isinstance(self.shape, Record) or name not in self.shape.fields:
             return None
         return self.parts.setdefault(name, _ReadValue(self.shape.fields[name]))
@@ -117,7 +120,7 @@ _Value = _ReadValue | None
 
 
 def _whole(*values: _Value) -> None:
-    """Note that everything in `values` is read."""
+    """Mark `values` as read completely."""
     for value in values:
         if value is not None:
             value.whole = True
@@ -125,32 +128,30 @@ def _whole(*values: _Value) -> None:
 
 
 def _count(value: _Value) -> None:
-    """Note that `value` is counted or gone through: of a record, that reads every field."""
+    """Mark `value` as counted or iterated over; for a record, this reads every field."""
     if value is not None and value.element is None:
         _whole(value)
 
 
 _NULL = _ReadValue(None)
-"""Stands for the constant null, with which a record can be compared unread."""
-_LEVELS = (("||",), ("&&",), ("<", "<=", ">", ">=", "==", "!=", "in"), ("+", "-"), ("*", "/", "%"))
-"""Operators with two operands, the loosest first."""
+"""The constant null; comparing a record with it reads nothing."""
 
 
 class _FieldReader:
-    """Parses CEL in its own precedence and follows the values; no tree is built.
+    """Parses CEL with its precedence rules and traces the values, without building a tree.
 
-    `named` are the variables that the expression speaks of. How deep it recurses is bounded as the
-    brackets of an expression are.
+    `named` are the variables in the expression. The limit on nested brackets also limits the depth
+    of recursion.
     """
 
     def __init__(self, tokens: Sequence[ExpressionToken], roots: Mapping[str, _ReadValue]) -> None:
         self._tokens, self._at, self._roots = tokens, 0, roots
         self._bound: dict[str, _Value] = {}
-        """The elements that the loops around this place go through."""
+        """The elements of the enclosing loops, by variable."""
         self.named: set[str] = set()
 
     def expression(self) -> _Value:
-        """Read an expression, and return its value."""
+        """Parse an expression and return its value."""
         condition = self._binary(0)
         if not self._take("?"):
             return condition
@@ -160,7 +161,7 @@ class _FieldReader:
         return None
 
     def end(self) -> None:
-        """Raise NotUnderstoodError unless everything was read."""
+        """Raise NotUnderstoodError if tokens are left."""
         if self._at != len(self._tokens):
             raise NotUnderstoodError(f"{self._tokens[self._at].text!r} is not expected")
 
@@ -212,7 +213,7 @@ class _FieldReader:
         return None
 
     def _loop(self, name: str, target: _Value) -> _Value:
-        """Return what a loop over `target` yields; over a map, it goes through the keys."""
+        """Return the value of a loop over `target`; a loop over a map goes through its keys."""
         _count(target)
         listed = target is not None and isinstance(target.shape, Many) and not target.shape.keyed
         variable, before = self._name(), self._bound
@@ -277,7 +278,7 @@ class _FieldReader:
         return found
 
     def _sign(self) -> str:
-        """Return the next token where it may be an operator or a bracket, else ''."""
+        """Return the next token if it may be an operator or a bracket, else ''."""
         if self._at == len(self._tokens):
             return ""
         token = self._tokens[self._at]

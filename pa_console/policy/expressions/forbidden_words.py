@@ -1,10 +1,10 @@
-"""Requests that no mission may make, in words that a list of violent verbs does not have.
+"""Requests that no mission may make, in words that no list of violent verbs contains.
 
-Rules call these beside their own patterns, which are in English and literal: other languages,
-euphemisms and idioms are here (`forbidden_words.yaml`). All functions read plain words
-(`plain_text.py`). What stands behind a negation asks for the opposite, unless it is forborne that
-is ruled out: *do not refrain from opening fire*. This is a net with holes: what it misses still
-meets a vocabulary without any command for force, and checks that run whatever a mission says.
+Rules call these functions in addition to their own patterns, which are literal and in English. This
+module covers other languages, euphemisms and idioms (`forbidden_words.yaml`). All functions read
+plain words (`plain_text.py`). A negation before a phrase reverses its meaning, unless it rules out
+restraint: *do not refrain from opening fire*. Some requests will not be detected. They still meet a
+vocabulary without any command for force, and checks that run whatever a mission says.
 """
 
 import re
@@ -19,9 +19,9 @@ from pa_console.policy.expressions.deadlines import unmeasured
 
 @cache
 def forbidden_patterns() -> Mapping[str, re.Pattern[str]]:
-    """Return the patterns of the file, with its parts put in for their names.
+    """Return the patterns of the file, with the names of parts replaced by the parts.
 
-    They are compiled on first use, in 50 ms, which the check that asks for them is not charged.
+    They are compiled on first use, in 50 ms, which do not count towards the check's time limit.
     """
     with unmeasured():
         text = Path(__file__).with_suffix(".yaml").read_text(encoding="utf-8")
@@ -48,12 +48,12 @@ def asks_for_force(words: str) -> bool:
 
 
 def asks_to_confine(words: str) -> bool:
-    """Return whether plain `words` ask to shut a person in, by idioms and by what follows."""
+    """Return whether plain `words` ask to shut a person in, by idiom or by consequence."""
     return _meant(words, "confinement")
 
 
 def asks_to_follow(words: str) -> bool:
-    """Return whether plain `words` ask to go after a person wherever that person goes."""
+    """Return whether plain `words` ask to follow a person wherever that person goes."""
     return _meant(words, "following")
 
 
@@ -63,7 +63,7 @@ def asks_to_set_rules_aside(words: str) -> bool:
 
 
 def _meant(words: str, *names: str) -> bool:
-    """Return whether one of the patterns stands in `words` and is not negated there."""
+    """Return whether one of the patterns occurs in `words` without a negation."""
     patterns = forbidden_patterns()
     for name in names:
         for found in patterns[name].finditer(words):

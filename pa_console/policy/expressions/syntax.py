@@ -1,8 +1,8 @@
-"""The text of a CEL expression: its tokens, its bounds, and its loops with a limit of time.
+"""The text of a CEL expression: its tokens, its limits, and loops that observe a time limit.
 
-The parser recurses with its input and a running expression cannot be stopped from outside. So an
-expression that is too large, too deep, or whose values could grow too large is refused before the
-parser sees it, and every loop asks at each of its rounds whether there is time left.
+The parser is recursive, and a running expression cannot be stopped from outside. So an expression
+that is too large, too deep, or whose values could grow too large is refused before it is parsed,
+and every loop checks at each round whether there is time left.
 """
 
 import re
@@ -16,20 +16,20 @@ MAX_CHARACTERS = 32_768
 MAX_TOKENS = 800
 MAX_NESTING = 24
 MAXLOOPS = 4
-"""Loops inside each other; the shipped rules have at most three."""
+"""The limit on nested loops; the shipped rules nest at most three."""
 MAX_VALUE = 1_000_000
-"""The most characters or elements that a value which an expression builds could have."""
+"""The limit on characters or elements of a value that an expression could build."""
 INPUT_SIZE = 2_000
-"""Characters or elements of a value that is given: a mission has at most 2,000 characters."""
+"""Characters or elements of an input value; a mission has at most 2,000 characters."""
 
 GOING_ON = "__going_on"
-"""The function that a loop asks at each round whether there is time left."""
+"""The function that a loop calls at each round to check the time left."""
 
 Kind = Literal["space", "text", "number", "name", "sign"]
 
 LOOPS = {"all": "false", "exists": "true", "exists_one": "false", "existsOne": "false",
           "filter": "false", "map": "null"}  # fmt: skip
-"""The macros that loop, and what a round yields for which there is no time: the loop then ends."""
+"""The macros that loop, and the result of a round without time left, which ends the loop."""
 _PATTERNED = ("finds", "without", "matches")
 _OPEN, _CLOSE = "([{", ")]}"
 _TOKEN = re.compile(
@@ -44,6 +44,9 @@ _TOKEN = re.compile(
   | (?P<sign> && | \|\| | == | != | <= | >= | [-+*/%<>!?:.,()\[\]{}] )
     """
 )
+
+_BEFORE_VALUE = frozenset(("(", "[", "{", ",", ":", "?", "&&", "||", "!", "+", "-", "*", "/", "%",
+                           "==", "!=", "<", ">", "<=", ">=", "in"))  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -67,10 +70,10 @@ class Loop:
 
 
 class Source:
-    """An expression's text, found to be within the limits; raises ValueError otherwise."""
+    """The text of an expression within the limits; raises ValueError otherwise."""
 
     def __init__(self, text: str) -> None:
-        """Parse `text`; if brackets do not match, it is empty and `problem` has the reason."""
+        """Parse `text`; if brackets do not match, it has no tokens and `problem` has the reason."""
         if len(text) > MAX_CHARACTERS:
             raise ValueError(
                 f"too long: {len(text):,} characters, at most {MAX_CHARACTERS:,}; split the rule"
@@ -82,21 +85,21 @@ class Source:
 
     @property
     def tokens(self) -> tuple[ExpressionToken, ...]:
-        """The tokens in it."""
+        """The tokens of the expression."""
         return tuple(self._tokens)
 
     @property
     def size(self) -> int:
-        """The number of its tokens."""
+        """The number of tokens."""
         return len(self._tokens)
 
     @property
     def bound(self) -> frozenset[str]:
-        """The names that its loops bind."""
+        """The names that loops bind."""
         return frozenset(loop.variable for loop in self._loops)
 
     def patterns(self) -> Iterator[str]:
-        """Yield every regular expression in it; raises ValueError for one that is not a literal."""
+        """Yield every regular expression; raises ValueError for one that is not a literal."""
         for place, token in enumerate(self._tokens):
             if token.text not in _PATTERNED or not self._is_call(place):
                 continue
@@ -109,7 +112,7 @@ class Source:
             yield str(cel.evaluate(self._tokens[first].text))
 
     def watched(self) -> str:
-        """Return the same expression, with loops that end when there is no time left."""
+        """Return the same expression with loops that end when no time is left."""
         before: dict[int, str] = {}
         after: dict[int, str] = {}
         for loop in self._loops:
@@ -167,10 +170,10 @@ class Source:
                 raise ValueError(f"loops are nested deeper than {MAXLOOPS}; split the rule")
 
     def _refuse_growth(self) -> None:
-        """Refuse what could build a huge value: each loop may go on with what another has built.
+        """Refuse an expression that could build a huge value, since loops can build on each other.
 
-        A value becomes larger by `+`, and by being named several times in a list or map. Between
-        two loops it can so grow by at most 1 + the number of those signs there.
+        A value grows by `+`, and by being named several times in a list or map. Between two loops
+        it can grow by at most a factor of 1 + the number of those signs there.
         """
         signs = [0] * (len(self._loops) + 1)
         within: list[tuple[int, int]] = []
@@ -204,10 +207,6 @@ class Source:
         return tokens[place - 1].kind in ("text", "number") and tokens[place - 2].text in "[,"
 
 
-_BEFORE_VALUE = frozenset(("(", "[", "{", ",", ":", "?", "&&", "||", "!", "+", "-", "*", "/", "%",
-                           "==", "!=", "<", ">", "<=", ">=", "in"))  # fmt: skip
-
-
 def _tokens(text: str) -> list[ExpressionToken]:
     found: list[ExpressionToken] = []
     place = 0
@@ -229,7 +228,7 @@ def _tokens(text: str) -> list[ExpressionToken]:
 
 
 def _matched(tokens: list[ExpressionToken]) -> tuple[list[ExpressionToken], str]:
-    """Return the tokens with the place of its partner in every opening bracket.
+    """Return the tokens; each opening bracket has the place of its closing one.
 
     If brackets do not match, there are no tokens, only a description of the problem.
     """

@@ -1,1 +1,1 @@
-"""Everything that happens, as typed events: the spine of the console."""
+"""Typed events: everything that happens in a session."""

@@ -1,4 +1,4 @@
-"""Everything that happens, one small class per kind; log, screen and replay see only these."""
+"""All events, one small class per kind; log, screen and replay read only these."""
 
 from datetime import datetime
 from typing import Annotated
@@ -95,7 +95,7 @@ from pa_console.schema.events.session import (
     WorkerState,
 )
 
-# The payloads are gathered in `EventPayload`; these names are used with them.
+# The payloads are collected in `EventPayload`; these are the names that are used with them.
 __all__ = (
     "MOST_CONTACTS", "MOST_READINGS", "UNVERIFIED", "AnswerLine", "Event", "EventPayload",
     "IncidentSource", "Level", "OutsideReport", "Payload", "QuestionTopic", "Reference",
@@ -125,7 +125,7 @@ EventPayload = Annotated[
 
 
 class Event(StrictModel):
-    """A payload with when it happened (UTC and simulation tick) and the mission it belongs to."""
+    """A payload with its time (UTC and simulation tick) and its mission."""
 
     t: datetime
     tick: int

@@ -20,7 +20,7 @@ class CommandSent(Payload):
 
 
 class CommandRefused(Payload):
-    """Step 7: a command was kept back at the last gate, for nobody decided it or all is stopped."""
+    """Step 7: the command gate refused a command without a decision, or during a stop."""
 
     binding: ClassVar[bool] = True
     kind: Literal["command_refused"] = "command_refused"
@@ -29,7 +29,7 @@ class CommandRefused(Payload):
 
 
 class CommandResent(Payload):
-    """Step 7: a command that was not answered went out again under the same id."""
+    """Step 7: an unanswered command was sent again with the same id."""
 
     kind: Literal["command_resent"] = "command_resent"
     command_id: str
@@ -37,25 +37,25 @@ class CommandResent(Payload):
 
 
 class PlanHalted(Payload):
-    """Step 7: a premise of the running plan broke; assets were brought to a safe state."""
+    """Step 7: a premise of the running plan broke; each asset is sent its way to safety."""
 
     kind: Literal["plan_halted"] = "plan_halted"
     attempt: int
     reasons: tuple[str, ...]
-    safe_state: tuple[str, ...] = Field(default=(), description="what each asset was told")
+    safe_state: tuple[str, ...] = Field(default=(), description="the command to each asset")
 
 
 class StepsHeld(Payload):
-    """Step 7: actions of an approved plan that are not sent, because of what came before them."""
+    """Step 7: actions of an approved plan that are not sent because of earlier actions."""
 
     kind: Literal["steps_held"] = "steps_held"
     attempt: int
-    orders: tuple[str, ...] = Field(description="what is not sent: agent and command")
+    orders: tuple[str, ...] = Field(description="the unsent actions: agent and command")
     reason: str
 
 
 class StepsPaused(Payload):
-    """Step 7: a mission sends no further step until somebody lets it go on, or goes on."""
+    """Step 7: a mission was paused before its next step, or resumed."""
 
     kind: Literal["steps_paused"] = "steps_paused"
     paused: bool
@@ -63,14 +63,14 @@ class StepsPaused(Payload):
 
 
 class CommandReplied(Payload):
-    """Step 7: a device answered, or was given up on (`failed`, timed out)."""
+    """Step 7: a device's reply, or `failed` after a time-out."""
 
     kind: Literal["command_replied"] = "command_replied"
     reply: CommandReply
 
 
 class MissionVerified(Payload):
-    """Step 7: what telemetry says of the executed plan."""
+    """Step 7: the outcome of the executed plan, according to telemetry."""
 
     kind: Literal["mission_verified"] = "mission_verified"
     verification: Verification
@@ -83,14 +83,14 @@ class MissionVerified(Payload):
 
 
 class OutcomeJudged(Payload):
-    """Step 7: the JudgeLLM's verdict on the outcome of an executed plan, or why there is none.
+    """Step 7: the judge's verdict on the outcome of an executed plan, or why there is none.
 
-    Nothing waits for it: it may come after other plans of the mission, and after its end.
+    Nothing waits for it: it may come after other plans of the mission, and after the mission's end.
     """
 
     kind: Literal["outcome_judged"] = "outcome_judged"
     attempt: int | None = Field(
-        default=None, description="the plan; the last one that was verified, where it is not told"
+        default=None, description="the plan; None: the last one that was verified"
     )
     verdict: Verdict | None
     error: str = ""
@@ -105,7 +105,7 @@ class MissionReported(Payload):
 
 
 class MissionFinished(Payload):
-    """The mission is over."""
+    """The mission has ended."""
 
     kind: Literal["mission_finished"] = "mission_finished"
     status: MissionStatus
@@ -114,9 +114,9 @@ class MissionFinished(Payload):
 
 
 class AllStopped(Payload):
-    """The operator's stop: every asset is told to hold, open plans are void.
+    """The operator's stop: every asset is ordered to hold, and open plans become void.
 
-    From here to a `StopReleased` no command but hold and report leaves the station.
+    Until the next `StopReleased`, no command except hold and report leaves the station.
     """
 
     binding: ClassVar[bool] = True
@@ -126,9 +126,9 @@ class AllStopped(Payload):
 
 
 class ManualControlTaken(Payload):
-    """An operator has taken manual control of an asset: the console sends it nothing more.
+    """An operator has taken manual control of an asset: the console sends it no more commands.
 
-    A stop's hold alone is still sent. The event carries over a restart of the console.
+    Only a stop's hold is still sent. The event stays in effect after a restart of the console.
     """
 
     binding: ClassVar[bool] = True
@@ -138,7 +138,7 @@ class ManualControlTaken(Payload):
 
 
 class ManualControlEnded(Payload):
-    """An operator has given an asset back; nothing goes on by that."""
+    """An operator has ended manual control of an asset; nothing is resumed by it."""
 
     binding: ClassVar[bool] = True
     kind: Literal["manual_control_ended"] = "manual_control_ended"
@@ -149,8 +149,8 @@ class ManualControlEnded(Payload):
 class MissionAwaitsAssets(Payload):
     """A mission ended without its result because `assets` are under manual control.
 
-    Once all of them are back, its words are queued as the mission `again`, which is planned,
-    checked and approved anew.
+    Once manual control of all of them has ended, its words are queued as the mission `again`, which
+    is planned, checked and approved as a new one.
     """
 
     kind: Literal["mission_awaits_assets"] = "mission_awaits_assets"
@@ -159,14 +159,14 @@ class MissionAwaitsAssets(Payload):
 
 
 class StopUnconfirmed(Payload):
-    """The assets not known to stand after a stop, each with the reason; none: all stand."""
+    """The assets not known to hold after a stop, each with the reason; if empty, all hold."""
 
     kind: Literal["stop_unconfirmed"] = "stop_unconfirmed"
     assets: dict[Name, str]
 
 
 class StopReleased(Payload):
-    """The operator released the stop: missions are taken, and alarms answered, again."""
+    """The operator released the stop: missions and alarms are processed again."""
 
     binding: ClassVar[bool] = True
     kind: Literal["stop_released"] = "stop_released"

@@ -1,4 +1,4 @@
-"""Events of step 1, of standing orders, and of questions about the record."""
+"""Events of step 1, of standing orders, and of questions about the log."""
 
 from datetime import datetime
 from typing import ClassVar, Literal
@@ -10,7 +10,7 @@ from pa_console.schema.mission import Alarm, Mission, QueueEntry, StandingOrder,
 
 
 class AlarmRaised(Payload):
-    """The picture shows something that needs a response; the alarm replaces one of the same id."""
+    """A situation in the picture needs a response; the alarm replaces one with the same id."""
 
     kind: Literal["alarm_raised"] = "alarm_raised"
     alarm: Alarm
@@ -33,14 +33,14 @@ class AlarmCleared(Payload):
 
 
 class QueueChanged(Payload):
-    """Step 1: the missions that wait, next first, and why in this order (WF-04, WF-05)."""
+    """Step 1: the waiting missions in order, with the reasons for it (WF-04, WF-05)."""
 
     kind: Literal["queue_changed"] = "queue_changed"
     entries: tuple[QueueEntry, ...]
 
 
 class MissionPreempted(Payload):
-    """The active mission went back to the queue because an emergency goes first."""
+    """The active mission went back to the queue because an emergency has priority."""
 
     kind: Literal["mission_preempted"] = "mission_preempted"
     by: str
@@ -50,7 +50,8 @@ class MissionPreempted(Payload):
 class WorkflowMoved(Payload):
     """The mission's position in a workflow that a rule prescribes (WF-01).
 
-    `phase` counts from 0; it is the number of phases when the workflow is over, with `outcome`.
+    `phase` counts from 0; when the workflow is over, it is the number of phases, and `outcome` is
+    set.
     """
 
     kind: Literal["workflow_moved"] = "workflow_moved"
@@ -73,52 +74,52 @@ class MissionReceived(Payload):
 
 
 class MissionStarted(Payload):
-    """The mission left the queue and is being worked on, under one rule set to its end."""
+    """The mission left the queue and is in progress, under the same rule set until its end."""
 
     kind: Literal["mission_started"] = "mission_started"
     rules_content_sha256: str = Field(default="", description="content hash of that rule set")
     rules_warnings: tuple[str, ...] = Field(
-        default=(), description="what must be said of it: accepted although, nothing critical"
+        default=(), description="warnings about it: accepted by the operator, no critical check"
     )
 
 
 class Reference(StrictModel):
-    """Words of an order that point at something, and what they mean here and now."""
+    """Words of an order that refer to something, and their meaning in the present picture."""
 
     said: str
     means: str
 
 
 class QuestionAsked(Payload):
-    """Step 1: one answer settles what is meant; an `answer` decides, and joins the order."""
+    """Step 1: a question about an order's meaning; an `answer` decision is added to the order."""
 
     kind: Literal["question_asked"] = "question_asked"
     question: str
-    said: str = Field(default="", description="the words that are not clear; '' for all of them")
-    choices: tuple[str, ...] = Field(default=(), description="what may be meant; any else too")
+    said: str = Field(default="", description="the unclear words; '' for all of them")
+    choices: tuple[str, ...] = Field(default=(), description="possible meanings, not exclusive")
 
 
 class OrderRead(Payload):
-    """Step 1: how an order is read that points at the picture or at what was ordered before."""
+    """Step 1: the reading of an order that refers to the picture or to earlier orders."""
 
     kind: Literal["order_read"] = "order_read"
-    text: str = Field(description="the order with names for what it points at; this is planned")
-    typed: str = Field(description="what was typed, answers to questions included")
+    text: str = Field(description="the planned text: names in place of references")
+    typed: str = Field(description="the typed text, including answers to questions")
     references: tuple[Reference, ...] = ()
     follows: str = Field(
         default="",
         exclude_if=lambda words: not words,
-        description="the commands of the order before, where the words lean on it",
+        description="the previous order's commands, if the words refer to it",
     )
 
 
 class OrderStepRead(Payload):
-    """Step 1: one step of an order in steps; the plans that follow are for it alone."""
+    """Step 1: one step of an order in steps; the next plans are for this step alone."""
 
     kind: Literal["order_step_read"] = "order_step_read"
     step: int = Field(ge=1, description="its number, counted from 1")
-    steps: int = Field(ge=1, description="how many the order has")
-    text: str = Field(description="its words, with names for what they point at")
+    steps: int = Field(ge=1, description="the number of steps in the order")
+    text: str = Field(description="its words, with names in place of references")
 
 
 QuestionTopic = Literal[
@@ -126,23 +127,22 @@ QuestionTopic = Literal[
     "asset",  # why this asset
     "other_asset",  # why not that one
     "gate",  # why a gate has no guard
-    "alternatives",  # what else would serve the order
+    "alternatives",  # which other plans would serve the order
 ]
 """The subject of a question."""
 
 
 class AnswerLine(StrictModel):
-    """One statement of an answer: what it is `about`, in a word or two, and what is `said`."""
+    """One statement of an answer: its subject `about`, in a word or two, and its text `said`."""
 
     about: str
     said: str
 
 
 class QuestionAnswered(Payload):
-    """A question about the record, with its answer; no model was asked.
+    """A question about the log, with its answer; no model was asked.
 
-    The event's mission is the subject of the question. No decision follows, and no asset moves by
-    it.
+    The event's mission is the subject of the question. It causes no decision and no movement.
     """
 
     kind: Literal["question_answered"] = "question_answered"
@@ -153,7 +153,7 @@ class QuestionAnswered(Payload):
 
 
 class AgentMuted(Payload):
-    """An operator has muted an agent, or let it propose again; muted, it may only read and stop."""
+    """An operator has muted an agent, or unmuted it; a muted agent may only read and stop."""
 
     binding: ClassVar[bool] = True
     kind: Literal["agent_muted"] = "agent_muted"
@@ -163,13 +163,13 @@ class AgentMuted(Payload):
 
 
 class StandingOrderRead(Payload):
-    """Step 1: how an order is read that is to hold from now on; nobody has approved it yet."""
+    """Step 1: the reading of a standing order, which has not been approved yet."""
 
     kind: Literal["standing_order_read"] = "standing_order_read"
     order: StandingOrder
-    now: tuple[StandingStart, ...] = Field(default=(), description="what it would start at once")
+    now: tuple[StandingStart, ...] = Field(default=(), description="its missions at once")
     moments: tuple[datetime, ...] = Field(
-        default=(), exclude_if=lambda moments: not moments, description="the next of its moments"
+        default=(), exclude_if=lambda moments: not moments, description="its next moments"
     )
     first_s: NonNegative | None = Field(
         default=None,
@@ -177,7 +177,7 @@ class StandingOrderRead(Payload):
         description="the fleet's time at the first of its moments",
     )
     allowed: tuple[str, ...] = Field(
-        default=(), description="the commands that may be given unasked by it, as the rules say"
+        default=(), description="commands that the rules let it give without approval"
     )
 
 
@@ -191,7 +191,7 @@ class StandingOrderApproved(Payload):
 
 
 class StandingOrderStarted(Payload):
-    """Its condition became true of `subject`, or its moment came, and a mission was queued."""
+    """The order's condition became true for `subject`, or its moment came: a mission was queued."""
 
     kind: Literal["standing_order_started"] = "standing_order_started"
     order_id: str
@@ -202,7 +202,7 @@ class StandingOrderStarted(Payload):
 
 
 class StandingOrderWithheld(Payload):
-    """Its condition became true of `subject`, or its moment came, and nothing was started."""
+    """The order's condition became true for `subject`, or its moment came: nothing was started."""
 
     kind: Literal["standing_order_withheld"] = "standing_order_withheld"
     order_id: str
@@ -211,7 +211,7 @@ class StandingOrderWithheld(Payload):
 
 
 class StandingOrderScheduled(Payload):
-    """The next moment of a timed order; `by` is whoever paused or resumed an order, or skipped."""
+    """The next moment of a timed order; `by` is the person who paused, resumed or skipped it."""
 
     kind: Literal["standing_order_scheduled"] = "standing_order_scheduled"
     order_id: str
@@ -223,7 +223,7 @@ class StandingOrderScheduled(Payload):
 
 
 class StandingOrderRevoked(Payload):
-    """The standing order is in force no more."""
+    """The standing order is no longer in force."""
 
     binding: ClassVar[bool] = True
     kind: Literal["standing_order_revoked"] = "standing_order_revoked"

@@ -13,7 +13,7 @@ from pa_console.schema.rule import RuleHit
 from pa_console.schema.telemetry import Digest
 
 MOST_READINGS = 3
-"""The number of other readings that an operator can take in at a glance."""
+"""The number of other readings that an operator can compare at a glance."""
 
 
 class RulesRetrieved(Payload):
@@ -26,7 +26,7 @@ class RulesRetrieved(Payload):
 
 
 class PictureDigested(Payload):
-    """Step 3: the picture as the models are given it."""
+    """Step 3: the picture as the models see it."""
 
     kind: Literal["picture_digested"] = "picture_digested"
     digest: Digest
@@ -60,7 +60,7 @@ class TextStreamed(Payload):
 
 
 class PlanProposed(Payload):
-    """Step 5: the model's whole answer; `plan` is None when it could not be read."""
+    """Step 5: the model's whole answer; `plan` is None if it could not be parsed."""
 
     kind: Literal["plan_proposed"] = "plan_proposed"
     attempt: int
@@ -72,19 +72,19 @@ class PlanProposed(Payload):
     error: str = ""
     usage: Usage = Usage()
     confidence: Share | None = Field(
-        default=None, description="the chance that the planner gave to what it says was asked"
+        default=None, description="the planner's confidence in its reading"
     )
     instead_of: int | None = Field(
-        default=None, description="the attempt whose prompt it is another answer to"
+        default=None, description="the attempt to whose prompt it is another answer"
     )
     given: bool = Field(
-        default=False, description="the console gave the commands, its author who has them"
+        default=False, description="the console gave the commands, the author only the agents"
     )
     as_judged: bool = Field(
-        default=False, description="it is for what the judge read in the mission"
+        default=False, description="it is for the judge's reading of the mission"
     )
     as_read_again: bool = Field(
-        default=False, description="it is for what the second reader read in the mission"
+        default=False, description="it is for the second reader's reading of the mission"
     )
     as_chosen: bool = Field(
         default=False, description="it is for the reading of the mission that the operator chose"
@@ -101,23 +101,23 @@ class PlanRehearsed(Payload):
 
 
 class PlanChecked(Payload):
-    """Step 6: one finding for every rule in force."""
+    """Step 6: the findings, one for every rule in force."""
 
     kind: Literal["plan_checked"] = "plan_checked"
     attempt: int
     findings: tuple[Finding, ...]
     seconds: float
     unmet: tuple[str, ...] = Field(
-        default=(), description="what of the order no plan can do now, and why"
+        default=(), description="parts of the order that no plan can do now, with reasons"
     )
     gaps: tuple[str, ...] = Field(
         default=(),
-        description="what the order names and the plan's reading of it does not, or the other way",
+        description="mismatches between the words of the order and the plan's reading",
     )
 
 
 class PlanJudged(Payload):
-    """Step 6: the JudgeLLM's verdict; None with an error means hold."""
+    """Step 6: the judge's verdict; None with an error means hold."""
 
     kind: Literal["plan_judged"] = "plan_judged"
     attempt: int
@@ -125,12 +125,12 @@ class PlanJudged(Payload):
     error: str = ""
     usage: Usage = Usage()
     confidence: Share | None = Field(
-        default=None, description="the chance that the judge gave to what it says was asked"
+        default=None, description="the judge's confidence in its reading"
     )
 
 
 class OrderReadAgain(Payload):
-    """Step 6: what another model read in an order of which planner or judge was unsure."""
+    """Step 6: another model's reading of an order that planner or judge was unsure about."""
 
     kind: Literal["order_read_again"] = "order_read_again"
     attempt: int
@@ -139,7 +139,7 @@ class OrderReadAgain(Payload):
     error: str = ""
     usage: Usage = Usage()
     confidence: Share | None = Field(
-        default=None, description="the chance that it gave to what it says was asked"
+        default=None, description="the model's confidence in its reading"
     )
 
 
@@ -152,54 +152,54 @@ class RepairRequested(Payload):
 
 
 class ApprovalRequested(Payload):
-    """Step 6: the operator's turn; the lists say what stands in the way and what is needed."""
+    """Step 6: the request to the operator, with the obstacles and the necessary acts."""
 
     kind: Literal["approval_requested"] = "approval_requested"
     request_id: str = Field(default="", description="a decision may name it, see Decision")
     attempt: int
     plan: Plan
-    blocked_by: tuple[str, ...] = Field(default=(), description="reasons nobody may override")
+    blocked_by: tuple[str, ...] = Field(default=(), description="reasons that cannot be overridden")
     acknowledge: tuple[str, ...] = Field(default=(), description="rule ids of warnings")
-    needs_override: bool = Field(default=False, description="the judge said Failure")
+    needs_override: bool = Field(default=False, description="the judge's verdict is Failure")
     if_halted: tuple[Action, ...] = Field(
         default=(),
-        description="the way to safety: what each agent is told if the plan is halted or cancelled "
-        "before it has ended; one that is to move may be told to hold instead",
+        description="the way to safety: each agent's command if the plan is halted or cancelled "
+        "before it has ended; a command to move may be replaced by hold",
     )
     asked: str = Field(
         default="",
-        description="what the plan is for, in canonical words; empty where nothing else is offered",
+        description="the plan's reading, in canonical words; empty if no other is offered",
     )
     approvals: dict[str, int] = Field(
         default={},
         exclude_if=lambda approvals: not approvals,
-        description="what of it more than one person must approve, and how many",
+        description="acts of it that several people must approve, with their number",
     )
     readings: tuple[str, ...] = Field(
         default=(),
         max_length=MOST_READINGS,
-        description="what else the order may mean, likeliest first; the operator may choose one",
+        description="other readings of the order, likeliest first; the operator may choose one",
     )
     gaps: tuple[str, ...] = Field(
-        default=(), description="where the words of the order and its reading do not match"
+        default=(), description="mismatches between the order's words and its reading"
     )
     confidence: Share | None = Field(
         default=None,
-        description="how often an order that was read so is right; None where one of the models "
-        "has not read it for itself",
+        description="how often orders read like this were right; None if one of the models has "
+        "not read the order itself",
     )
     read_apart: bool = Field(
         default=False,
-        description="another reader reads the order otherwise, and that may be what is meant",
+        description="another reader has a different reading, which may be the right one",
     )
     state: ApprovalState | None = Field(
         default=None,
-        description="what the operator has to know first; None in the log of an older console",
+        description="the state for the operator; None in the log of an older console",
     )
     standing: StandingOrder | None = Field(
         default=None,
         exclude_if=lambda standing: standing is None,
-        description="the standing order that is to be approved, with no plan, or None for a plan",
+        description="the standing order to approve, instead of a plan; None for a plan",
     )
     proposed_by: str = Field(
         default="",
@@ -208,11 +208,11 @@ class ApprovalRequested(Payload):
     )
 
     def decided(self, kind: DecisionKind, **given: Any) -> Decision:
-        """Return a decision on this request, with the other fields of the decision as `given`."""
+        """Return a decision on this request; its other fields are `given`."""
         return Decision(kind=kind, request_id=self.request_id, **given)
 
     def approved(self, reason: str = "", by: str = "operator") -> Decision:
-        """Return an approval that accepts and overrides everything that this request asks for."""
+        """Return an approval that gives every acknowledgement and override that is needed."""
         return self.decided(
             "approve",
             by=by,
@@ -223,7 +223,7 @@ class ApprovalRequested(Payload):
 
 
 class DecisionMade(Payload):
-    """The operator's decision; `accepted` is False when it was not admissible, with the reason."""
+    """The operator's decision; `accepted` is False if it was not admissible; `detail` is why."""
 
     binding: ClassVar[bool] = True
 
@@ -235,7 +235,7 @@ class DecisionMade(Payload):
 
 
 class PlanVoided(Payload):
-    """The world moved under an approved plan; it goes through the safeguards again."""
+    """The picture changed under an approved plan, which is checked again."""
 
     kind: Literal["plan_voided"] = "plan_voided"
     attempt: int

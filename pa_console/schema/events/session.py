@@ -1,4 +1,4 @@
-"""Events of the session: its start and end, telemetry, command, models, log, and the TAK server."""
+"""Events of the session: start and end, telemetry, command, models, log and TAK server."""
 
 from datetime import datetime
 from typing import Annotated, ClassVar, Literal
@@ -24,14 +24,20 @@ Level = Literal["info", "warning", "alarm"]
 IncidentSource = Literal["operator", "scenario"]
 ServerState = Literal["probing", "ready", "unconstrained", "away"]
 WorkerState = Literal["loading", "ready", "unconfined", "slow", "dead", "unavailable"]
-"""An `unconfined` worker is ready, in a process that this system does not confine."""
+"""A worker that is `unconfined` is ready, in a process that this system does not confine."""
+
+MOST_CONTACTS = 64
+"""The number of contacts kept at a time."""
+
+MOST_UID, MOST_CALLSIGN = 128, 48
+"""The limits in characters: a longer uid is invalid, a longer call sign is cut off."""
 
 
 class SessionStarted(Payload):
-    """Pins everything needed to run the session again.
+    """The start of a session, with everything that is needed to run it again.
 
-    A session whose `rules_seal` is altered was started with --unsigned; one of before there were
-    seals has none.
+    A session with an altered `rules_seal` was started with --unsigned; a session from before seals
+    were introduced has none.
     """
 
     kind: Literal["session_started"] = "session_started"
@@ -60,15 +66,15 @@ class SessionStarted(Payload):
     servers: dict[ServerUse, str] = Field(
         default={},
         exclude_if=lambda servers: not servers,
-        description="models on servers that are asked before the own one, by what they are to be",
+        description="models on servers by use; they are asked before the session's own model",
     )
 
 
 class SessionResumed(Payload):
-    """The session goes on in its own log, after its console had ended without closing it.
+    """The session continues in its own log after its console had ended without closing it.
 
-    Nothing is dispatched by that. `interrupted` are the missions that were under way: they end as
-    held. What had not begun waits again, open alarms are open, a stop stays latched.
+    This sends no command. The missions `interrupted` were in progress and end as held. Missions
+    that had not begun wait again, open alarms stay open, and a stop stays in effect.
     """
 
     kind: Literal["session_resumed"] = "session_resumed"
@@ -77,10 +83,10 @@ class SessionResumed(Payload):
 
 
 class CommandTaken(Payload):
-    """Command of the site was taken from another station, whose session is refused from then on.
+    """Command of the site was taken from another station, whose session is refused from now on.
 
-    `records` and `head` say how far the log of that session had come here: the number of its last
-    record, and the hash of it. `by` is the commander who has signed the `epoch`.
+    `records` is the number of the last record of that session's log received here, and `head` is
+    its hash. `by` is the commander who signed the `epoch`.
     """
 
     binding: ClassVar[bool] = True
@@ -95,9 +101,9 @@ class CommandTaken(Payload):
 
 
 class AuthorityChanged(Payload):
-    """A change of this station's right to command: `refusal` is why not, '' if it may.
+    """A change of this station's right to command: `refusal` is the reason why not, '' if it may.
 
-    It occurs when another station takes command, and when the key of this one is revoked.
+    It occurs when another station takes command, and when the key of this station is revoked.
     """
 
     binding: ClassVar[bool] = True
@@ -107,10 +113,10 @@ class AuthorityChanged(Payload):
 
 
 class RulesReplaced(Payload):
-    """Another rule set is in force; a mission that was begun stays under the set it began with.
+    """Another rule set is in force; missions in progress keep the set they began with.
 
-    `changes` says rule by rule what is different from the set before; `rule_set` is all of it, so
-    that the session can be run again whatever becomes of the file.
+    `changes` lists the differences from the set before, by rule. `rule_set` is the whole set, so
+    that the session can be run again even if the file is lost.
     """
 
     binding: ClassVar[bool] = True
@@ -131,7 +137,7 @@ class TelemetryReceived(Payload):
 
 
 class IncidentHappened(Payload):
-    """Something was injected into the simulation: set-up, scenario or what-if."""
+    """An incident was injected into the simulation: set-up, scenario or what-if."""
 
     kind: Literal["incident"] = "incident"
     incident: Incident
@@ -139,7 +145,7 @@ class IncidentHappened(Payload):
 
 
 class Noticed(Payload):
-    """A change worth an operator's eye: a gate lost or covered, a track seen, an asset down."""
+    """A notable change: a gate lost or covered, a track detected, an asset down."""
 
     kind: Literal["noticed"] = "noticed"
     level: Level
@@ -148,7 +154,7 @@ class Noticed(Payload):
 
 
 class WorkerChanged(Payload):
-    """The LLM worker started loading, became ready, was slowed by other work, died or restarted."""
+    """A new state of the LLM worker: loading, ready, slowed by other work, dead or restarted."""
 
     kind: Literal["worker"] = "worker"
     state: WorkerState
@@ -156,24 +162,24 @@ class WorkerChanged(Payload):
 
 
 class ServerChanged(Payload):
-    """A model's server is being tried, answers, holds no answer to its form, or gives none."""
+    """A new state of a model's server: being probed, ready, unconstrained or away."""
 
     kind: Literal["server"] = "server"
     server: str = Field(description="openai:BASE_URL#NAME")
-    serves: tuple[ServerUse, ...] = Field(description="what it is asked to be")
+    serves: tuple[ServerUse, ...] = Field(description="its uses")
     state: ServerState
     detail: str = ""
 
 
 class SessionEnded(Payload):
-    """The last line of a session that ended in order."""
+    """The last line of a session that ended normally."""
 
     kind: Literal["session_ended"] = "session_ended"
     reason: str
 
 
 class LogTroubled(Payload):
-    """The log cannot be written, and so nothing is dispatched; with no `problem` it can again."""
+    """The log cannot be written, so nothing is dispatched; an empty `problem` is the all-clear."""
 
     transient: ClassVar[bool] = True
 
@@ -182,11 +188,11 @@ class LogTroubled(Payload):
 
 
 class LogSigned(Payload):
-    """The log's own record, emitted by no session: a key vouches for all lines up to this one.
+    """The log's own record, not emitted by a session: a key vouches for all lines up to it.
 
-    `signature` is Ed25519 by `key` over the record without `hash` and `signature`, so also over the
-    hash of the record before. `found` records before it were unsigned when the log was opened
-    again; `closing` is True for the last one.
+    `signature` is the Ed25519 signature by `key` of the record without `hash` and `signature`, and
+    thus also covers the hash of the previous record. `found` is the number of unsigned records
+    before it when the log was opened again; `closing` is True for the last record.
     """
 
     transient: ClassVar[bool] = True
@@ -202,7 +208,7 @@ StillFormat = Literal["png", "jpg"]
 
 
 class CameraStill(Payload):
-    """The picture of a track that an operator is shown, or the `problem` why there is none.
+    """The image of a track shown to an operator, or the `problem` if there is none.
 
     No part that plans, checks or judges reads it. The file is kept beside the log.
     """
@@ -210,26 +216,20 @@ class CameraStill(Payload):
     kind: Literal["camera_still"] = "camera_still"
     track: Name
     camera: Name
-    taken_s: NonNegative = Field(description="the fleet's clock")
+    taken_s: NonNegative = Field(description="time on the fleet's clock")
     sha256: Hex32 | None = Field(default=None, description="of the file that is kept")
     format: StillFormat = "png"
     problem: str = ""
 
     @property
     def file_name(self) -> str:
-        """The name of the file, '' without a picture."""
+        """The name of the file, or '' without an image."""
         return f"{self.sha256}.{self.format}" if self.sha256 is not None else ""
 
 
-MOST_CONTACTS = 64
-"""The number of contacts kept at a time."""
-
-MOST_UID, MOST_CALLSIGN = 128, 48
-"""A longer uid is none; a longer call sign is cut. Characters."""
-
 TakState = Literal["connected", "away"]
 LossReason = Literal["stale", "removed", "left"]
-"""Its report holds no longer, its sender took it off the map, or it is beyond the site."""
+"""The report has expired, its sender removed it from the map, or it has left the site."""
 
 ClaimedAffiliation = Literal[
     "friend", "assumed friend", "neutral", "unknown", "pending", "suspect", "hostile", "other"
@@ -243,25 +243,25 @@ Count = Annotated[int, Field(ge=0)]
 
 
 class ReportedContact(StrictModel):
-    """The report of a TAK client on a thing; `at` is in metres, as all positions are."""
+    """A TAK client's report of an object; `at` is in metres, like all positions."""
 
     uid: str = Field(min_length=1, max_length=MOST_UID)
     callsign: str = Field(default="", max_length=MOST_CALLSIGN)
     affiliation: ClaimedAffiliation
     what: ClaimedKind
     at: Point
-    error_m: NonNegative | None = Field(default=None, description="radius, None where not told")
-    time: datetime = Field(description="when it was there, as claimed; never after it was heard")
-    stale: datetime = Field(description="until when that holds, as claimed, up to a limit")
+    error_m: NonNegative | None = Field(default=None, description="radius, None if not reported")
+    time: datetime = Field(description="claimed time of the position, not after its reception")
+    stale: datetime = Field(description="claimed time of expiry, up to a limit")
 
     @property
     def name(self) -> str:
-        """The name of the thing: its call sign, else its uid."""
+        """The name of the object: its call sign, else its uid."""
         return self.callsign or self.uid
 
 
 class TakChanged(Payload):
-    """The connection to the TAK server is there, or is not and is tried again."""
+    """The connection to the TAK server was made, or was lost and is retried."""
 
     kind: Literal["tak"] = "tak"
     server: str = Field(description="tls://HOST:PORT or tcp://HOST:PORT")
@@ -270,14 +270,14 @@ class TakChanged(Payload):
 
 
 class ContactReported(Payload):
-    """A contact is new, or something else is claimed of it, or it is somewhere else."""
+    """A contact is new, or its report or its position has changed."""
 
     kind: Literal["contact_reported"] = "contact_reported"
     contact: ReportedContact
 
 
 class ContactLost(Payload):
-    """A contact is reported no more."""
+    """A contact is no longer reported."""
 
     kind: Literal["contact_lost"] = "contact_lost"
     uid: str
@@ -285,10 +285,10 @@ class ContactLost(Payload):
 
 
 class ContactsLeftOut(Payload):
-    """The number of messages from the server that are not shown so far.
+    """The numbers of the server's messages that are not shown, so far.
 
-    `outside` are contacts beyond the site, `too_many` those beyond the limits of number and time,
-    and `unreadable` malformed events.
+    `outside` counts contacts beyond the site, `too_many` those beyond the limits of number and
+    rate, and `unreadable` malformed events.
     """
 
     kind: Literal["contacts_left_out"] = "contacts_left_out"
@@ -301,4 +301,4 @@ UNVERIFIED = (TakChanged, ContactReported, ContactLost, ContactsLeftOut)
 """The events of a TAK server; no part that answers, plans or decides reads them."""
 
 OutsideReport = TakChanged | ContactReported | ContactLost | ContactsLeftOut | Noticed
-"""All that may come into a session from a TAK server; none of it is a picture or an order."""
+"""All events that a TAK server can cause in a session; none of them is a picture or an order."""

@@ -1,8 +1,8 @@
 """Records of a session log: canonical JSON, the hash chain, and reading a log line by line.
 
 A record is a JSON object with the fields of `FIELDS`, in that order. `hash` is the SHA-256, in
-hexadecimal, of the record without `hash` as canonical JSON. `prev` is the `hash` of the record
-before, GENESIS in the first, whose `seq` is 1. The signature of a `log_signed` record is over
+hexadecimal, of the record without `hash` as canonical JSON. `prev` is the `hash` of the previous
+record, or GENESIS in the first one, whose `seq` is 1. The signature of a `log_signed` record covers
 PURPOSE and the same canonical JSON without `signature`.
 """
 
@@ -30,7 +30,7 @@ KINDS = frozenset(
     payload.model_fields["kind"].default for payload in get_args(get_args(EventPayload)[0])
 )
 LINE_LIMIT = 4 << 20
-"""The longest line of a log; the picture of a thousand assets takes a seventh of it."""
+"""The limit on the length of a line; the picture of a thousand assets takes a seventh of it."""
 
 _TEXT = rb'"(?:[^"\\]|\\.)*"'
 RECORD_START = re.compile(
@@ -45,14 +45,14 @@ _DISK_FULL = frozenset((errno.ENOSPC, errno.EDQUOT))
 
 
 class LogError(DocumentError):
-    """A session log that cannot be written or read; `line` is 0 for an error of no single line."""
+    """A session log that cannot be written or read; `line` is 0 without a line."""
 
     def __init__(self, source: str, line: int, problem: str) -> None:
         super().__init__(source, line, "", problem)
 
 
 def os_error(path: Path, task: str, error: OSError) -> LogError:
-    """Return `error`, met while doing `task` with the log at `path`, worded for the user."""
+    """Return `error`, raised by `task` on the log at `path`, in words for the user."""
     reason = error.strerror or str(error)
     if not isinstance(error, NotPrivateError):
         remedy = "free some space on that disk" if error.errno in _DISK_FULL else "check the path"
@@ -62,7 +62,7 @@ def os_error(path: Path, task: str, error: OSError) -> LogError:
 
 @dataclass(frozen=True)
 class LogRecord:
-    """A line of the log as it was read; nothing about the chain has been checked yet."""
+    """A line of the log as it was read; its place in the chain has not been checked yet."""
 
     text: str
     fields: dict[str, Any]
@@ -75,7 +75,7 @@ class LogRecord:
 
 
 def encodable(text: str) -> str:
-    """Return `text` with a question mark for each lone surrogate, which UTF-8 cannot hold."""
+    """Return `text` with a question mark for each lone surrogate, which UTF-8 cannot encode."""
     return text.encode("utf-8", "replace").decode()
 
 
@@ -119,7 +119,7 @@ def signed_part(fields: dict[str, Any]) -> bytes:
 
 
 def parse(line: bytes) -> LogRecord:
-    """Read one line (no line end) of a log; raise ValueError that names the first problem."""
+    """Parse one line of a log, without its line end; raise ValueError with the first problem."""
     text, fields = _load(line)
     if tuple(fields) != FIELDS:
         raise ValueError(f"not a record of a session log: its fields must be {', '.join(FIELDS)}")
@@ -140,15 +140,15 @@ def parse(line: bytes) -> LogRecord:
 
 
 def own_problem(record: LogRecord) -> str:
-    """Return the problem of `record` by itself; empty if it is as it was written."""
-    # The text is compared too: another spelling of the same JSON has the same hash.
+    """Return the problem of `record` by itself; '' if it is as it was written."""
+    # The text is compared too, because another spelling of the same JSON has the same hash.
     if _in_order(record.fields) != record.text or record.hash != digest(record.fields):
         return "the record was edited: its hash does not match what it says"
     return ""
 
 
 def link_problem(record: LogRecord, before: LogRecord | None) -> str:
-    """Return the problem of `record` as the successor of `before`; empty if there is none."""
+    """Return the problem of `record` as the successor of `before`; '' if there is none."""
     fields = record.fields
     seq, prev = (before.fields["seq"] + 1, before.hash) if before else (1, GENESIS)
     if problem := own_problem(record):
@@ -163,13 +163,13 @@ def link_problem(record: LogRecord, before: LogRecord | None) -> str:
 
 
 def lines_of(file: IO[bytes]) -> Iterator[bytes]:
-    """Yield the lines of a log with their ends; a line beyond LINE_LIMIT comes in pieces."""
+    """Yield the lines of a log with their ends; a line beyond LINE_LIMIT is yielded in pieces."""
     while line := file.readline(LINE_LIMIT):
         yield line
 
 
 def end_problem(line: bytes) -> str:
-    """Return the problem with the end of `line`, one of `lines_of`; empty for a whole line."""
+    """Return the problem with the end of `line`, one of `lines_of`; '' for a complete line."""
     if line.endswith(b"\n"):
         return ""
     if len(line) < LINE_LIMIT:
@@ -180,7 +180,7 @@ def end_problem(line: bytes) -> str:
 def read_lines(path: Path) -> Iterator[tuple[int, bytes]]:
     """Yield (line number from 1, line without its end).
 
-    Raises LogError for a torn last line and for a line beyond LINE_LIMIT.
+    Raises LogError for an incomplete last line and for a line beyond LINE_LIMIT.
     """
     try:
         with path.open("rb") as file:
@@ -203,14 +203,14 @@ def _read_events(path: Path) -> Iterator[tuple[int, Event]]:
 
 
 def read_log(path: Path) -> Iterator[Event]:
-    """Yield the events of a log, the chain unchecked; raise LogError at the first bad line."""
+    """Yield the events of a log without checking the chain; raise LogError at a bad line."""
     return (event for _, event in _read_events(path))
 
 
 def session_start(first: Event | None, log: Path) -> SessionStarted:
-    """Return how the session of `log` was started, by its first event, None for an empty log.
+    """Return the start of the session of `log` from its first event; None is an empty log.
 
-    Raises LogError if that is not the start of a session.
+    Raises LogError if the event is not the start of a session.
     """
     if first is None:
         raise LogError(str(log), 1, "the log is empty")
@@ -220,9 +220,9 @@ def session_start(first: Event | None, log: Path) -> SessionStarted:
 
 
 def line_of(path: Path, event: int) -> int:
-    """Return the line of event number `event`, from 1; 0 if there is none.
+    """Return the line of event number `event`, both counted from 1; 0 if there is none.
 
-    Signatures take lines of their own, so the two numbers differ. Raises LogError for a bad line
+    Signatures have their own lines, so the two numbers differ. Raises LogError for a bad line
     before that event.
     """
     numbers = (number for number, _ in _read_events(path))
@@ -248,5 +248,5 @@ def _no_constant(name: str) -> NoReturn:
 
 
 def _in_order(fields: dict[str, Any]) -> str:
-    """Return `fields` as the line is written: compact JSON in the order of FIELDS."""
+    """Return `fields` as a line: compact JSON in the order of FIELDS."""
     return json.dumps(fields, ensure_ascii=False, separators=(",", ":"))

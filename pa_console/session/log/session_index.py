@@ -1,9 +1,9 @@
-"""The index of sessions in a folder of logs, which shows a log that was deleted or cut.
+"""The index of the sessions in a folder of logs; it reveals a deleted or cut log.
 
 `sessions.index` has a line for each session that began, with the hash of its first record, and one
-for each that ended, with that of its last. Each line is signed and has the SHA-256 of the line
-before. A copy of the last line is kept beside the signing key: an attacker with access to the logs
-alone cannot cut the index unseen, and a removed line leaves a gap.
+for each session that ended, with the hash of its last record. Each line is signed and has the
+SHA-256 of the previous line. A copy of the last line is kept beside the signing key: an attacker
+who can only change the logs cannot cut the index unnoticed, and a removed line leaves a gap.
 """
 
 import fcntl
@@ -30,14 +30,14 @@ from pa_console.signing import SignedLine, Signer, fingerprint, key_path
 
 INDEX_NAME = "sessions.index"
 LOCK_S, LOCK_STEP_S = 5.0, 0.01
-"""Longest wait for another console that writes its line, and the time between two attempts."""
+"""Seconds to wait for another console that is writing its line, and seconds between attempts."""
 
 
 class IndexLine(SignedLine):
-    """A statement by `key`: `log` has `records` records or more, that one with `hash`.
+    """A statement by `key`: `log` has at least `records` records, and the last of them has `hash`.
 
     A log whose session has `ended` has no further records. `seq` is the number of the line, `prev`
-    the hash of the line before.
+    the hash of the previous line.
     """
 
     PURPOSE: ClassVar = b"pa-console index of sessions, line\n"
@@ -58,22 +58,22 @@ def index_path(folder: Path) -> Path:
 
 
 def anchor_path(folder: Path) -> Path:
-    """Return the path of the copy of that index's last line, beside the signing key."""
+    """Return the path of the copy of the index's last line, beside the signing key."""
     name = hashlib.sha256(os.fsencode(folder.resolve())).hexdigest()[:32]
     return key_path().parent / "session-indexes" / name
 
 
 class SessionIndex:
-    """The index of the folder of one console's log, as its writer."""
+    """A writer to the index in the folder of a console's log."""
 
     def __init__(self, folder: Path, signer: Signer) -> None:
         self._folder, self._signer = folder, signer
 
     def add(self, log: str, session: str, records: int, head: str, *, ended: bool) -> None:
-        """Add the line that `log` has `records` records, the last with the hash `head`.
+        """Add a line: `log` has `records` records, and the last of them has the hash `head`.
 
-        It follows the last line that this machine wrote, even if that line is gone, so that the
-        gap stays visible. Raises OSError.
+        It follows the last line that this machine wrote, even if that line is gone, so that the gap
+        stays visible. Raises OSError.
         """
         index, anchor = index_path(self._folder), anchor_path(self._folder)
         make_private_folder(anchor.parent)
@@ -98,7 +98,8 @@ class SessionIndex:
                 session=encodable(session),
             ).line
             write_all(file, line)
-            # The line is on the disk before its anchor: else a crash would look like a cut index.
+            # The line must be on the disk before its anchor; otherwise a crash would look like a
+            # cut index.
             os.fsync(file)
             replace_private(anchor, line)
             with suppress(OSError):
@@ -107,28 +108,28 @@ class SessionIndex:
             os.close(file)
 
     def _set_aside(self, torn: bytes) -> None:
-        """Move the beginning of a line that a crash cut short to a file beside the index."""
+        """Append an incomplete line left by a crash to a file beside the index."""
         aside = self._folder / f"{INDEX_NAME}.torn"
         with os.fdopen(open_private(aside, os.O_WRONLY | os.O_CREAT | os.O_APPEND), "ab") as stream:
             stream.write(torn + b"\n")
 
 
 def _whole_lines(content: bytes) -> tuple[list[bytes], bytes]:
-    """Return the lines of an index, and the beginning of a last one that has no end.
+    """Return the lines of an index, and an incomplete last one.
 
-    A line without its end was never on the disk, nor its anchor: power failed while it was written.
+    An incomplete line has no anchor either: power failed while it was written.
     """
     end = content.rfind(b"\n") + 1
     return content[:end].splitlines(keepends=True), content[end:]
 
 
 def line_hash(line: bytes) -> str:
-    """Return the hash by which the line after `line`, which has its end, names it."""
+    """Return the hash of `line`, which the next line contains."""
     return hashlib.sha256(line).hexdigest()
 
 
 def read_anchor(folder: Path) -> bytes:
-    """Return the last line that this machine wrote to the index of `folder`; empty without one."""
+    """Return the last line that this machine wrote to the index of `folder`; b"" if none."""
     try:
         return anchor_path(folder).read_bytes()
     except FileNotFoundError:
@@ -136,18 +137,18 @@ def read_anchor(folder: Path) -> bytes:
 
 
 def _end(lines: list[bytes], anchor: bytes) -> tuple[int, str]:
-    """Return number and hash of the line that a new one follows."""
+    """Return number and hash of the line that the next one must follow."""
     last = lines[-1] if lines else b""
     found = _number(last) if last else 0
     kept = _number(anchor) if anchor else 0
-    # After a cut, the new line follows the anchor, so that the gap in the numbers stays.
+    # After a cut, the new line follows the anchor, so that the gap in the numbers remains.
     if kept > found or (kept == found and last != anchor):
         return kept, line_hash(anchor)
     return (found or len(lines), line_hash(last)) if last else (0, GENESIS)
 
 
 def _number(line: bytes) -> int:
-    """Return the number of a line, 0 if its signature does not fit."""
+    """Return the number of a line, or 0 if its signature is not valid."""
     try:
         return IndexLine.parse(line).seq
     except ValueError:
@@ -171,7 +172,7 @@ _CHUNK = 1 << 20
 
 @dataclass(frozen=True)
 class IndexedSession:
-    """A session of the index; `problem` is the damage to its log, empty if there is none."""
+    """A session in the index; `problem` is the damage to its log, '' if there is none."""
 
     log: str
     session: str
@@ -181,7 +182,7 @@ class IndexedSession:
 
 @dataclass(frozen=True)
 class IndexReport:
-    """The sessions of an index in their order, and the problems of the index itself.
+    """The sessions of an index in order, and the problems of the index itself.
 
     `copies` are logs in the folder that repeat the log of a session under another name.
     """
@@ -192,12 +193,12 @@ class IndexReport:
 
     @property
     def all_problems(self) -> tuple[str, ...]:
-        """The problems of the index and of the logs, a sentence each."""
+        """The problems of the index and of the logs, one sentence each."""
         logs = (f"{found.log}: {found.problem}" for found in self._logs if found.problem)
         return (*self.problems, *logs)
 
     def of(self, log: Path) -> str:
-        """Return the problem of `log` by the index; empty if it has none or is not in the index."""
+        """Return the problem of `log` by the index; '' if it has none or is not listed."""
         problems = (found.problem for found in self._logs if found.log == log.name)
         return next(filter(None, problems), "")
 
@@ -209,8 +210,8 @@ class IndexReport:
 def check_index(folder: Path, known: Collection[str]) -> IndexReport:
     """Check the index of `folder`, and the first and the last record of every log in it.
 
-    Lines signed by keys whose fingerprints are not `known` do not count. Raises LogError if a file
-    cannot be read.
+    Lines count only if they are signed by keys whose fingerprints are `known`. Raises LogError if a
+    file cannot be read.
     """
     path = index_path(folder)
     try:
@@ -231,7 +232,7 @@ def check_index(folder: Path, known: Collection[str]) -> IndexReport:
 def _chain(
     name: str, content: bytes, known: Collection[str], entries: list[IndexLine]
 ) -> Iterator[str]:
-    """Follow the lines to their end; add the sound ones to `entries` and yield the problems."""
+    """Check the lines to the end; add the valid ones to `entries` and yield the problems."""
     seq, prev, sound = 0, GENESIS, True
     for number, line in enumerate(_whole_lines(content)[0], start=1):
         try:
@@ -261,7 +262,7 @@ def _sessions(folder: Path, entries: list[IndexLine]) -> Iterator[IndexedSession
 
 
 def _copies(folder: Path, entries: list[IndexLine]) -> Iterator[IndexedSession]:
-    """Find the logs that are not in the index and begin as one that is."""
+    """Yield the logs that are not in the index but have the first record of one that is."""
     begun = {entry.hash: entry for entry in entries if entry.records == 1}
     names = {entry.log for entry in entries}
     if not begun:
@@ -276,7 +277,7 @@ def _copies(folder: Path, entries: list[IndexLine]) -> Iterator[IndexedSession]:
 
 
 def _problem(log: Path, session: str, lines: list[IndexLine]) -> str:
-    """Return the difference between `log` and its `lines` in the index; empty for none."""
+    """Return the difference between `log` and its `lines` in the index; '' if there is none."""
     if log.name != lines[0].log or not log.is_file():
         return f"the log of session {session} is missing"
     try:
@@ -298,7 +299,7 @@ def _problem(log: Path, session: str, lines: list[IndexLine]) -> str:
 
 
 def _ends(log: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the first and the last whole line of `log` as records, {} for one that is none."""
+    """Return the first and last complete lines of `log` as records, {} for invalid ones."""
     with log.open("rb") as file:
         first = file.readline()
         at, tail = file.seek(0, 2), b""
@@ -312,7 +313,7 @@ def _ends(log: Path) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def _first(log: Path) -> dict[str, Any]:
-    """Return the first record of `log`, {} for one that is none or cannot be read."""
+    """Return the first record of `log`, or {} if it is invalid or cannot be read."""
     try:
         with log.open("rb") as file:
             return _record(file.readline(LINE_LIMIT))

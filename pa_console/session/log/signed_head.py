@@ -1,11 +1,11 @@
-"""The signed head of a log, `LOG.head`: a least length of the log, so that no cut goes unseen.
+"""The signed head of a log, `LOG.head`: a least length of the log, which reveals any cut.
 
-The head is replaced after the records that it covers are on the disk. A crash in between leaves
-the head before it, which is still true.
+The head is replaced after the records that it covers are on the disk. A crash in between leaves the
+previous head, which is still true.
 
-The owner of the signing key can rewrite a log and sign it, but not the heads that a witness on
-another disk or machine already has. Heads are appended to a file, or each is posted to a web
-address whose server appends it to a file: one line of JSON as in `LOG.head`.
+The owner of the signing key can rewrite and sign a log, but cannot change the heads that a witness
+on another disk or machine has received. Heads are appended to a file, or posted to a web address
+whose server appends them to a file: one line of JSON each, as in `LOG.head`.
 """
 
 import os
@@ -26,9 +26,15 @@ from pa_console.schema.base import Hex32
 from pa_console.session.log.chain import LogError, encodable, os_error, parse, read_lines
 from pa_console.signing import SignedLine, Signer, fingerprint
 
+EVERY_S = 10.0
+"""Seconds between heads that are not sent because of a decision."""
+TIMEOUT_S = 5.0
+RETRY_S = 10.0
+URLS = ("http://", "https://")
+
 
 class SignedHead(SignedLine):
-    """A statement by `key`: the log has `seq` records or more, and that one has `hash`.
+    """A statement by `key`: the log has at least `seq` records, and record `seq` has `hash`.
 
     A `closed` log has no further records. A log that was only opened has `seq` 0 and the hash
     GENESIS.
@@ -49,15 +55,15 @@ def head_path(log: Path) -> Path:
 
 
 def sign_head(session: str, seq: int, head: str, closed: bool, signer: Signer) -> SignedHead:
-    """Return the signed head of a log of `seq` records, the last of them with the hash `head`."""
+    """Return the signed head of a log with `seq` records, the last one with the hash `head`."""
     fields = {"closed": closed, "hash": head, "seq": seq, "session": encodable(session)}
     return SignedHead.signed(signer, **fields)
 
 
 def write_head(log: Path, head: SignedHead, *, lasting: bool) -> None:
-    """Replace the head of `log`, whose records up to `head` must be on the disk by now.
+    """Replace the head of `log`; the records up to `head` must already be on the disk.
 
-    `lasting` also syncs the folder. Raises OSError, and the old head is kept.
+    With `lasting`, the folder is synced too. Raises OSError, and then the old head is kept.
     """
     path = head_path(log)
     replace_private(path, head.line)
@@ -69,7 +75,7 @@ def write_head(log: Path, head: SignedHead, *, lasting: bool) -> None:
 def read_head(log: Path) -> SignedHead | None:
     """Return the head of `log`, or None if there is none.
 
-    Raises ValueError for a head that is not valid, LogError if it cannot be read.
+    Raises ValueError for an invalid head, LogError if it cannot be read.
     """
     path = head_path(log)
     try:
@@ -82,11 +88,11 @@ def read_head(log: Path) -> SignedHead | None:
 
 
 def require_head(log: Path, session: str, seq: int, public: str | None) -> SignedHead | None:
-    """Return the head of a log that is to continue after `seq` records, or None if there is none.
+    """Return the head of a log that is continued after `seq` records, or None.
 
-    A head that a deleted log of another session left behind does not count for a new log. Raises
-    LogError if the head is of another session, of more than `seq` records, or not signed by the
-    key `public`, if that is given.
+    A head left over from a deleted log of another session is ignored for a new log. Raises LogError
+    if the head is of another session, covers more than `seq` records, or is not signed by the key
+    `public`, if that is given.
     """
     try:
         head = read_head(log)
@@ -109,15 +115,16 @@ def require_head(log: Path, session: str, seq: int, public: str | None) -> Signe
 class HeadKeeper:
     """A thread that writes heads, each after the records that it covers are on the disk.
 
-    A disk may take a second for that, and the screen stands still while its log waits.
+    A disk may take a second for that, and the screen freezes while its log waits.
     """
 
     def __init__(
         self, log: Path, sync: Callable[[], None], seen: Callable[[SignedHead, bool], None]
     ) -> None:
-        """`sync` waits until the records of `log` are on the disk, or raises OSError.
+        """Start the thread for `log`; `sync` waits until its records are on disk or raises OSError.
 
-        `seen` gets each head whose records are on the disk, and True if its caller waits for it.
+        `seen` is called with each head whose records are on the disk, and True if a caller waits
+        for it.
         """
         self._log, self._sync, self._seen = log, sync, seen
         self._thread = ThreadPoolExecutor(1, "log-head")
@@ -126,7 +133,7 @@ class HeadKeeper:
     def keep(self, head: SignedHead) -> None:
         """Write `head` soon; skip it while an earlier one is written, since the next covers more.
 
-        Raises the OSError that the last one ended with.
+        Raises the OSError of the last write.
         """
         before = self._writing
         if before is not None and not before.done():
@@ -142,7 +149,7 @@ class HeadKeeper:
         write_head(self._log, head, lasting=True)
 
     def close(self) -> None:
-        """Wait for a head that is being written, and write no other."""
+        """Wait for a head that is being written, and write no more."""
         self._wait()
         self._thread.shutdown()
 
@@ -158,26 +165,20 @@ class HeadKeeper:
         write_head(self._log, head, lasting=False)
 
 
-EVERY_S = 10.0
-"""Seconds between heads that no decision calls for."""
-TIMEOUT_S = 5.0
-RETRY_S = 10.0
-URLS = ("http://", "https://")
-
 Send = Callable[[bytes], None]
 
 
 class Witness:
-    """A thread that sends heads; only `close` waits for it, for TIMEOUT_S at most.
+    """A thread that sends heads; only `close` waits for it, for at most TIMEOUT_S.
 
-    Of several waiting heads only the last is sent, which covers the records of the others.
-    `problem` is the error of the last attempt, empty if it succeeded.
+    Of several waiting heads only the last is sent, because it covers the records of the others.
+    `problem` is the error of the last attempt, or '' if it succeeded.
     """
 
     def __init__(
         self, target: str, *, send: Send | None = None, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """`target` is the path of a file, or an address with http:// or https://."""
+        """Start the thread; `target` is the path of a file, or an http:// or https:// address."""
         self.target, self.problem = target, ""
         self._send = send or (_to_url(target) if target.startswith(URLS) else _to_file(target))
         self._clock = clock
@@ -190,7 +191,7 @@ class Witness:
         self._thread.start()
 
     def see(self, head: SignedHead, *, urgent: bool) -> None:
-        """Send `head` soon; skip one that is not `urgent` within EVERY_S of the last."""
+        """Send `head` soon; skip it if not `urgent` and the last was less than EVERY_S ago."""
         now = self._clock()
         if not urgent and now - self._seen_at < EVERY_S:
             return
@@ -204,7 +205,7 @@ class Witness:
         return None if before == self._reported else self._reported
 
     def close(self) -> None:
-        """Send the waiting head with one attempt; then `problem` is final."""
+        """Try to send the waiting head once more; after that, `problem` is final."""
         with self._changed:
             self._closing = True
             self._changed.notify()
@@ -227,7 +228,7 @@ class Witness:
             else:
                 self.problem = ""
             with self._changed:
-                # A newer head may have come while this one was sent.
+                # A newer head may have arrived while this one was sent.
                 if not self.problem and self._next is head:
                     self._next = None
                 if last:
@@ -251,7 +252,7 @@ def _to_file(target: str) -> Send:
 
 
 class _NoRedirect(urllib.request.HTTPRedirectHandler):
-    """A handler that takes a redirection for an error: its GET would store no head."""
+    """A handler that treats a redirection as an error: its GET would store no head."""
 
     def redirect_request(  # pyright: ignore[reportIncompatibleMethodOverride] - arguments unused
         self, *_: object
@@ -282,8 +283,8 @@ def _words(error: Exception) -> str:
 class WitnessResult:
     """The comparison of a log with the `heads` that its witness has of its session.
 
-    The heads up to the first problem cover `records` records. `line` is the witness's line of the
-    first head that does not match the log.
+    The heads before the first problem cover `records` records. `line` is the witness's line with
+    the first head that does not match the log.
     """
 
     heads: int
@@ -293,15 +294,15 @@ class WitnessResult:
 
     @property
     def ok(self) -> bool:
-        """True if the witness knows the session, and all its heads match the log."""
+        """True if the witness has heads of the session and all of them match the log."""
         return not self.problem
 
 
 def check_witness(log: Path, session: str, witness: Path, known: Collection[str]) -> WitnessResult:
     """Compare `log`, of `session`, with the file `witness`.
 
-    Heads signed by keys whose fingerprints are not `known` do not count: any key can sign them.
-    Raises LogError if a file cannot be read.
+    Heads count only if they are signed by keys whose fingerprints are `known`, because any key can
+    sign them. Raises LogError if a file cannot be read.
     """
     heads = _heads(witness, session, known)
     if not heads:

@@ -1,4 +1,4 @@
-"""Verification of a session log: its chain, signatures and signed head, and the kind of damage."""
+"""Verification of a session log: its chain, signatures and signed head, and the damage found."""
 
 import re
 from collections.abc import Collection
@@ -32,12 +32,18 @@ DamageKind = Literal[
 ]  # fmt: skip
 _SEQ = re.compile(rb'\{"seq":(\d{1,18}),')
 
+ADJUSTED = timedelta(seconds=1)
+"""The smallest step back of the clock to report; network time synchronization makes smaller ones.
+"""
+FIRST_SIGNED = 2
+"""The line of a log's first signature; the line before it names the session."""
+
 
 @dataclass(frozen=True)
 class Damage:
-    """A damage to a log, first on `line`, or somewhere from `line` to `through`.
+    """Damage to a log, first on `line`, or somewhere between `line` and `through`.
 
-    `line` is None for a damage to the head beside the log.
+    `line` is None for damage to the head beside the log.
     """
 
     kind: DamageKind
@@ -48,7 +54,7 @@ class Damage:
 
 @dataclass
 class SoundPart:
-    """The sound beginning of a log: its last two records, and its lines under a signature."""
+    """The undamaged beginning of a log: its last two records, and its number of signed lines."""
 
     lines: int = 0
     before: LogRecord | None = None
@@ -56,17 +62,17 @@ class SoundPart:
     vouched: int = 0
 
     def add(self, record: LogRecord) -> None:
-        """Add the next sound record."""
+        """Add the next undamaged record."""
         self.lines += 1
         self.before_that, self.before = self.before, record
 
 
 @dataclass
 class _NearbyLines:
-    """Lines that explain a bad one: equal ones, the next one, and those of the same numbers.
+    """Lines that explain a bad one: equal lines, the next line, and lines with the same numbers.
 
-    `wanted_after` is the later line that has the number of the bad one's place,
-    `own_number_after` means that a later line has the same number as the bad one.
+    `wanted_after` is the later line with the number that belongs on the bad line.
+    `own_number_after` is True if a later line has the same number as the bad one.
     """
 
     following: LogRecord | None = None
@@ -79,7 +85,7 @@ class _NearbyLines:
 def find_damage(
     path: Path, sound: SoundPart, line: bytes, problem: str, head: SignedHead | None
 ) -> Damage:
-    """Return the damage to `line`, which follows the sound lines and has `problem`."""
+    """Return the damage to `line`, the first one with a `problem`, after the sound lines."""
     number, record = sound.lines + 1, _record(line)
     context = _look_around(path, number, line)
     following = context.following
@@ -96,7 +102,7 @@ def find_damage(
 
 
 def find_forgery(path: Path, sound: SoundPart, line: bytes, record: LogRecord) -> Damage:
-    """Return the damage to a linked signed record whose signature does not fit.
+    """Return the damage to a linked signed record whose signature is not valid.
 
     An attacker who changes an earlier line can recompute every hash, but not the signatures.
     """
@@ -113,7 +119,7 @@ def find_forgery(path: Path, sound: SoundPart, line: bytes, record: LogRecord) -
 def _edited(
     record: LogRecord, sound: SoundPart, following: LogRecord | None, head: SignedHead | None
 ) -> Damage:
-    """Return the damage to a record whose hash does not fit its content."""
+    """Return the damage to a record whose hash does not match its content."""
     number, true = sound.lines + 1, digest(record.fields)
     if record.hash == true:
         problem = "the record was edited: it says the same in other letters"
@@ -145,7 +151,7 @@ def _wanted(sound: SoundPart) -> dict[str, object]:
 def _misplaced(
     record: LogRecord, sound: SoundPart, context: _NearbyLines, rejoined: bool, problem: str
 ) -> Damage:
-    """Return the damage at a record that is sound by itself but does not follow the one before."""
+    """Return the damage at a record that is valid by itself but does not follow the one before."""
     number, seq = sound.lines + 1, cast(object, record.fields["seq"])
     if isinstance(seq, int) and seq > number:
         return _too_early(seq, number, rejoined, context, problem)
@@ -180,7 +186,7 @@ def _too_early(
 def _broken_link(
     record: LogRecord, sound: SoundPart, following: LogRecord | None, problem: str
 ) -> Damage:
-    """Return which of two records, each sound by itself but not linked, was replaced."""
+    """Return which of two records, each valid by itself but not linked, was replaced."""
     number = sound.lines + 1
     linked = sound.before is None or record.fields["prev"] == sound.before.hash
     forged = following is not None and following.fields["prev"] != record.hash
@@ -195,7 +201,7 @@ def _broken_link(
 
 
 def _look_around(path: Path, number: int, bad: bytes) -> _NearbyLines:
-    """Read the log once more for the lines that explain line `number`, which is `bad`."""
+    """Read the log again for the lines that explain line `number`, whose text is `bad`."""
     context, own = _NearbyLines(), _SEQ.match(bad)
     with path.open("rb") as file:
         for at, line in enumerate(lines_of(file), start=1):
@@ -226,20 +232,16 @@ def _record(line: bytes) -> LogRecord | None:
 
 Standing = Literal["signed", "open", "not signed"]
 """Signed to its end; signed, but not closed; without any signature."""
-ADJUSTED = timedelta(seconds=1)
-"""A clock that is kept in time by the network is set back by less."""
-FIRST_SIGNED = 2
-"""The line of a log's first signature; the line before it names the session."""
 
 
 @dataclass(frozen=True)
 class VerifyResult:
     """The result of verifying a log; `ok` if no damage was found.
 
-    The damage is on `first_bad_line`, counted from 1, or somewhere from there to `last_bad_line`;
-    None if it is on no line. `lines` are the sound lines before it. A log without damage has
-    `head`, the hash of its last line, and maybe a `note`. The first `vouched` lines are signed by
-    the key with the fingerprint `key`.
+    The damage lies between `first_bad_line`, counted from 1, and `last_bad_line`; both are None if
+    no line is damaged. `lines` counts the undamaged lines before it. An undamaged log has `head`,
+    the hash of its last line, and sometimes a `note`. The key with the fingerprint `key` has signed
+    the first `vouched` lines.
     """
 
     ok: bool
@@ -265,7 +267,7 @@ def verify(path: Path, known: Collection[str] | None = None) -> VerifyResult:
     """Check every record, the chain, the signatures, the head and the pictures of a log.
 
     `known` are the fingerprints of accepted keys, by default those of this machine. Raises LogError
-    if a file cannot be read, SigningError if this machine's key cannot be read.
+    if a file cannot be read, SigningError if this machine's keys cannot be read.
     """
     try:
         head, head_problem = read_head(path), ""
@@ -308,7 +310,7 @@ class _Chain:
         self._stills: list[tuple[CameraStill, int]] = []
         """The pictures that an operator was shown, each with its line."""
         self._set_back: list[tuple[timedelta, int]] = []
-        """Setbacks of the clock, each with the number of the line that it came before."""
+        """Steps back of the clock, each with the number of the next line."""
 
     def read(self) -> Damage | None:
         """Read every line; return the first damage to the chain or to a signature."""
@@ -360,7 +362,7 @@ class _Chain:
         return None
 
     def key_damage(self, known: Collection[str] | None) -> Damage | None:
-        """Return the damage if the log is signed by a key that is not among the `known`."""
+        """Return damage if the log is signed by a key that is not `known`."""
         if not self.key:
             return None
         known = known_keys() if known is None else known
@@ -372,7 +374,7 @@ class _Chain:
         return Damage("unknown-key", self._key_line, problem)
 
     def head_damage(self) -> Damage | None:
-        """Return the damage if an otherwise sound log does not match its signed head."""
+        """Return damage if an otherwise undamaged log does not match its signed head."""
         head, sound, name = self._head, self.sound, head_path(self._path).name
         if head is None:
             problem = f"the log is signed, but its head {name} is gone: its end may be, too"
@@ -417,14 +419,14 @@ class _Chain:
         return None
 
     def standing(self) -> Standing:
-        """Return the extent of the signatures."""
+        """Return how far the log is signed."""
         last = self.sound.before
         if last is not None and isinstance(last.event.data, LogSigned) and last.event.data.closing:
             return "signed"
         return "open" if self.key or self._head is not None else "not signed"
 
     def note(self) -> str:
-        """Return remarks on a log without damage."""
+        """Return remarks on an undamaged log."""
         last, standing = self.sound.before, self.standing()
         notes = self._notes.copy()
         if self._set_back:

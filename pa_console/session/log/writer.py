@@ -1,4 +1,4 @@
-"""The session log: a hash-chained and signed JSONL file that one console locks, and its journal."""
+"""The session log: a hash-chained, signed JSONL file locked by one console, and its journal."""
 
 import asyncio
 import fcntl
@@ -50,7 +50,17 @@ DURABLE_KINDS = frozenset(
         "authority_changed",
     )
 )  # fmt: skip
-"""Kinds of events that are on the disk before `append` returns: an operator answers for them."""
+"""Kinds of events that are on the disk before `append` returns, because a person answers for them.
+"""
+
+_APPEND = os.O_WRONLY | os.O_CREAT | os.O_APPEND
+_BY_ENDING = {
+    ".head": "the signed head of a session log",
+    ".head.new": "the signed head of a session log",
+    ".torn": "what a crash left of a session log",
+    ".sig": "the signature of a rule set",
+}
+_BY_START = {b'{"seq":': "a session log", b'{"closed":': "a witness of session logs"}
 
 
 def default_folder() -> Path:
@@ -59,7 +69,7 @@ def default_folder() -> Path:
 
 
 def new_log_path(folder: Path, session: str) -> Path:
-    """Create an empty log for `session` in `folder` under a name that no other console has.
+    """Create an empty log for `session` in `folder`, under a name that no other console uses.
 
     Raises LogError if the folder cannot be written to.
     """
@@ -79,21 +89,18 @@ def new_log_path(folder: Path, session: str) -> Path:
         raise os_error(path, "create the session log", error) from error
 
 
-_APPEND = os.O_WRONLY | os.O_CREAT | os.O_APPEND
-
-
 class LogFile:
     """An open log that no other console can open.
 
-    `seq` and `hash` are those of its last record, `head` is its signed head, if there is one.
+    `seq` and `hash` are those of its last record; `head` is its signed head, or None.
     """
 
     def __init__(self, path: Path, session: str, public: str | None) -> None:
-        """Open `path`, new or to be continued; a torn last line moves to `PATH.torn`.
+        """Open `path`, new or to be continued; an incomplete last line is moved to `PATH.torn`.
 
-        Raises LogError, with nothing changed, if the file cannot be opened, is locked by another
-        console, belongs to another session, does not end in a sound record, or is shorter than its
-        signed head states. The head must be signed by the key `public`, if that is given.
+        Raises LogError, and changes nothing, if the file cannot be opened, is locked by another
+        console, belongs to another session, does not end with a valid record, or is shorter than
+        its signed head states. The head must be signed by the key `public`, if that is given.
         """
         self.path = path
         self.seq, self.hash = 0, GENESIS
@@ -106,7 +113,7 @@ class LogFile:
             self._lock()
             torn = self._find_end(session)
             self.head = require_head(path, session, self.seq, public)
-            # Nothing is changed before the head has accepted the log.
+            # Nothing is changed before the head has been checked against the log.
             if torn:
                 self._set_aside(torn)
         except BaseException:
@@ -114,7 +121,7 @@ class LogFile:
             raise
 
     def write(self, pending: bytearray) -> None:
-        """Append `pending` and remove from it the bytes that were written; raise OSError."""
+        """Append `pending`, and remove the written bytes from it; raise OSError."""
         while pending:
             written = os.write(self._file, pending)
             del pending[:written]
@@ -137,7 +144,7 @@ class LogFile:
             raise os_error(self.path, "lock the session log", error) from error
 
     def _find_end(self, session: str) -> bytes:
-        """Find the last record; return the bytes after it, a line without its end."""
+        """Find the last record; return the bytes after it, an incomplete line."""
         try:
             with open(self._file, "rb", closefd=False) as file:
                 whole, end, torn = file.read().rpartition(b"\n")
@@ -178,14 +185,14 @@ class LogFile:
 class LogWriter:
     """An open log to which one thread appends events.
 
-    Records are written after FLUSH_RECORDS records or FLUSH_SECONDS seconds at the latest; those
-    of DURABLE_KINDS are on the disk at once. With a `signer`, the log is signed after its first
-    record, after each binding one, after SIGN_RECORDS records, with the first record after
+    Records are written after FLUSH_RECORDS records or FLUSH_SECONDS seconds at the latest; records
+    of DURABLE_KINDS are written to the disk at once. With a `signer`, the log is signed after its
+    first record, after each binding one, after SIGN_RECORDS records, with the first record after
     SIGN_SECONDS seconds, and on closing. Its signed head follows each signature: before the call
-    returns, or soon after it for a signature that only time or number called for.
+    returns, or soon afterwards if the signature was only due by time or number.
 
-    While the disk refuses, records are kept in memory and written as soon as it accepts them
-    again. `on_error` is called once at the beginning of each such time. Without `on_error`,
+    While the disk cannot be written, records are kept in memory, and they are written as soon as
+    possible. `on_error` is called once at the beginning of each such time. Without `on_error`,
     `append` or `flush` raises the LogError, and the event is kept as well.
     """
 
@@ -200,11 +207,11 @@ class LogWriter:
         on_error: Callable[[LogError], None] | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Open `path`, new or to be continued; a torn last line moves to `PATH.torn`.
+        """Open `path`, new or to be continued; an incomplete last line is moved to `PATH.torn`.
 
         A signed log is added to the `index` of its folder when it begins and when it ends. Its
-        heads also go to the `witness`, which is closed with the log. Raises LogError in the cases
-        of LogFile; a signed head must be by `signer`.
+        heads are also sent to the `witness`, which is closed with the log. Raises LogError in the
+        cases of LogFile; a signed head must be by `signer`.
         """
         self.path, self.session = path, session
         self._signer, self._on_error, self._clock = signer, on_error, clock
@@ -220,7 +227,7 @@ class LogWriter:
         signed = self._file.head.seq if self._file.head is not None else 0
         self._unsigned, self._found = 0, self._seq - signed
         self._problems: dict[str, LogError] = {}
-        """The error of each task that failed at its last attempt."""
+        """The error of each task whose last attempt failed."""
         self._flushed_at = self._signed_at = clock()
         try:
             if signer is not None and self._file.head is None:
@@ -230,11 +237,11 @@ class LogWriter:
             raise os_error(head_path(path), "write the signed head", error) from error
         self._open = True
         self.on_record: Callable[[str, str], None] = lambda _line, _hash: None
-        """A function that gets every further record, without its line end, and its hash."""
+        """A function that is called with every new record, without its line end, and its hash."""
 
     @property
     def lines(self) -> int:
-        """Records appended so far, those of an earlier opening included."""
+        """The number of records so far, including those from before the log was reopened."""
         return self._seq
 
     @property
@@ -244,7 +251,7 @@ class LogWriter:
 
     @property
     def error(self) -> LogError | None:
-        """The error of the last attempt to write the log or its signed head; None if it worked."""
+        """The error of the last attempt to write the log or its signed head; None on success."""
         return self._problems.get(_WRITE) or self._problems.get(_HEAD)
 
     def news(self) -> str | None:
@@ -253,7 +260,7 @@ class LogWriter:
 
     @property
     def witness_problem(self) -> str:
-        """The error of sending the last head to the witness; empty if it was received."""
+        """The error of sending the last head to the witness; '' if it was received."""
         return self._witness.problem if self._witness is not None else ""
 
     @property
@@ -264,8 +271,8 @@ class LogWriter:
     def append(self, event: Event, *, commit: bool = True) -> None:
         """Append `event` to the log; a transient one is skipped.
 
-        Without `commit`, a signature or sync that the event needs waits for a call of `commit`:
-        one signature is enough for all events of one moment.
+        Without `commit`, a signature or sync that the event needs is left to a later call of
+        `commit`: one signature is enough for all events of one moment.
         """
         if event.data.transient:
             return
@@ -281,7 +288,8 @@ class LogWriter:
             self._owed = "disk"
         if first or commit:
             self.commit()
-        # While the disk refuses, only time calls for the next attempt, not every record.
+        # While the disk cannot be written, attempts are made by time only, and not with every
+        # record.
         now, takes = self._clock(), _WRITE not in self._problems
         due = self._unsigned >= SIGN_RECORDS or now - self._signed_at >= SIGN_SECONDS
         full = self._records >= FLUSH_RECORDS and takes
@@ -291,9 +299,9 @@ class LogWriter:
             self.flush(durable=False)
 
     def commit(self) -> None:
-        """Write, and sign if needed, the events that may not wait; do nothing without any.
+        """Write, and sign if needed, the events that may not wait; without any, do nothing.
 
-        They stay owed if the disk refuses them.
+        They remain due if the disk cannot be written.
         """
         if not self.owes:
             return
@@ -308,7 +316,7 @@ class LogWriter:
             self._owed = "nothing"
 
     def flush(self, *, durable: bool = True) -> None:
-        """Write the pending records; `durable` also waits until they are on the disk."""
+        """Write the pending records; with `durable`, wait until they are on the disk."""
         self._flushed_at = self._clock()
         with self._reported(self.path, _WRITE):
             self._file.write(self._pending)
@@ -359,7 +367,7 @@ class LogWriter:
         signed = LogSigned(key=signer.public, closing=closing, found=self._found)
         self._put(Event(t=last.t, tick=last.tick, data=signed), signer)
         self._unsigned, self._found, self._signed_at = 0, 0, self._clock()
-        # A head must never cover records that a crash could still take from the disk.
+        # A head must never cover records that a crash could still remove from the disk.
         self.flush(durable=at_once)
         if _WRITE in self._problems:
             return
@@ -421,23 +429,14 @@ def open_session_log(
     )
 
 
-_BY_ENDING = {
-    ".head": "the signed head of a session log",
-    ".head.new": "the signed head of a session log",
-    ".torn": "what a crash left of a session log",
-    ".sig": "the signature of a rule set",
-}
-_BY_START = {b'{"seq":': "a session log", b'{"closed":': "a witness of session logs"}
-
-
 def refuse_audit_file(path: Path) -> None:
-    """Raise ValueError if `path` is a file of an audit, or has the name of one."""
+    """Raise ValueError if `path` is an audit file, or has the name of one."""
     if part := audit_part(path):
         raise ValueError(f"{path}: this is {part}, which is never written over; name another file")
 
 
 def audit_part(path: Path) -> str:
-    """Return the part of an audit that the file `path` is, or would be by its name; else empty."""
+    """Return the kind of audit file that `path` is, or would be by its name; '' if none."""
     name = path.name.casefold()
     for ending, part in _BY_ENDING.items():
         if name.endswith(ending):
@@ -467,12 +466,12 @@ class Journal:
     """Logs the events of the station; `problem` is the reason if nothing may be dispatched.
 
     All decisions and commands of one moment are signed together: when the event loop is free again,
-    and at the latest before the world moves on. So none takes effect before it is signed, and no
-    stop waits for a disk between two of its commands.
+    and at the latest before the next simulation step. So none takes effect before it is signed, and
+    a stop does not wait for a disk between two of its commands.
     """
 
     def __init__(self) -> None:
-        """Begin without a log: then there is nothing to write, and no problem."""
+        """Begin without a log; then nothing is written, and there is no problem."""
         self.problem = ""
         self._log: LogWriter | None = None
         self._tell: Callable[[ev.LogTroubled | ev.Noticed], None] = _nobody
@@ -481,17 +480,17 @@ class Journal:
     def open(self, log: LogWriter, tell: Callable[[ev.LogTroubled | ev.Noticed], None]) -> None:
         """Write to `log`, which reports its own errors.
 
-        `tell` is given every new `problem`, and what becomes of the log's witness.
+        `tell` is called with every new `problem`, and with changes of the log's witness.
         """
         self._log, self._tell = log, tell
 
     @property
     def head(self) -> str:
-        """The hash of the log's last record, which vouches for all before it; '' without a log."""
+        """The hash of the log's last record, which covers all before it; '' without a log."""
         return self._log.head if self._log is not None else ""
 
     def append(self, event: ev.Event) -> None:
-        """Log one event; what may not wait is signed very soon."""
+        """Log one event; an event that may not wait is signed as soon as the event loop is free."""
         if self._log is None:
             return
         self._log.append(event, commit=False)
@@ -500,7 +499,7 @@ class Journal:
         self._look(self._log)
 
     def commit(self) -> str:
-        """Have decisions and commands signed and on the disk now; return the `problem`, if any."""
+        """Sign decisions and commands and write them to disk now; return the `problem`, or ''."""
         if self._due is not None:
             self._due.cancel()
             self._due = None

@@ -1,1 +1,1 @@
-"""Worlds: their files, their ground and routes, and generated ones."""
+"""Worlds: their files, ground and routes, and generated worlds."""

@@ -1,4 +1,4 @@
-"""Lays out the ground of a generated world and names its parts."""
+"""The ground of a generated world, and the names of its parts."""
 
 import math
 import random
@@ -11,53 +11,6 @@ from shapely.geometry.base import BaseGeometry
 
 from pa_console.schema.base import Point
 from pa_console.schema.world import AssetKind
-
-
-def outline(rng: random.Random) -> list[Point]:
-    """Return a rectangle, an L, a T or a convex polygon with many sides."""
-    return rng.choice((_rectangle, _ell, _tee, _polygon))(rng)
-
-
-def scaled(points: Sequence[Point], size_m: float) -> tuple[Point, ...]:
-    """Return `points` with their unit made `size_m` metres, to the decimetre."""
-    return tuple((round(x * size_m, 1), round(y * size_m, 1)) for x, y in points)
-
-
-def ellipse(rng: random.Random, sides: int, a: float, b: float) -> list[Point]:
-    """Return a convex polygon with its corners on an ellipse of half axes `a` and `b`."""
-    turn = rng.uniform(0.0, math.tau)
-    angles = [turn + (k + rng.uniform(-0.2, 0.2)) * math.tau / sides for k in range(sides)]
-    return [(a * math.cos(angle), b * math.sin(angle)) for angle in angles]
-
-
-def _rectangle(rng: random.Random) -> list[Point]:
-    x, y = rng.uniform(0.5, 0.8), rng.uniform(0.35, 0.6)
-    return [(-x, -y), (x, -y), (x, y), (-x, y)]
-
-
-def _ell(rng: random.Random) -> list[Point]:
-    """Return an L; the notch is its upper right corner, or a mirror image of that."""
-    x, y = rng.uniform(0.6, 0.8), rng.uniform(0.5, 0.7)
-    notch_x, notch_y = x * rng.uniform(-0.1, 0.3), y * rng.uniform(-0.1, 0.3)
-    points = [(-x, -y), (x, -y), (x, notch_y), (notch_x, notch_y), (notch_x, y), (-x, y)]
-    return _mirrored(points) if rng.random() < 0.5 else points
-
-
-def _tee(rng: random.Random) -> list[Point]:
-    x, y = rng.uniform(0.7, 0.9), rng.uniform(0.55, 0.7)
-    stem, bar = x * rng.uniform(0.45, 0.6), y * rng.uniform(-0.1, 0.2)
-    return [
-        (-stem, -y), (stem, -y), (stem, bar), (x, bar), (x, y), (-x, y), (-x, bar), (-stem, bar),
-    ]  # fmt: skip
-
-
-def _polygon(rng: random.Random) -> list[Point]:
-    return ellipse(rng, rng.randint(5, 12), rng.uniform(0.65, 0.85), rng.uniform(0.5, 0.7))
-
-
-def _mirrored(points: Sequence[Point]) -> list[Point]:
-    return [(-x, y) for x, y in reversed(points)]
-
 
 _GATE_WORDS = """
 Abbey Airfield Anchor Ash Barn Bay Beacon Bell Birch Bridge Brook Canal Castle Cedar Chapel Cliff
@@ -81,6 +34,66 @@ _TEAMS: tuple[dict[AssetKind, str], ...] = (
     {"uav": "Quad", "ugv": "Truck", "robot": "Guard"},
     {"uav": "Skyeye", "ugv": "Bulwark", "robot": "Warden"},
 )
+STANDOFF_M = 10.0
+GATE_RADIUS_M = 8.0
+_INSIDE_M = 7.0
+_OPENING_M = 12.0
+_PITCH_M = 30.0
+_CORNER_M = 24.0
+_LANE_M = 95.0
+_LEAST_LANE_M = 50.0
+_LANE_CLEAR_M = 12.0
+_PLACE_M2 = 11.0
+"""The ground that one standing place takes in a frame, in square metres."""
+_CLEAR_M = 9.0
+_TRIES = 400
+
+
+def outline(rng: random.Random) -> list[Point]:
+    """Return a rectangle, an L, a T or a convex polygon with many sides."""
+    return rng.choice((_rectangle, _ell, _tee, _polygon))(rng)
+
+
+def scaled(points: Sequence[Point], size_m: float) -> tuple[Point, ...]:
+    """Return `points` scaled to `size_m` metres per unit, rounded to the decimetre."""
+    return tuple((round(x * size_m, 1), round(y * size_m, 1)) for x, y in points)
+
+
+def ellipse(rng: random.Random, sides: int, a: float, b: float) -> list[Point]:
+    """Return a convex polygon with its corners on an ellipse with semi-axes `a` and `b`."""
+    turn = rng.uniform(0.0, math.tau)
+    angles = [turn + (k + rng.uniform(-0.2, 0.2)) * math.tau / sides for k in range(sides)]
+    return [(a * math.cos(angle), b * math.sin(angle)) for angle in angles]
+
+
+def _rectangle(rng: random.Random) -> list[Point]:
+    x, y = rng.uniform(0.5, 0.8), rng.uniform(0.35, 0.6)
+    return [(-x, -y), (x, -y), (x, y), (-x, y)]
+
+
+def _ell(rng: random.Random) -> list[Point]:
+    """Return an L; the notch is its upper right corner, or the mirror image."""
+    x, y = rng.uniform(0.6, 0.8), rng.uniform(0.5, 0.7)
+    notch_x, notch_y = x * rng.uniform(-0.1, 0.3), y * rng.uniform(-0.1, 0.3)
+    points = [(-x, -y), (x, -y), (x, notch_y), (notch_x, notch_y), (notch_x, y), (-x, y)]
+    return _mirrored(points) if rng.random() < 0.5 else points
+
+
+def _tee(rng: random.Random) -> list[Point]:
+    x, y = rng.uniform(0.7, 0.9), rng.uniform(0.55, 0.7)
+    stem, bar = x * rng.uniform(0.45, 0.6), y * rng.uniform(-0.1, 0.2)
+    return [
+        (-stem, -y), (stem, -y), (stem, bar), (x, bar), (x, y), (-x, y), (-x, bar), (-stem, bar),
+    ]  # fmt: skip
+
+
+def _polygon(rng: random.Random) -> list[Point]:
+    return ellipse(rng, rng.randint(5, 12), rng.uniform(0.65, 0.85), rng.uniform(0.5, 0.7))
+
+
+def _mirrored(points: Sequence[Point]) -> list[Point]:
+    return [(-x, y) for x, y in reversed(points)]
+
 
 MOST_GATES = len(_GATE_WORDS.split())
 MOST_POSTS = len(_POSTS)
@@ -107,28 +120,13 @@ def zones(rng: random.Random, count: int) -> list[str]:
 
 
 def team(rng: random.Random) -> dict[AssetKind, str]:
-    """Return how a team calls its assets of each kind, before `_Tnn`."""
+    """Return a team's name for each kind of asset, before `_Tnn`."""
     return rng.choice(_TEAMS)
-
-
-STANDOFF_M = 10.0
-GATE_RADIUS_M = 8.0
-_INSIDE_M = 7.0
-_OPENING_M = 12.0
-_PITCH_M = 30.0
-_CORNER_M = 24.0
-_LANE_M = 95.0
-_LEAST_LANE_M = 50.0
-_LANE_CLEAR_M = 12.0
-_PLACE_M2 = 11.0
-"""Ground that one standing place takes in a frame, square metres."""
-_CLEAR_M = 9.0
-_TRIES = 400
 
 
 @dataclass(frozen=True, slots=True)
 class GateSite:
-    """The place of a gate: its frame, the middle of its opening in the wall, outward, its lane."""
+    """A gate's place: its frame, the centre of its opening, the outward direction, its lane."""
 
     at: Point
     opening: Point
@@ -138,7 +136,7 @@ class GateSite:
 
 @dataclass(frozen=True, slots=True)
 class GeneratedGround:
-    """Everything of a generated world that has a place; circles are (centre, radius)."""
+    """All parts of a generated world that have a place; circles are (centre, radius)."""
 
     perimeter: tuple[Point, ...]
     gates: tuple[GateSite, ...]
@@ -150,7 +148,7 @@ class GeneratedGround:
 
 
 def lay_out(rng: random.Random, gates: int, assets: int, posts: int) -> GeneratedGround:
-    """Return ground for the given numbers of gates, posts and assets; it grows to make room."""
+    """Return ground for the given numbers of gates, assets and posts; it is enlarged to fit."""
     the_outline = outline(rng)
     room = math.sqrt(assets * _PLACE_M2 / math.pi) + 3.0
     radii = [max(9.0, room), *[9.0] * (posts - 1)]
@@ -183,7 +181,7 @@ def lay_out(rng: random.Random, gates: int, assets: int, posts: int) -> Generate
 
 
 def _sites(rng: random.Random, perimeter: Sequence[Point]) -> list[GateSite]:
-    """Return places for gates along the perimeter, each with a lane that is free of all others."""
+    """Return places for gates along the perimeter, each with a lane clear of the others."""
     polygon = Polygon(perimeter)
     found: list[GateSite] = []
     lanes: list[LineString] = []
@@ -205,7 +203,7 @@ def _sites(rng: random.Random, perimeter: Sequence[Point]) -> list[GateSite]:
 
 
 def _site(rng: random.Random, polygon: Polygon, opening: Point, outward: Point) -> GateSite | None:
-    """Return the gate at `opening`, None when there is no room for its lane outside."""
+    """Return the gate at `opening`, or None if there is no room for its lane outside."""
 
     def ahead(metres: float, aside: float = 0.0) -> Point:
         x = opening[0] + outward[0] * metres - outward[1] * aside
@@ -247,7 +245,7 @@ def _circles(
     sites: Sequence[GateSite],
     radii: Sequence[float],
 ) -> list[tuple[Point, float]] | None:
-    """Return a free circle of each radius, None when one does not fit."""
+    """Return a free circle for each radius, or None if one does not fit."""
     polygon = Polygon(perimeter)
     gates = [site.at for site in sites]
     found: list[tuple[Point, float]] = []
@@ -272,7 +270,7 @@ def _circles(
 def _zones(
     rng: random.Random, inner: BaseGeometry, taken: Sequence[BaseGeometry], count: int
 ) -> tuple[tuple[Point, ...], ...]:
-    """Return up to `count` restricted polygons clear of everything that is taken."""
+    """Return up to `count` restricted polygons that are clear of `taken`."""
     found: list[Polygon] = []
     left, low, right, high = inner.bounds
     for _ in range(_TRIES):
@@ -291,7 +289,7 @@ def _zones(
 def _barriers(
     rng: random.Random, inner: BaseGeometry, taken: Sequence[BaseGeometry], count: int
 ) -> tuple[tuple[Point, Point], ...]:
-    """Return up to `count` straight walls with a passage on every side of each."""
+    """Return up to `count` straight walls with room to pass on all sides."""
     found: list[LineString] = []
     left, low, right, high = inner.bounds
     for _ in range(_TRIES):

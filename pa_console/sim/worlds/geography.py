@@ -1,4 +1,4 @@
-"""The place of a world on the earth: its metres as WGS-84 degrees, and back."""
+"""The place of a world on the earth: conversion of its metres to WGS-84 degrees and back."""
 
 import math
 from collections.abc import Callable
@@ -15,29 +15,27 @@ Triple = tuple[float, float, float]
 _TO_GEODETIC = cast(Callable[..., Triple], pymap3d.enu2geodetic)
 _TO_PLANE = cast(Callable[..., Triple], pymap3d.geodetic2enu)
 CURVED_M = 1000.0
-"""The depth of the ground below the plane at a distance of 110 km; nothing beyond is near."""
+"""The depth of the ground below the plane at a distance of 110 km; farther points are not near."""
 _CACHED = 8192
 
 
 class Geography:
-    """The conversion of a world's metres into WGS-84 and back, by the origin of the world.
+    """The conversion of a world's metres to WGS-84 and back, from the origin of the world.
 
-    The world is the plane that touches the ellipsoid at its origin; `pymap3d` computes on it.
+    The world is the plane that touches the ellipsoid at its origin; `pymap3d` does the calculation.
     """
 
     def __init__(self, origin: Origin) -> None:
-        """`origin` is the place of (0, 0) and the bearing of the y axis."""
+        """Set `origin`, the place of (0, 0) and the bearing of the y axis."""
         self.altitude = origin.altitude
-        """Metres of the ground above the ellipsoid, None if unknown."""
+        """The height of the ground above the ellipsoid in metres, or None if unknown."""
         self._at = (origin.latitude, origin.longitude, origin.altitude or 0.0)
         self._bearing = origin.bearing
         turn = math.radians(origin.bearing)
         self._cos, self._sin = math.cos(turn), math.sin(turn)
         self.degrees = lru_cache(_CACHED)(self._degrees)
-        """A function that returns (latitude, longitude) of a point in metres.
-
-        Places are cached: most of a team stands still.
-        """
+        """A function that returns (latitude, longitude) of a point in metres. Results are cached,
+        because most of a team stands still."""
 
     def _degrees(self, point: Point) -> tuple[float, float]:
         x, y = point
@@ -57,7 +55,7 @@ class Geography:
         return self.metres(latitude, longitude) if up > -CURVED_M else None
 
     def course(self, heading_deg: float) -> float:
-        """Return a heading (0 along the x axis) as degrees clockwise from true north."""
+        """Return a heading (0 along the x axis) in degrees clockwise from true north."""
         return (90.0 - heading_deg + self._bearing) % 360.0
 
     def heading(self, course_deg: float) -> float:
@@ -66,7 +64,7 @@ class Geography:
 
 
 def origin_of(text: str) -> Origin:
-    """Read `LATITUDE,LONGITUDE[,BEARING[,ALTITUDE]]`; raise ValueError that names the problem."""
+    """Parse `LATITUDE,LONGITUDE[,BEARING[,ALTITUDE]]`; raises ValueError with the problem."""
     names = ("latitude", "longitude", "bearing", "altitude")
     parts = text.split(",")
     try:
@@ -85,10 +83,10 @@ def origin_of(text: str) -> Origin:
 
 
 def geography_of(world: World, origin: str, options: str) -> Geography:
-    """Return the place of `world` on the earth; `origin`, if not empty, goes before its file.
+    """Return the geography of `world`; a non-empty `origin` overrides that of its file.
 
-    Raises ValueError for an origin that is none, and for a world that is nowhere; `options` names
-    what else gives an origin.
+    Raises ValueError for an invalid origin, and for a world without one; `options` names the other
+    ways to give an origin.
     """
     at = origin_of(origin) if origin else world.origin
     if at is None:

@@ -1,8 +1,8 @@
-"""Occupancy maps of robots (ROS `map_server`: a YAML file and a PGM image) as a world's background.
+"""Occupancy maps of robots (ROS `map_server`: a YAML file and a PGM image) as a background.
 
 A pixel is the probability that its place is occupied: (255 - value) / 255, or value / 255 with
-`negate`. Above `occupied_thresh` it is occupied, below `free_thresh` free, between them unknown.
-The origin is the lower left corner of the image, in metres.
+`negate`. Above `occupied_thresh` the place is occupied, below `free_thresh` it is free, between
+them unknown. The origin is the lower left corner of the image, in metres.
 """
 
 import re
@@ -24,7 +24,7 @@ from pa_console.schema.world import (
 )
 
 MOST_PIXELS = 64_000_000
-"""The largest image that is read, pixels; maps of laboratories have about one million."""
+"""The largest number of pixels in an image; maps of laboratories have about one million."""
 
 _TOKEN = re.compile(rb"(?:\s|#[^\n]*\n)*([^\s#]+)")
 
@@ -42,9 +42,9 @@ class MapFile(StrictModel):
 
 
 def read_occupancy_map(path: Path) -> Background:
-    """Return the map whose YAML file is at `path`, with at most MOST_ROWS rows and columns.
+    """Read the map with the YAML file `path`, with at most MOST_ROWS rows and columns.
 
-    Raises DocumentError naming file, line and field.
+    Raises DocumentError with file, line and field.
     """
     document = Document.read(path)
     found = document.parse(MapFile)
@@ -70,7 +70,7 @@ def read_occupancy_map(path: Path) -> Background:
 
 
 def _read_pgm(path: Path) -> npt.NDArray[np.float64]:
-    """Return the pixels of a PGM image (P2 or P5) as 0.0 to 1.0, the first row at the top."""
+    """Return the pixels of a PGM image (P2 or P5) as 0.0 to 1.0, top row first."""
     try:
         data, at, header = path.read_bytes(), 0, list[bytes]()
     except OSError as error:
@@ -107,7 +107,7 @@ def _background(
     origin: tuple[float, float],
     resolution_m: float,
 ) -> Background:
-    """Return a background of blocks of pixels; one with any occupied pixel is occupied."""
+    """Return a background of pixel blocks; a block with an occupied pixel is occupied."""
     height, width = occupied.shape
     step = -(-max(height, width) // MOST_ROWS)
     pad = (-height % step, 0), (0, -width % step)  # the lower left corner stays where it is

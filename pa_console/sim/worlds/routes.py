@@ -1,4 +1,4 @@
-"""Plans routes round walls and restricted zones over visibility graphs (CAP-09, ROE-07)."""
+"""Routes around walls and restricted zones, planned on visibility graphs (CAP-09, ROE-07)."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -15,10 +15,10 @@ from pa_console.schema.base import Point
 from pa_console.schema.world import AssetKind, Wall, World
 
 CLEARANCE_M = 0.8
-"""Space kept between the hull of a vehicle and a wall or zone while it follows a route."""
+"""Metres between the hull of a vehicle on a route and a wall or zone."""
 OUTSIDE_MARGIN_M = 60.0
 MOST_AREAS = 256
-"""The number of pieces of free ground that are kept of a world."""
+"""The number of areas of free ground that are cached per world."""
 _TOLERANCE_M = 0.01
 
 Route = tuple[Point, ...]
@@ -26,13 +26,13 @@ Floats = npt.NDArray[np.float64]
 
 
 class Area:
-    """One connected or broken piece of free ground, with the shortest ways between its corners.
+    """Free ground, connected or not, with the shortest ways between its corners.
 
-    The ways are found when the first one is asked for: a world can be read without them.
+    The ways are computed at the first request, so that a world can be read without them.
     """
 
     def __init__(self, free: BaseGeometry) -> None:
-        """Prepare `free` (a polygon or several, metres) for many queries."""
+        """Prepare `free` (one or several polygons, in metres) for many queries."""
         self._free = free
         self._tolerant = free.buffer(_TOLERANCE_M)
         shapely.prepare(self._tolerant)
@@ -43,13 +43,13 @@ class Area:
         return bool(shapely.contains_xy(self._tolerant, x, y))
 
     def contains_all(self, points: Sequence[Point]) -> npt.NDArray[np.bool_]:
-        """Return of each of the (n) points whether it is free."""
+        """Return, for each of the (n) points, whether it is free."""
         return np.atleast_1d(shapely.contains_xy(self._tolerant, np.array(points)))
 
     def path(self, start: Point, target: Point) -> Route | None:
-        """Return the shortest waypoints after `start` up to `target`, None when there is no way.
+        """Return the waypoints of the shortest way from `start` to `target`, or None without a way.
 
-        A start that is not free is first led to the nearest free point.
+        If the start is not free, the way first leads to the nearest free point.
         """
         if not self.contains(*target):
             return None
@@ -97,18 +97,18 @@ class Area:
         return tuple((float(self._nodes[i, 0]), float(self._nodes[i, 1])) for i in way)
 
     def _reach(self, point: Floats) -> Floats:
-        """Return the straight distance from `point` to every corner it sees, inf to the others."""
+        """Return the straight distance from `point` to every visible corner, inf to the others."""
         seen = self._sees(np.broadcast_to(point, self._nodes.shape), self._nodes)
         return np.where(seen, np.linalg.norm(self._nodes - point, axis=1), np.inf)
 
     def _sees(self, starts: Floats, ends: Floats) -> npt.NDArray[np.bool_]:
-        """Return, for each pair of (n, 2) points, whether the straight line between is free."""
+        """Return, for each pair of (n, 2) points, whether the line between them is free."""
         lines = shapely.linestrings(np.stack((starts, ends), axis=1))
         return np.atleast_1d(shapely.covers(self._tolerant, lines))
 
 
 class RoutePlanner:
-    """Routes for every kind of asset in one world; areas are built on first use and kept."""
+    """Routes for every kind of asset in one world; areas are built on first use and cached."""
 
     def __init__(self, world: World) -> None:
         self._world = world
@@ -122,16 +122,16 @@ class RoutePlanner:
     def route(
         self, kind: AssetKind, start: Point, target: Point, avoid: tuple[Wall, ...] = ()
     ) -> Route | None:
-        """Return waypoints from `start` (not included) to `target`, None when unreachable.
+        """Return waypoints from `start` (excluded) to `target`, or None if it is unreachable.
 
-        A ground asset keeps clear of walls and of `avoid`, obstructions that it knows of.
-        Restricted zones are avoided unless an end lies inside one; the perimeter is left only
-        when an end lies outside it (ROE-06, ROE-07).
+        A ground asset keeps clear of walls and of `avoid`, the obstructions that it knows.
+        Restricted zones are avoided unless an end of the route lies inside one; the perimeter is
+        left only if an end lies outside it (ROE-06, ROE-07).
         """
         return self.area(kind, start, target, avoid=avoid).path(start, target)
 
     def area(self, kind: AssetKind, *ends: Point, avoid: tuple[Wall, ...] = ()) -> Area:
-        """Return the free ground for `kind` on a way between `ends`, clear of `avoid`."""
+        """Return the free ground for `kind` between `ends`, clear of `avoid`."""
         entered = frozenset(
             name
             for name, (left, low, right, high) in self._boxes.items()
@@ -143,7 +143,7 @@ class RoutePlanner:
         key = (kind, entered, inside, avoid)
         area = self._areas.get(key)
         if area is None:
-            # Obstructions come and go, and each set of them has areas of its own.
+            # Obstructions come and go, and each set of them has its own areas.
             if len(self._areas) >= MOST_AREAS:
                 self._areas.pop(next(iter(self._areas)), None)
             area = self._areas[key] = Area(self._free(kind, entered, inside, avoid))
@@ -176,7 +176,7 @@ class RoutePlanner:
 
 
 def _corners(free: BaseGeometry) -> Floats:
-    """Return the corners (n, 2) of `free` that a shortest way can bend round: the reflex ones."""
+    """Return the corners (n, 2) of `free` that a shortest way can bend around: the reflex ones."""
     parts = list(free.geoms) if isinstance(free, MultiPolygon) else [free]
     found: list[Floats] = [np.zeros((0, 2))]
     for part in parts:

@@ -1,4 +1,4 @@
-"""Loads scenario files and checks that a world has everything that they speak of."""
+"""Scenario files: loading, and checking that the world has all the names in them."""
 
 import hashlib
 from collections.abc import Iterator
@@ -44,8 +44,8 @@ def open_scenario(world: World, world_path: Path, name: str) -> LoadedScenario:
 def load_scenario(path: Path, world: World) -> Scenario:
     """Read the scenario at `path` for `world`; raises DocumentError with file, line and field.
 
-    It may only name assets, cameras, gates and frames of the world, contacts that it spawns
-    itself, and gates with a lane where something is to come down a lane.
+    It may only name assets, cameras, gates and frames of the world, contacts that it spawns itself,
+    and, for contacts that come down a lane, gates with a lane.
     """
     document = Document.read(path)
     scenario = document.parse(Scenario)
@@ -55,9 +55,9 @@ def load_scenario(path: Path, world: World) -> Scenario:
 
 
 def scenario_path(world_path: Path, name: str) -> Path:
-    """Return the scenario file that `name` means: a path, or a scenario of the world's own.
+    """Return the scenario file for `name`, which is a path or a scenario of the world.
 
-    Raises DocumentError listing the world's scenarios when there is neither.
+    Raises DocumentError with the world's scenarios if there is neither.
     """
     given = Path(name).expanduser()
     if given.is_file():
@@ -75,14 +75,14 @@ def scenario_path(world_path: Path, name: str) -> Path:
 def list_scenarios(world_path: Path) -> list[tuple[str, str]]:
     """Return (name, title) of every scenario beside the world file, by name.
 
-    The name is the one that `scenario_path` takes. Raises DocumentError for a broken file.
+    `scenario_path` accepts the same names. Raises DocumentError for a broken file.
     """
     files = sorted((world_path.parent / FOLDER).glob("*.yaml"))
     return [(path.stem, Document.read(path).parse(Scenario).title) for path in files]
 
 
 def scenario_problems(scenario: Scenario, world: World) -> Iterator[FieldProblem]:
-    """Yield (field, problem with its remedy) for each name that `world` lacks."""
+    """Yield (field, problem and remedy) for each unknown or impossible reference."""
     yield from _spawned_twice(scenario)
     yield from _never(scenario)
     spawned = {incident.name for _, incident in _incidents(scenario) if incident.kind == "spawn"}
@@ -129,7 +129,7 @@ def _incidents(scenario: Scenario) -> Iterator[tuple[FieldPath, Incident]]:
 
 
 def _spawned_twice(scenario: Scenario) -> Iterator[FieldProblem]:
-    """Refuse a handle that would mean two contacts."""
+    """Yield handles that refer to two contacts."""
     seen: set[str] = set()
     for field, incident in _incidents(scenario):
         if isinstance(incident, SpawnTrack) and incident.name is not None:
@@ -139,7 +139,7 @@ def _spawned_twice(scenario: Scenario) -> Iterator[FieldProblem]:
 
 
 def _never(scenario: Scenario) -> Iterator[FieldProblem]:
-    """Refuse events that wait for themselves, directly or through others or their own contact."""
+    """Yield events that wait for themselves, directly, through other events or their contact."""
     spawner = {
         event.do.name: index
         for index, event in enumerate(scenario.events)

@@ -1,4 +1,4 @@
-"""The constant geometry of a world: routes, lanes, lines of sight, standing places, near walls."""
+"""The constant geometry of a world: routes, lanes, lines of sight, places, near walls."""
 
 import math
 import threading
@@ -19,18 +19,27 @@ from pa_console.sim.worlds.routes import RoutePlanner
 
 LOOK_M = 5.0
 LOOK_S = 2.0
-"""A ground asset looks out for others as far as it goes in LOOK_S, but no farther than LOOK_M."""
+"""A ground asset looks ahead as far as it moves in LOOK_S seconds, but at most LOOK_M metres."""
 HULL_GAP_M = 0.15
 _CORNER_M: dict[AssetKind, float] = {"uav": 1.5, "ugv": 0.5, "robot": 0.4}
+
+WAITING_STANDOFFS = 1.5
+"""The distance from their gate, in standoffs, at which tracks wait; it lets an asset at the gate
+comply with ROE-04."""
+QUEUE_GAP_M = 8.0
+_SEARCH_STEP_M = 0.25
+PLACE_GAP_M = 0.8
+_CELL_M = 2.0
+_FRAME_CELL_M = 16.0
 
 
 @dataclass(frozen=True, slots=True)
 class PlatformLimits:
-    """The limits of one kind of asset: metres, metres a second, radians.
+    """The limits of one kind of asset, in metres, metres per second and radians.
 
     It may turn by `turn_rad` in a step. A corner of its route counts as passed within `corner_m`.
-    It looks for others within `look_m`; `apart_m` is the least distance between its centre and that
-    of an asset of another kind.
+    It looks for other assets within `look_m`; `apart_m` is the least distance between its centre
+    and that of an asset of each kind.
     """
 
     flies: bool
@@ -61,19 +70,13 @@ def platform_limits(world: World) -> dict[AssetKind, PlatformLimits]:
     }
 
 
-WAITING_STANDOFFS = 1.5
-"""Tracks wait this many standoffs from their gate, so an asset at the gate keeps ROE-04."""
-QUEUE_GAP_M = 8.0
-_SEARCH_STEP_M = 0.25
-
-
 def waiting_distance(world: World) -> float:
-    """Return how far from its gate's frame a track comes to a stop, metres."""
+    """Return the distance from its gate's frame at which a track stops, in metres."""
     return WAITING_STANDOFFS * world.standoff_m
 
 
 class LaneLine:
-    """One lane, addressed by the metres travelled from its far end."""
+    """One lane; positions on it are metres travelled from its far end."""
 
     def __init__(self, world: World, name: str) -> None:
         lane = world.lanes[name]
@@ -83,18 +86,20 @@ class LaneLine:
         self._marks = list(accumulate(steps, initial=0.0))
         self.length_m = self._marks[-1]
         self.waiting_m = self.first_within(waiting_distance(world))
-        """Metres from the far end to where a track waits; the lane's end if it stops earlier."""
+        """Metres from the far end to the waiting point, or the length of a lane that ends before
+        it."""
         self.waiting_point: Point = self.locate(self.waiting_m)[0]
 
     def first_within(self, distance_m: float) -> float:
-        """Return the metres travelled when first within `distance_m` of the gate's frame."""
+        """Return the metres travelled where the lane first is within `distance_m` of the gate."""
         index, last = 0, math.ceil(self.length_m / _SEARCH_STEP_M)
         while index <= last:
             travelled = min(index * _SEARCH_STEP_M, self.length_m)
             far = math.dist(self.locate(travelled)[0], self._gate) - distance_m - 1e-9
             if far <= 0.0:
                 return travelled
-            index += max(1, int((far - 1e-6) / _SEARCH_STEP_M))  # a metre brings it a metre nearer
+            # A metre travelled brings the lane at most a metre nearer, so the search may skip.
+            index += max(1, int((far - 1e-6) / _SEARCH_STEP_M))
         return self.length_m
 
     def locate(self, travelled_m: float) -> tuple[Point, float]:
@@ -108,9 +113,6 @@ class LaneLine:
 
 
 Floats = npt.NDArray[np.float64]
-PLACE_GAP_M = 0.8
-_CELL_M = 2.0
-_FRAME_CELL_M = 16.0
 _Cells = dict[tuple[int, int], tuple[tuple[str, Frame], ...]]
 
 
@@ -119,7 +121,7 @@ class Terrain:
 
     @classmethod
     def of(cls, world: World) -> "Terrain":
-        """Return the geometry of `world`, which is kept while other worlds are few."""
+        """Return the geometry of `world`; the most recent ones are cached."""
         for terrain in _recent.terrains:
             if terrain.world is world:
                 return terrain
@@ -140,7 +142,8 @@ class Terrain:
         widest = max(p.radius_m for p in world.platforms.values())
         fastest = max(p.speed_mps for p in world.platforms.values())
         self.contact_m = 2 * (widest + fastest * world.dt_s)
-        """Two assets with their centres farther apart cannot touch within a step, metres."""
+        """Two assets whose centres are farther apart than this cannot touch within a step, in
+        metres."""
         self._walls = shapely.STRtree([LineString((w.start, w.end)) for w in world.walls])
         lanes = [LineString(lane.points) for lane in world.lanes.values()]
         self._lane_lines = np.array(lanes, dtype=object)
@@ -153,14 +156,14 @@ class Terrain:
         self._latest = (0, 0.0)
 
     def seconds(self, ticks: int) -> float:
-        """Return how long `ticks` steps last, free of the noise of binary fractions."""
+        """Return the duration of `ticks` steps without the noise of binary fractions."""
         latest = self._latest
         if latest[0] != ticks:
             latest = self._latest = (ticks, round(ticks * self.world.dt_s, 6))
         return latest[1]
 
     def frame_at(self, x: float, y: float) -> str | None:
-        """Return the nearest frame within whose radius the point lies."""
+        """Return the nearest frame whose radius includes the point, or None."""
         best, name = math.inf, None
         cell = (math.floor(x / _FRAME_CELL_M), math.floor(y / _FRAME_CELL_M))
         for frame, spec in self._frames.get(cell, ()):
@@ -174,7 +177,7 @@ class Terrain:
         return tuple(name for name, lane in self.world.lanes.items() if lane.gate == gate)
 
     def near_walls(self, x: float, y: float) -> tuple[Wall, ...]:
-        """Return the walls that something at the point may touch within a step (a superset)."""
+        """Return the walls that an asset at the point may touch within a step (a superset)."""
         cell = (math.floor(x / _CELL_M), math.floor(y / _CELL_M))
         found = self._near.get(cell)
         if found is None:
@@ -188,8 +191,8 @@ class Terrain:
     def places(self, frame: str, kind: AssetKind) -> tuple[Point, ...]:
         """Return the points at `frame` where assets of `kind` can stand apart, innermost first.
 
-        They form a hexagonal grid within the frame's radius, on ground that `kind` can stand on,
-        inside the perimeter, and at least the standoff away from where tracks wait (ROE-04).
+        They form a hexagonal grid within the frame's radius, on free ground for `kind`, inside the
+        perimeter, and at least the standoff away from the tracks' waiting points (ROE-04).
         """
         key = (frame, kind)
         if key not in self._places:
@@ -197,7 +200,7 @@ class Terrain:
         return self._places[key]
 
     def free_place(self, frame: str, kind: AssetKind, taken: Iterable[Point]) -> Point | None:
-        """Return the innermost place at `frame` that is clear of `taken`, None if it is full."""
+        """Return the innermost place at `frame` that is clear of `taken`, or None if it is full."""
         spec, spare = self.world.frames[frame], self.spacing_m - 0.1
         (x, y), reach = spec.at, spec.radius_m + spare
         others = [p for p in taken if abs(p[0] - x) < reach and abs(p[1] - y) < reach]
@@ -237,7 +240,7 @@ class Terrain:
         return sorted(points, key=lambda p: (round(math.dist(p, spec.at), 6), p))
 
     def in_sight(self, eyes: Floats, targets: Floats) -> npt.NDArray[np.bool_]:
-        """Return, for each pair of (n, 2) points, whether no wall lies between the two."""
+        """Return, for each pair of (n, 2) points, whether no wall lies between them."""
         clear = np.ones(len(eyes), dtype=np.bool_)
         if len(eyes):
             lines = shapely.linestrings(np.stack((eyes, targets), axis=1))
@@ -245,7 +248,7 @@ class Terrain:
         return clear
 
     def depth(self, point: Point) -> float:
-        """Return how far inside the perimeter a point lies, metres; negative outside it."""
+        """Return the distance of a point from the perimeter in metres; negative outside."""
         gap = float(shapely.distance(self._edge, shapely.Point(point)))
         return gap if shapely.contains_xy(self._perimeter, *point) else -gap
 
@@ -259,7 +262,7 @@ class Terrain:
 
 
 class _Recent(threading.local):
-    """The geometry that a thread has asked for; each has its own, as it is completed on use."""
+    """The recent geometry of a thread; threads share none, because it is completed on use."""
 
     def __init__(self) -> None:
         self.terrains: deque[Terrain] = deque(maxlen=16)
@@ -269,7 +272,7 @@ _recent = _Recent()
 
 
 def _by_cell(frames: Mapping[str, Frame]) -> _Cells:
-    """Return which frames reach into each square cell of the ground, in file order."""
+    """Return the frames that reach into each square cell of the ground, in file order."""
     cells: _Cells = {}
     for name, frame in frames.items():
         (x, y), r = frame.at, frame.radius_m

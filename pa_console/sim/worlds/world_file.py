@@ -1,4 +1,4 @@
-"""Loads a world file and checks that its geometry makes sense, naming file, line and field."""
+"""World files: loading, and checking their geometry; problems name file, line and field."""
 
 import math
 from collections import Counter
@@ -18,10 +18,10 @@ from pa_console.schema.world import World
 from pa_console.sim.worlds.terrain import Terrain, waiting_distance
 
 LARGEST_M = 5000.0
-"""Coordinates are within this of the origin, metres."""
+"""The limit of coordinates on each axis, in metres from the origin."""
 
 MOST_FRAME_M2 = 40_000.0
-"""The squares of all frames' radii together, m²: four frames of the largest size."""
+"""The limit on the sum of all squared frame radii, m²: four frames of the largest size."""
 
 FieldProblem = tuple[FieldPath, str]
 Floats = npt.NDArray[np.float64]
@@ -29,13 +29,13 @@ Lines = npt.NDArray[np.object_]
 
 
 def open_world(name: str) -> tuple[World, Path]:
-    """Load a world by installed name or path, with its file; raises DocumentError."""
+    """Load a world by installed name or path; return it with its path; raises DocumentError."""
     path = existing_data("worlds", name, "world.yaml")
     return load_world(path), path
 
 
 def load_world(path: Path) -> World:
-    """Read the world at `path`; raises DocumentError at its first problem, geometry included."""
+    """Read the world at `path`; raises DocumentError at the first problem, also of geometry."""
     document = Document.read(path)
     world = document.parse(World)
     for field, problem in geometry_problems(world):
@@ -44,7 +44,7 @@ def load_world(path: Path) -> World:
 
 
 def geometry_problems(world: World) -> Iterator[FieldProblem]:
-    """Yield (field, problem with its remedy) for everything that cannot be simulated."""
+    """Yield (field, problem and remedy) for everything that cannot be simulated."""
     standing = True
     for source in (_sizes, _polygons, _walls):
         for problem in source(world):
@@ -63,7 +63,7 @@ def geometry_problems(world: World) -> Iterator[FieldProblem]:
 
 
 def _sizes(world: World) -> Iterator[FieldProblem]:
-    """Keep every size within what the simulation can represent."""
+    """Yield sizes that the simulation cannot represent."""
     limits: list[tuple[FieldPath, float, float, float]] = [
         (("dt_s",), world.dt_s, 0.01, 0.5),
         (("telemetry_period_s",), world.telemetry_period_s, world.dt_s, 60.0),
@@ -127,7 +127,7 @@ def _walls(world: World) -> Iterator[FieldProblem]:
 
 
 def _frames(world: World, walls: Lines, thick: Floats) -> Iterator[FieldProblem]:
-    """Frames must be where a ground asset can stand, and apart, or `at` would be ambiguous."""
+    """Yield frames where no ground asset can stand, and overlapping frames, which are ambiguous."""
     ground = [p.radius_m for kind, p in world.platforms.items() if kind != "uav"]
     widest = max(ground, default=0.0)
     for name, frame in world.frames.items():
@@ -151,7 +151,7 @@ def _frames(world: World, walls: Lines, thick: Floats) -> Iterator[FieldProblem]
 
 
 def _lanes(world: World, walls: Lines, thick: Floats) -> Iterator[FieldProblem]:
-    """A lane must lead to where tracks wait for its gate, on open ground."""
+    """Yield lanes that do not lead to the waiting point of their gate, or are not open."""
     reach = waiting_distance(world)
     for name, lane in world.lanes.items():
         if any(a == b for a, b in pairwise(lane.points)):
@@ -169,7 +169,7 @@ def _lanes(world: World, walls: Lines, thick: Floats) -> Iterator[FieldProblem]:
 
 
 def _posts(world: World) -> Iterator[FieldProblem]:
-    """There must be a standing place for every asset at the frame where it starts."""
+    """Yield assets for which there is no standing place at the frame where they start."""
     terrain = Terrain.of(world)
     posted = Counter((spec.post, spec.kind == "uav") for spec in world.assets.values())
     for name, spec in world.assets.items():

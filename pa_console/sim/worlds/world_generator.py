@@ -1,4 +1,4 @@
-"""Generates checkpoint worlds of any size: other shapes, names and teams from a seed."""
+"""Generated checkpoint worlds of any size; shape, names and team follow from a seed."""
 
 import math
 import random
@@ -51,10 +51,10 @@ _PLATFORMS: dict[AssetKind, Platform] = {
 
 
 def generate_world(gates: int, assets: int, seed: int) -> World:
-    """Return a valid world of that many gates and assets; equal arguments give equal worlds.
+    """Return a valid world with this many gates and assets; equal arguments give equal worlds.
 
-    Every gate has an asset posted to it while the team is large enough. Raises ValueError for
-    numbers out of range.
+    Every gate has an asset posted to it if the team is large enough. Raises ValueError for numbers
+    out of range.
     """
     for what, count, most in (("gates", gates, MOST_GATES), ("assets", assets, MOST_ASSETS)):
         if not 1 <= count <= most:
@@ -91,7 +91,7 @@ def generate_world(gates: int, assets: int, seed: int) -> World:
 
 
 def world_yaml(world: World) -> str:
-    """Return `world` as the text of a world file that reads back equal."""
+    """Return `world` as the text of a world file; reading it gives an equal world."""
     document = world.model_dump(mode="json", exclude_defaults=True)
     text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
     return f"# {world.title}. Metres, x east, y north.\n{text}"
@@ -100,7 +100,7 @@ def world_yaml(world: World) -> str:
 def _team(
     rng: random.Random, count: int, gates: Sequence[str], posts: Sequence[str], base: str
 ) -> dict[str, AssetSpec]:
-    """Return the assets: one at each gate first, the others anywhere there is always room."""
+    """Return the assets: one at each gate first, the others where there is always room."""
     words = names.team(rng)
     weights = [rng.uniform(0.8, 1.6), rng.uniform(0.5, 1.2), rng.uniform(0.5, 1.2)]
     every: tuple[AssetKind, ...] = ("uav", "ugv", "robot")
@@ -118,7 +118,7 @@ def _team(
 
 
 def _camera(gate: str, site: GateSite) -> Camera:
-    """Return the camera outside the wall, to the side of the opening, that looks down the lane."""
+    """Return a camera outside the wall, beside the opening, that looks along the lane."""
     (ox, oy), (nx, ny) = site.opening, site.outward
     at = (round(ox + 1.5 * nx - 4.0 * ny, 2), round(oy + 1.5 * ny + 4.0 * nx, 2))
     middle = site.lane[-2]
@@ -135,7 +135,7 @@ def _camera(gate: str, site: GateSite) -> Camera:
 
 
 def _varied(rng: random.Random, platform: Platform) -> Platform:
-    """Return `platform` a little faster or slower."""
+    """Return `platform` with a slightly different speed."""
     speed = round(platform.speed_mps * rng.uniform(0.85, 1.2), 1)
     return platform.model_copy(update={"speed_mps": speed})
 
@@ -145,6 +145,6 @@ def _named(gate: str, what: str) -> str:
 
 
 def _size(points: Sequence[tuple[float, float]]) -> float:
-    """Return the longer side of the box round `points`, metres."""
+    """Return the longer side of the bounding box of `points` in metres."""
     xs, ys = [x for x, _ in points], [y for _, y in points]
     return max(max(xs) - min(xs), max(ys) - min(ys))
