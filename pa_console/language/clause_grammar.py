@@ -121,7 +121,7 @@ def _teams(digest: Digest, said: Iterable[str]) -> str:
 def _facts_pattern(assets: str, places: str, targets: str) -> str:
     """Return the expression for the facts that decide: each is about a name, or in plain words.
 
-    Facts about a place come after a colon; only assets and tracks do something.
+    A fact about a place needs a colon after the name; one about an asset or a track does not.
     """
     word = f"({_PLAIN}|{assets}|{places}|{targets})"
     about = f"((At )?{places}|{assets}|Free( [a-z]+)?): {word}"

@@ -1,4 +1,4 @@
-"""Times of day, days and durations, as read: *half past nine*, *tonight*, *1 h 15 min*.
+"""The reading of times of day, days and durations: *half past nine*, *tonight*, *1 h 15 min*.
 
 *Send a drone north at 16:45* has a time of its own; in *the storm will hit in an hour*, the time
 belongs to something else. A time of the order that no phrase accounts for must not be ignored.
@@ -80,7 +80,7 @@ def read_clock(
 def _time_of_day(  # noqa: PLR0911 - one for each way to say it
     reader: Reader, *, led: bool
 ) -> tuple[int, int, int, bool, bool] | None:
-    """Return hour, minute, second, whether the half of day is settled, and if only a number."""
+    """Return hour, minute, second, if the half of day is settled, and if it is only a number."""
     if led and reader.take(*TIME_WORDS["noon"]):
         return 12, 0, 0, True, False
     if led and reader.take(*TIME_WORDS["midnight"]):

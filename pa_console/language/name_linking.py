@@ -1,7 +1,7 @@
 """Entity linking: names in other words become the world's own, `uav four` becomes Drone_T04.
 
-A small model reads a name far better as it is written than as operators say it. Only words that can
-mean one thing are replaced; the rest is left to the model. All names come from the world;
+A small model reads a name far better as it is written than as operators say it. Words are replaced
+only if they can mean just one thing; the rest is left to the model. All names come from the world;
 `WorldNames` finds them by the words that operators use.
 """
 
@@ -40,7 +40,8 @@ _LONG = 5
 class WorldNames:
     """The names of a world: assets by team and number, places by their words.
 
-    A team is all assets whose names share a word, all of a kind, or, for an empty word, all assets.
+    A team consists of all assets whose names share a word, or all of a kind. The empty word means
+    the team of all assets.
     """
 
     def __init__(
@@ -102,7 +103,7 @@ class WorldNames:
         return self._stems.get(word)
 
     def team(self, word: str) -> str:
-        """Return the team or kind `word`, also if plural or misspelt; '' for none."""
+        """Return the team or kind that `word` names, even if plural or misspelt; '' for none."""
         for said in (word, word.removesuffix("s")):
             if said in self._patterns:
                 return said
@@ -136,7 +137,7 @@ class WorldNames:
         return plain + "s" * (team != word)
 
     def _gate(self, word: str) -> str | None:
-        """Return the gate named by `word`, a word or a number."""
+        """Return the gate named by `word`, which may be a number; None for none."""
         if word in NUMBERS:
             word = str(NUMBERS.index(word))
         return self._places.get(word + GATE) or self._places.get(GATE + word)

@@ -127,7 +127,8 @@ def people_needed(
 ) -> dict[str, int]:
     """Return the parts of `request` that several people must approve, with their number.
 
-    `approvals` are the numbers of the rules; `fresh` are the agents that have never had an order.
+    `approvals` are the numbers that the rules require; `fresh` are the agents that have never had
+    an order.
     """
     actions = (*request.plan.actions, *request.if_halted)
     acts = dict.fromkeys(action.verb for action in actions)

@@ -39,8 +39,7 @@ if TYPE_CHECKING:
     from pa_console.fleets.station_authority import StationAuthority
 
 MOST_REMEMBERED = 20
-"""The number of past missions that are remembered, the latest ones, for orders that refer to
-them."""
+"""The number of past missions that are kept, the latest ones, because orders may refer to them."""
 
 
 @dataclass
@@ -62,7 +61,7 @@ class PastOrders:
     def remember(
         self, mission: Mission, moves: Iterable[Move], *, undid: bool, corrects: bool
     ) -> None:
-        """Add a mission of the operator, unless its `moves` are empty."""
+        """Add a past mission if the operator gave it and its `moves` are not empty."""
         first: dict[str, Move] = {}
         for move in moves:
             before = first.setdefault(move.agent, move).before

@@ -274,7 +274,7 @@ async def examine(  # noqa: PLR0917
 
 
 def _assume_steps_done(before: Picture, world: World, plan: Plan) -> RehearsedSteps:
-    """Return the pictures after each step of `plan`, without rehearsal."""
+    """Return the rehearsals of the steps of `plan` as if each were done at once."""
     steps: list[Rehearsal] = []
     for numbers in plan.steps:
         steps.append(assume_done(before, world, plan.part(numbers)))
@@ -300,8 +300,8 @@ def _unreached(plan: Plan, run: RehearsedSteps) -> Iterator[Finding]:
 def _checked_steps(plan: Plan, run: RehearsedSteps) -> Iterator[tuple[Plan, Rehearsal]]:
     """Yield each step as a plan of its own, with its rehearsal.
 
-    So every rule is checked in every intermediate state. Only the last step has moments, those of
-    all steps, so ordering rules are checked once.
+    So every rule is checked in every intermediate state. The last step has the moments of all
+    steps, and the others have none, so that ordering rules are checked once.
     """
     last = len(run.steps) - 1
     for number, (numbers, step) in enumerate(zip(plan.steps, run.steps, strict=False)):

@@ -57,7 +57,7 @@ class Candidate:
     judge_confidence: float | None = None
     """The judge's confidence in its reading."""
     own: bool = False
-    """True if the operator wrote the plan."""
+    """True if no model wrote the plan, but the operator, an agent or the console."""
     by_server: bool = False
     """True if a model on a server wrote the plan."""
 
@@ -287,7 +287,7 @@ async def _examined(
     *,
     own: bool = False,
 ) -> Candidate:
-    """Examine a plan; an operator's `own` plan is not compared with the words of the order."""
+    """Examine a plan; one that no model wrote (`own`) is not compared with the order's words."""
     plan_, task, fleet = attempt.plan, retrieved.task, context.services.fleet
     found = await safeguards(context, task, plan_)
     before = found.rehearsal.before if found.rehearsal is not None else fleet.picture()

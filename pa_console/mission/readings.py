@@ -50,7 +50,7 @@ def in_doubt(shown: Candidate) -> bool:
     """Return whether an order should be read again before its plan is proposed.
 
     It should if a model was unsure, the judge objects, or words of the order are left over. An
-    order is not in doubt if its plan is blocked or was written by the operator.
+    order is not in doubt if its plan is blocked or was not written by a model.
     """
     if shown.own or shown.examination.blocked or shown.sure is None:
         return False

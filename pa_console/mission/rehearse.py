@@ -405,7 +405,7 @@ def joined(steps: Sequence[Rehearsal]) -> Rehearsal:
 
 
 def _later_track(known: TrackTimeline | None, new: TrackTimeline, start_s: float) -> TrackTimeline:
-    """Return the first times of a track's events up to a step that begins at `start_s`."""
+    """Return the first times of a track's events, with those of a step that begins at `start_s`."""
     times = {
         name: None if at is None else at + start_s
         for name, at in new.model_dump(exclude={"least_distance_m"}).items()

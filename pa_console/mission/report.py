@@ -59,7 +59,7 @@ class PlanFacts:
 
 @dataclass
 class PlaceWatch:
-    """The present and the longest time without an asset at a place, in simulated seconds."""
+    """The longest time without an asset at a place, in simulated seconds."""
 
     longest_s: float = 0.0
     _since_s: float | None = None

@@ -66,7 +66,7 @@ MOST_QUESTIONS = 2
 MAX_VOIDED = 2
 MAX_HALTS = 3
 MAX_TRIES = 2
-"""The number of plans that may be executed for one task that does not end."""
+"""The most plans that are executed for one task if none of them ends it."""
 
 INTERRUPTED = "the mission was interrupted before its outcome could be judged"
 

@@ -130,7 +130,7 @@ class English:
 
 @cache
 def english() -> English:
-    """Return the English word list; operators' words are missing if their file is."""
+    """Return the English word list; a missing file of operators' words counts as empty."""
     path = data_folder() / "rules" / "vocabulary" / "operators.txt"
     text = path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
     lines = (line.strip().lower() for line in text.splitlines())
@@ -193,12 +193,11 @@ _CALL_SIGN = re.compile(r"\w*[\d_]\w*")
 """Call signs, numbers, and names of assets and frames: they belong to no language."""
 _ALPHABET = frozenset("abcdefghijklmnopqrstuvwxyz")
 _MOST_STRANGE = 0.3
-"""The share of unknown words at which a text counts as not English."""
+"""The weighted share of words at which a text counts as not English."""
 _RUN, _HIDDEN = 6, 0.5
-"""The length of a run of words, and the share of unknown ones in it at which a text is not
-English."""
+"""The length of a run of words, and the weighted share of them at which a text is not English."""
 _SLIP_WEIGHT = 0.35
-"""The weight, as an unknown word, of a word that is nearly a word of orders."""
+"""The weight of an unknown word that is nearly a word of orders."""
 _OTHER_LANGUAGES = frozenset(
     word
     for words in (
@@ -216,8 +215,8 @@ _OTHER_LANGUAGES = frozenset(
 )
 """The commonest words of other languages that English orders do not use.
 
-The lines are German, French, Spanish, Italian, Portuguese, Dutch, Scandinavian, Polish and Turkish,
-Romanian with Czech and Indonesian. Other alphabets need no list.
+The languages are German, French, Spanish, Italian, Portuguese, Dutch, Scandinavian, Polish and
+Turkish, Romanian, Czech and Indonesian, in this order. Other alphabets need no list.
 """
 _CODE = re.compile(
     r"[A-Za-z_][\w.]*\((?!s\))[^()]*\)[\s:;)]*$"
@@ -229,7 +228,7 @@ _CODE = re.compile(
 
 
 class _UnknownWords(NamedTuple):
-    """The words of a text without names, each with a weight: 0.0 if English, 1.0 if unknown.
+    """The words of a text without names, each with a weight: 0.0 if English, 1.0 if not.
 
     A word that is nearly a word of orders or a name has the weight `_SLIP_WEIGHT`.
     """

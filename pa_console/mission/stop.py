@@ -23,10 +23,10 @@ CONFIRM_S = 1.0
 """The time after which an asset that has not answered a stop is reported, seconds."""
 
 STANDS_MPS = 0.05
-"""The highest reported speed of an asset that stands still; measured speeds are rarely zero."""
+"""The highest reported speed of a standing asset, m/s; measured speeds are never quite zero."""
 
 MOVED_M = 2.0
-"""The largest scatter in the reported positions of an asset that stands still."""
+"""The largest scatter in the reported positions of an asset that stands still, metres."""
 
 AGAIN_S = 0.2
 """The time between two resends of an unanswered hold, seconds. The first resend is after
@@ -34,7 +34,7 @@ FIRST_AGAIN_S, by when most links have answered."""
 FIRST_AGAIN_S = 0.4
 
 QUICK_TRIES = 30
-"""The number of resends at this short interval. On a link that loses four of five messages, one
+"""The number of resends at intervals of AGAIN_S. On a link that loses four of five messages, one
 hold in a thousand has not arrived by then."""
 
 MOST_AT_ONCE = 100

@@ -56,8 +56,8 @@ def verify(
 ) -> Verification:
     """Compare the present telemetry with the effects that an executed plan should have (step 7).
 
-    A plan that was halted is not verified. `step` is the number of the step that `plan` is; 0 for a
-    whole plan.
+    It is not called for a plan that was halted. `step` is the number of the step that `plan` is; 0
+    for a whole plan.
     """
     started, fleet = perf_counter(), context.services.fleet
     before, after = executed.before, fleet.picture()

@@ -174,7 +174,7 @@ class Ask:
 class Reading(NamedTuple):
     """A reading of an order's present asks; under a condition, those of the case that is true.
 
-    Parts that no order may have are parsed, but never written.
+    Parts that no order may have are read, but never carried out.
     """
 
     asks: tuple[Ask, ...]

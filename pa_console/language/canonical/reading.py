@@ -363,7 +363,7 @@ def says_plainly(text: str, asked: str) -> bool:
     """Return whether `text` is the single clause of the reading `asked` in plain words.
 
     Such words have only one meaning, so no model needs to read them. The place may be left out if
-    the clause names an asset that is there.
+    the clause names an asset at that place.
     """
     found = clause_of(asked.removeprefix(ASKED).rstrip("; "))
     if found is None:

@@ -1,4 +1,4 @@
-"""Patrols, as read: *patrol west and north with Drone_T04, twice*, *have a robot walk the gates*.
+"""The reading of patrols: *patrol west and north twice*, *have a robot walk the gates*.
 
 No model reads them. Every word must have a part in the patrol. The operator is asked about words
 that are left over, and about a patrol without an end.
@@ -237,7 +237,7 @@ class _Reading:
 
 
 def legs_of(patrol: Patrol, scene: ReferenceScene, agent: str) -> tuple[str, ...]:
-    """Return the places of all laps in order, starting from where `agent` is."""
+    """Return the places of all laps in order; with `any_order`, the nearest to `agent` first."""
     order = list(patrol.places)
     if patrol.any_order:
         order, left, here = [], list(patrol.places), agent

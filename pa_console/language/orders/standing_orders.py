@@ -1,4 +1,4 @@
-"""Standing orders: they are told apart from other orders, and their parts are read.
+"""The recognition of standing orders, and the reading of their parts.
 
 The form is *Whenever CONDITION, ORDER*, also with *each time*, *every time*, *if ... ever ...*, or
 with the order first. In the order, *it*, *that drone*, *its gate* and *there* mean the subject of
@@ -174,7 +174,7 @@ def _place(scene: ReferenceScene, reader: Reader, said: _ConditionParts) -> None
     said.terms.append(at)
 
 
-# ------------------------------------------------------------------ what is so of it
+# ------------------------------------------------------------------ the state of the subject
 
 
 def _of_asset(scene: ReferenceScene, reader: Reader, said: _ConditionParts) -> str:

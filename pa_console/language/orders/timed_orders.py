@@ -40,7 +40,7 @@ SHORTEST_S = 60.0
 MOST_AHEAD = timedelta(days=31)
 """How far ahead an order may begin."""
 JUST_S = 1.0
-"""The seconds for which a clock time that has passed still means the present moment."""
+"""How long a clock time that has passed still means the present moment, seconds."""
 
 _FREQUENT = {"hourly": 3600.0, "half-hourly": 1800.0, "quarter-hourly": 900.0, "daily": DAY_S}
 _TO_BASE = frozenset(("base", "home", "rtb", "return", "returns"))
@@ -417,7 +417,7 @@ def _words_from(said: _Said, reader: Reader, first: int) -> str:
     return said.text[reader.tokens[first].start : reader.tokens[reader.at - 1].end]
 
 
-# ------------------------------------------------------------------ what it comes to
+# ------------------------------------------------------------------ the schedule
 
 
 def _schedule(  # noqa: PLR0911 - one line for each thing that can be wrong
@@ -549,7 +549,7 @@ def schedule_words(schedule: Schedule, now: datetime) -> str:
 
 
 def _rest(text: str, cut: list[tuple[int, int]]) -> str:
-    """Return the text without the phrases of time and their punctuation."""
+    """Return the text without the time phrases and the punctuation around them."""
     parts, done = list[str](), 0
     for first, last in sorted(cut):
         if first >= done:

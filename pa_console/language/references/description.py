@@ -25,7 +25,7 @@ _TIE: dict[By, float] = {"near": 3.0, "far": 3.0, "full": 1.0, "flat": 1.0}
 
 @dataclass(frozen=True)
 class Superlative:
-    """A superlative: the first of those that fit, by its measure, is meant."""
+    """A superlative: of those that fit, the first by its measure is meant."""
 
     by: By
     place: str = ""

@@ -184,7 +184,7 @@ class Agenda:
         self._starting = False
 
     def ended(self, mission: str, moves: Sequence[Move], base: str, now: datetime) -> str:
-        """Record the end of a mission that made `moves`; return a remark on the return, or ''."""
+        """Record the end of a mission that made `moves`; return a remark on the way back, or ''."""
         self._open.discard(mission)
         schedule = self.order.schedule
         if schedule is None or not schedule.stays or self._back_at is not None or self._returned:
@@ -198,7 +198,7 @@ class Agenda:
 
 
 def way_back(moves: Sequence[Move], base: str, *, to_base: bool = False) -> str:
-    """Return the order that brings the moved assets back to their places before; '' for none."""
+    """Return the order that brings moved assets back to their previous places; '' for none."""
     homes: dict[str, list[str]] = {}
     for agent, before in {move.agent: move.before for move in reversed(moves)}.items():
         went = {move.target for move in moves if move.agent == agent and move.verb not in STILL}

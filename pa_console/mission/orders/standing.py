@@ -67,7 +67,7 @@ Found = Due | Withheld | Ended | StandingOrderScheduled
 
 @dataclass
 class _Occurrence:
-    """An occurrence: since when the condition has held for a subject, and when it last held."""
+    """When the condition of an occurrence began to hold for its subject, and when it last held."""
 
     since_s: float
     seen_s: float
@@ -132,7 +132,7 @@ class StandingOrders:
         return f"S{self._count}"
 
     def skip_ids(self, used: Iterable[str]) -> None:
-        """Skip these ids, because they were used earlier in the session."""
+        """Exclude these ids from new orders, because they were used earlier in the session."""
         self._count = max([self._count, *(int(name.removeprefix("S")) for name in used)])
 
     @property
@@ -217,7 +217,7 @@ class StandingOrders:
         """Process a new picture; return the missions to start and those withheld, with the reasons.
 
         Each mission that is returned counts as started. No mission starts about a subject in
-        `busy`, because another one about it waits or is under way. Occurrences that begin while
+        `busy`, about which another mission waits or is under way. Occurrences that begin while
         everything is `stopped` are recorded as handled, so that they start nothing after the stop
         either.
         """

@@ -182,7 +182,7 @@ def _is_in_time(stands: StandingAssets, name: str, gate: str) -> bool:
 
 
 def _way_s(stands: StandingAssets, name: str, gate: str) -> float:
-    """Return the least time that an asset needs to a gate, in seconds."""
+    """Return the least time that an asset needs to reach a gate, in seconds."""
     way = math.dist(stands.before.assets[name].position, stands.world.frames[gate].at)
     return way / stands.world.platforms[stands.kind(name)].speed_mps
 
@@ -254,7 +254,7 @@ def _robots(stands: StandingAssets, ask: Ask) -> tuple[str, ...]:
 
 
 def units(stands: StandingAssets, ask: Ask) -> list[CommandUnit]:
-    """Return the commands that serve `ask`; empty if no asset has to act.
+    """Return the commands that serve `ask`; empty if no asset has to act, or none can.
 
     Raises NotInPictureError if the console cannot determine them.
     """
@@ -502,7 +502,7 @@ def _late_s(stands: StandingAssets, way: Way) -> float:
 def _given(
     slots: Sequence[CommandSlot], had: tuple[Action, ...] = ()
 ) -> Iterator[tuple[Action, ...]]:
-    """Yield the ways to give each of `slots` to an asset without a command; `had` are given."""
+    """Yield the ways to give each of `slots` to an asset without a command; `had` comes first."""
     number = len(had)
     if number == len(slots):
         yield had

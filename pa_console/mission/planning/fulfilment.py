@@ -297,7 +297,7 @@ def _unasked(case: PlanForOrder) -> Iterator[str]:
 def _watches(case: PlanForOrder, name: str) -> bool:
     """Return whether a drone observes a contact that cannot be dealt with as requested.
 
-    If another drone is there already, none has to.
+    If another drone is already there, this one is not needed.
     """
     goal, flies = case.moves.ends(name), case.moves.kind(name) == "uav"
     seen = goal in case.watched and bool(case.moves.tracks(goal))

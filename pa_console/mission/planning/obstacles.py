@@ -232,7 +232,7 @@ def _unmet(case: PlanForOrder, ask: Ask, *, every: bool) -> Iterator[tuple[str, 
 
 
 def _there_already(moves: PlanMoves, ask: Ask) -> str:
-    """Return in words the assets that are already at the place to which none is sent."""
+    """Return in words the assets already at the place of `ask`, if no asset is sent there."""
     if ask.task != "go" or obstacle_to(ask, moves.world, moves.before):
         return ""
     if ask.who.names:
@@ -248,7 +248,7 @@ def _is_there(moves: PlanMoves, name: str, ask: Ask) -> bool:
 
 
 def _left(moves: PlanMoves, ask: Ask) -> Iterator[str]:
-    """Yield why each asset stays that an order for all assets does not move."""
+    """Yield, for each asset that an order for all assets does not move, why it stays."""
     if ask.who.count != "all" or ask.task not in ("go", "mass", "home"):
         return
     place = moves.world.base if ask.task == "home" else ask.place
