@@ -54,6 +54,27 @@ MOST_CLAUSES = 8
 _WORD = re.compile(r"[A-Za-z0-9_]+")
 _NUMBER = re.compile(r"\d+")
 
+WORD = r"[ !#-9;-\[\]-~]"
+"""Printable ASCII characters except quotes, backslashes and colons."""
+_PART = r"[ !#-+\--9<-\[\]-~]"
+"""A character of a part between commas and semicolons."""
+_ORDER = r"([A-Zabcdefghj-z0-9_]|i[A-Zabcdeg-z0-9_])[A-Za-z0-9_,; ]*"
+"""A reading of names, numbers and plain words, without a condition."""
+_WORDS = f"{WORD}{{1,160}}"
+ASKED_ONCE = f"{ASKED}({_WORDS}|if {_WORDS}: {_WORDS}, else: {_WORDS}; now: {_WORDS}(: {_WORDS})?)"
+"""A regular expression for a reading whose digest no longer exists."""
+MOST_PARTS = 24
+"""The largest number of clauses, names and facts in a reason, as split at commas and semicolons."""
+MOST_PLAIN = 80
+"""The longest fact in the model's own words, in characters."""
+_UNCONDITIONAL = rf"([ !#-+\--9<-\[\]-hj-~]|i[ !#-+\--9<-\[\]-eg-~]){_PART}{{0,{MOST_PLAIN}}}"
+"""Words that do not begin like a condition, because the names in a condition come from the
+digest."""
+MOST_PLANNED = 140
+"""The most characters for a plan in a comparison; more would leave too little room for the rest."""
+_SO = {True: "so", False: "not so", None: "(not )?so"}
+_END = r"( \([A-Z]+-[0-9]+\))?( takes over| stays)?"
+
 
 def exactly(text: str) -> str:
     """Return a regular expression (Rust's syntax, between slashes) that matches only `text`."""
@@ -147,28 +168,6 @@ def _numbered(name: str) -> str:
 def _either(ways: Iterable[str]) -> str:
     """Return the expression for any of `ways`; without ways, one that never matches a text."""
     return f"({'|'.join(ways) or '~~'})"
-
-
-WORD = r"[ !#-9;-\[\]-~]"
-"""Printable ASCII characters except quotes, backslashes and colons."""
-_PART = r"[ !#-+\--9<-\[\]-~]"
-"""A character of a part between commas and semicolons."""
-_ORDER = r"([A-Zabcdefghj-z0-9_]|i[A-Zabcdeg-z0-9_])[A-Za-z0-9_,; ]*"
-"""A reading of names, numbers and plain words, without a condition."""
-_WORDS = f"{WORD}{{1,160}}"
-ASKED_ONCE = f"{ASKED}({_WORDS}|if {_WORDS}: {_WORDS}, else: {_WORDS}; now: {_WORDS}(: {_WORDS})?)"
-"""A regular expression for a reading whose digest no longer exists."""
-MOST_PARTS = 24
-"""The largest number of clauses, names and facts in a reason, as split at commas and semicolons."""
-MOST_PLAIN = 80
-"""The longest fact in the model's own words, in characters."""
-_UNCONDITIONAL = rf"([ !#-+\--9<-\[\]-hj-~]|i[ !#-+\--9<-\[\]-eg-~]){_PART}{{0,{MOST_PLAIN}}}"
-"""Words that do not begin like a condition, because the names in a condition come from the
-digest."""
-MOST_PLANNED = 140
-"""The most characters for a plan in a comparison; more would leave too little room for the rest."""
-_SO = {True: "so", False: "not so", None: "(not )?so"}
-_END = r"( \([A-Z]+-[0-9]+\))?( takes over| stays)?"
 
 
 def asked_now(world: World, digest: Digest, asked: str) -> str:

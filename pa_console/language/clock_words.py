@@ -37,6 +37,18 @@ _FOLLOWS = frozenset(TIME_WORDS["follows"]) | STOPS
 _COMPACT = re.compile(r"(\d+)([a-z]+)(?:(\d+)([a-z]*))?")
 _SHORT_NAME = re.compile(r"[a-z]+(?:_t)?\d+")
 
+_BORDERS = frozenset((*STOPS, "?", "(", ")", *TIME_WORDS["borders"]))
+_FILLERS = frozenset((*TIME_WORDS["joints"], *TIME_WORDS["fillers"]))
+_TOLD = frozenset(TIME_WORDS["told"])
+_PAST = frozenset(TIME_WORDS["past"])
+_ALONE = frozenset(TIME_WORDS["alone"])
+_OF_THE_HOUR = frozenset(TIME_WORDS["of_the_hour"])
+_LEADS = frozenset(TIME_WORDS["leads"])
+FOUR_DIGITS = re.compile(r"(?:[01]\d|2[0-3])[0-5]\d(?:h|hrs|z)?")
+"""A time of day without a colon: 1645, 0900z."""
+NAMED = frozenset((*ASSETS, *KIND_WORDS))
+"""The words for assets: a number after one belongs to the asset."""
+
 
 @dataclass(frozen=True)
 class ClockTime:
@@ -318,19 +330,6 @@ def duration_words(seconds: float) -> str:
         if number:
             parts.append(f"{number} {name}{'s' * (number > 1)}")
     return " ".join(parts) or "0 seconds"
-
-
-_BORDERS = frozenset((*STOPS, "?", "(", ")", *TIME_WORDS["borders"]))
-_FILLERS = frozenset((*TIME_WORDS["joints"], *TIME_WORDS["fillers"]))
-_TOLD = frozenset(TIME_WORDS["told"])
-_PAST = frozenset(TIME_WORDS["past"])
-_ALONE = frozenset(TIME_WORDS["alone"])
-_OF_THE_HOUR = frozenset(TIME_WORDS["of_the_hour"])
-_LEADS = frozenset(TIME_WORDS["leads"])
-FOUR_DIGITS = re.compile(r"(?:[01]\d|2[0-3])[0-5]\d(?:h|hrs|z)?")
-"""A time of day without a colon: 1645, 0900z."""
-NAMED = frozenset((*ASSETS, *KIND_WORDS))
-"""The words for assets: a number after one belongs to the asset."""
 
 
 def is_of_order(

@@ -17,6 +17,11 @@ from pydantic import TypeAdapter
 
 from pa_console.language.canonical.order import Task
 
+_IDIOM = re.compile(r"\bcan wait\b|\bhold fire\b|\bcan stay\b")
+"""Phrases in which a plain word asks for nothing."""
+_ENDINGS = ("s", "es", "ed", "d", "ing")
+_AS_THEY_STAND = frozenset(("in", "out", "over", "off", "for", "through", "who", "what", "how"))
+
 
 def word_lists(section: str) -> Mapping[str, tuple[str, ...]]:
     """Return the word lists of a section of the lexicon by their names."""
@@ -64,12 +69,6 @@ class SynonymGroup(NamedTuple):
 def _verb_groups() -> tuple[SynonymGroup, ...]:
     groups = [_entries(lists) for lists in _lexicon()["verbs"].values()]
     return TypeAdapter(tuple[SynonymGroup, ...]).validate_python(groups)
-
-
-_IDIOM = re.compile(r"\bcan wait\b|\bhold fire\b|\bcan stay\b")
-"""Phrases in which a plain word asks for nothing."""
-_ENDINGS = ("s", "es", "ed", "d", "ing")
-_AS_THEY_STAND = frozenset(("in", "out", "over", "off", "for", "through", "who", "what", "how"))
 
 
 class VerbMention(NamedTuple):

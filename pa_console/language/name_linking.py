@@ -36,6 +36,25 @@ _NUMBERED = re.compile(r"(.*?)(\d+)\D*")
 _LONG = 5
 """The length from which a word may have any misspelling; one letter less allows only a swap."""
 
+_GATE_WORDS = frozenset((GATE, "entrance"))
+
+NEARLY = 85.0
+"""The least similarity of two words, out of 100, for one to be a misspelling of the other."""
+_PLAIN_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_a-zA-Z]+")
+
+_WORDS = word_lists("names")
+_BEFORE_NUMBER = frozenset(_WORDS["before_number"])
+_AND = frozenset((",", "and", "&", "/", "+", "or", "plus"))
+MEASURES = frozenset(_WORDS["measures"])
+_DETERMINERS = frozenset(_WORDS["determiners"])
+_TOKEN = re.compile(rf"{WORD.pattern}|[,&/+]")
+_ARTICLES = re.compile(r"\b(?:the )+$")
+_JOINTS = frozenset(("", " ", "-", "_", " #", "#"))
+"""The separators between the words of one name; a dot only after an abbreviation."""
+_LONGEST = 4
+"""The most words of one name that are matched together."""
+_MOST_DIGITS = 4
+
 
 class WorldNames:
     """The names of a world: assets by team and number, places by their words.
@@ -166,9 +185,6 @@ def _stem(name: str) -> str:
     return stem if len(own) < len(parts) and stem.isalpha() and len(stem) > 1 else ""
 
 
-_GATE_WORDS = frozenset((GATE, "entrance"))
-
-
 def _team_word(name: str) -> str:
     return "".join(word for word in _parts_of(name) if len(word) > 1 and word.isalpha())
 
@@ -187,11 +203,6 @@ def _nearly(word: str, other: str) -> bool:
 
 def _is_gate_misspelt(word: str) -> bool:
     return "g" in word and set(word) <= set(GATE) and OSA.distance(word, GATE) == 1
-
-
-NEARLY = 85.0
-"""The least similarity of two words, out of 100, for one to be a misspelling of the other."""
-_PLAIN_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_a-zA-Z]+")
 
 
 def named(names: Iterable[str], text: str) -> list[str]:
@@ -246,20 +257,6 @@ def _is_said(word: str, said: list[str]) -> bool:
     if len(word) < 4 or not word.isalpha():
         return False
     return process.extractOne(word, said, scorer=fuzz.ratio, score_cutoff=NEARLY) is not None
-
-
-_WORDS = word_lists("names")
-_BEFORE_NUMBER = frozenset(_WORDS["before_number"])
-_AND = frozenset((",", "and", "&", "/", "+", "or", "plus"))
-MEASURES = frozenset(_WORDS["measures"])
-_DETERMINERS = frozenset(_WORDS["determiners"])
-_TOKEN = re.compile(rf"{WORD.pattern}|[,&/+]")
-_ARTICLES = re.compile(r"\b(?:the )+$")
-_JOINTS = frozenset(("", " ", "-", "_", " #", "#"))
-"""The separators between the words of one name; a dot only after an abbreviation."""
-_LONGEST = 4
-"""The most words of one name that are matched together."""
-_MOST_DIGITS = 4
 
 
 class _NameToken(NamedTuple):

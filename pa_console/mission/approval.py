@@ -20,6 +20,15 @@ from pa_console.views.status_words import status_of
 NOT_BEFOREHAND = "a standing order is approved by somebody who reads it, and nobody did"
 NOT_FOR_AGENTS = "an agent has proposed it, so somebody has to look at it"
 
+_ACTS = {
+    "override": "overriding the judge",
+    "acknowledge": "acknowledging a broken rule",
+    "first_order": "the first order to a vehicle",
+}
+
+SURE_ENOUGH = 0.9
+"""The lowest confidence in a reading with which a standing order approves a plan."""
+
 
 @dataclass(frozen=True)
 class CheckedPlan:
@@ -142,13 +151,6 @@ def people_needed(
     return {act: people for act in named if (people := approvals.get(act, 1)) > 1}
 
 
-_ACTS = {
-    "override": "overriding the judge",
-    "acknowledge": "acknowledging a broken rule",
-    "first_order": "the first order to a vehicle",
-}
-
-
 def people_words(needed: Mapping[str, int]) -> str:
     """Return in words the parts that more than one person must approve."""
     said = (f"{_ACTS.get(act, act)} needs {people} people" for act, people in needed.items())
@@ -213,9 +215,6 @@ def _not_approvable(request: ApprovalRequested, decision: Decision) -> str:
 
 Approver = Callable[[ev.ApprovalRequested], Decision]
 ApprovalMode = Literal["auto", "never"]
-
-SURE_ENOUGH = 0.9
-"""The lowest confidence in a reading with which a standing order approves a plan."""
 
 
 def standing_approver(

@@ -42,6 +42,9 @@ MORE_BELOW = 0.5
 _STILL: frozenset[Task] = frozenset(("report", "hold", "refused"))
 """Tasks that move no asset."""
 
+MOMENTS_SHOWN = 5
+"""The number of moments of a timed order that are shown for its approval."""
+
 
 @dataclass(frozen=True)
 class Readings:
@@ -199,10 +202,6 @@ def _unasked(context: MissionContext, request: ev.ApprovalRequested) -> Decision
     if order is None or request.state == "not_understood":
         return None
     return unasked_decision(order, request, services.rulebook.unasked)
-
-
-MOMENTS_SHOWN = 5
-"""The number of moments of a timed order that are shown for its approval."""
 
 
 async def offer_standing(

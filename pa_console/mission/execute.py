@@ -16,6 +16,7 @@ from pa_console.schema.rehearsal import OrderMoment
 from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture
 
 MARGIN_S = 20.0
+"""The time that a plan may take beyond twice its rehearsed duration, seconds."""
 EPSILON_S = 1e-6
 EVIDENCE_S = 8.0
 """The longest wait for fresh telemetry after every command has ended, seconds."""

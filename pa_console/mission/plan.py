@@ -35,6 +35,10 @@ VOUCHED = 0.8
 
 UNTOLD = "not known: how sure the server's model is of what was asked"
 
+MOST_SERVED = 6
+"""The number of plans with the console's own commands that are tried, as long as each is
+blocked."""
+
 
 @dataclass(frozen=True)
 class Candidate:
@@ -104,11 +108,6 @@ class Candidate:
 def better(first: Candidate | None, other: Candidate) -> Candidate:
     """Return the candidate with less evidence against it; the `first` if they are alike."""
     return other if first is None or other.badness < first.badness else first
-
-
-MOST_SERVED = 6
-"""The number of plans with the console's own commands that are tried while all before are
-blocked."""
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,14 @@ from pa_console.schema.world import World
 TOLERANCE_M = 0.5
 """The largest distance of a recorded way from the rehearsed one, metres."""
 
+HORIZON_S = 240.0
+"""The longest time of a rehearsed step, without its stays, seconds."""
+SETTLE_S = 2.0
+"""How long a rehearsal continues after the last command of a step has ended, seconds."""
+MOST_STEPS_PER_SLICE = 60
+ASSET_STEPS_PER_SLICE = 6000
+"""The size of a slice, in steps times assets: a few milliseconds."""
+
 
 class MotionRecord:
     """A record of the motion of a plan's agents, of other assets under way, and of tracks.
@@ -111,13 +119,6 @@ class _Way:
         end = self._last if dist(self._last[1], self._kept[-1][1]) > TOLERANCE_M else None
         kept = [*self._kept, end] if end is not None else self._kept
         return tuple((time_s, round(x, 2), round(y, 2)) for time_s, (x, y) in kept)
-
-
-HORIZON_S = 240.0
-SETTLE_S = 2.0
-MOST_STEPS_PER_SLICE = 60
-ASSET_STEPS_PER_SLICE = 6000
-"""The size of a slice, in steps times assets: a few milliseconds."""
 
 
 def device_commands(plan: Plan, prefix: str) -> tuple[DeviceCommand, ...]:

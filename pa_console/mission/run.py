@@ -64,7 +64,9 @@ from pa_console.schema.telemetry import Picture
 MOST_QUESTIONS = 2
 """The number of times that the operator may be asked what an order means."""
 MAX_VOIDED = 2
+"""The number of plans made void by changes of the situation after which a mission is held."""
 MAX_HALTS = 3
+"""The most halts after which a mission is planned again."""
 MAX_TRIES = 2
 """The most plans that are executed for one task if none of them ends it."""
 

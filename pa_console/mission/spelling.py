@@ -61,6 +61,63 @@ _OTHERWISE: Mapping[str, str] = {
 }  # fmt: skip
 """British beginnings of words, with the American ones."""
 
+_WORD = re.compile(r"[^\W\d_]+(?:['’][^\W\d_]+)*")
+_ENDING = re.compile(r"['’](?:s|re|ve|ll|d|m|t)$")
+_CALL_SIGN = re.compile(r"\w*[\d_]\w*")
+"""Call signs, numbers, and names of assets and frames: they belong to no language."""
+_ALPHABET = frozenset("abcdefghijklmnopqrstuvwxyz")
+_MOST_STRANGE = 0.3
+"""The weighted share of words at which a text counts as not English."""
+_RUN, _HIDDEN = 6, 0.5
+"""The length of a run of words, and the weighted share of them at which a text is not English."""
+_SLIP_WEIGHT = 0.35
+"""The weight of an unknown word that is nearly a word of orders."""
+_OTHER_LANGUAGES = frozenset(
+    word
+    for words in (
+        "der das und ist nicht ein eine einen einem dem zum zur mit auf für nach sich wir sie",
+        "le la les une et est qui dans pour avec vous nous aux du ce cette je tu au de tout",
+        "el los las una para como pero muy lo su se esta este",
+        "il gli della alla nel che di non sono questo",
+        "os uma ao em você está isso",
+        "het een naar niet ik dat ook maar voor zijn er",
+        "och att det som på för av med till inte jag og ikke til ska skal",
+        "nie się jest jak dla bir ve bu için mi",
+        "pe cu și je na že jsem yang dan ke ini itu",
+    )
+    for word in words.split()
+)
+"""The commonest words of other languages that English orders do not use.
+
+The languages are German, French, Spanish, Italian, Portuguese, Dutch, Scandinavian, Polish and
+Turkish, Romanian, Czech and Indonesian, in this order. Other alphabets need no list.
+"""
+_CODE = re.compile(
+    r"[A-Za-z_][\w.]*\((?!s\))[^()]*\)[\s:;)]*$"
+    r"|^\s*(?:SELECT|INSERT|UPDATE|DELETE|CREATE|DROP)\b.+\b(?:FROM|INTO|SET|TABLE)\b"
+    r"|<(\w+)[^<>]*>.*</\1>"
+    r"|\bhttps?://",
+    re.DOTALL,
+)
+
+_ENCODED = re.compile(
+    r"(?=\S*[a-z])(?=\S*[A-Z])(?=\S*\d)[^\s,;:_\"'()]{32,}"
+    r"|(?:%[0-9A-Fa-f]{2,4}|&#?\w{1,8};|\\[ux][0-9A-Fa-f]{2,4}){3,}"
+)
+"""A long run of letters and digits, as in base64, or letters as numbers: an order may be hidden
+there."""
+_DECODE = re.compile(
+    r"\b(?:decode|decipher|decrypt|unscramble|rot-?13|base-?64)\b"
+    r"|\bread\s+(?:[\w-]+\s+){0,3}?(?:backwards?|in\s+reverse|from\s+(?:the\s+)?right)\b"
+)
+"""Instructions to read words as other words, matched in plain words (`policy.plain_text`)."""
+
+_TYPED = re.compile(r"(?<![\w'])(?:[A-Z][a-z]{2,}|[a-z]{3,}|[A-Z]{3,})(?![\w'])")
+"""Words that may be misspelt: no names with digits or in camel case, no contractions, and no words
+of two letters."""
+_FOREIGN = 0.25
+"""The share of unknown words without a near word above which they are not English."""
+
 
 class English:
     """The words of English and of operators, with the likelihood of each."""
@@ -187,46 +244,6 @@ def rule_words(rulebook: Rulebook) -> frozenset[str]:
     return frozenset(word for rule in rules for word in re.findall("[a-z]+", rule))
 
 
-_WORD = re.compile(r"[^\W\d_]+(?:['’][^\W\d_]+)*")
-_ENDING = re.compile(r"['’](?:s|re|ve|ll|d|m|t)$")
-_CALL_SIGN = re.compile(r"\w*[\d_]\w*")
-"""Call signs, numbers, and names of assets and frames: they belong to no language."""
-_ALPHABET = frozenset("abcdefghijklmnopqrstuvwxyz")
-_MOST_STRANGE = 0.3
-"""The weighted share of words at which a text counts as not English."""
-_RUN, _HIDDEN = 6, 0.5
-"""The length of a run of words, and the weighted share of them at which a text is not English."""
-_SLIP_WEIGHT = 0.35
-"""The weight of an unknown word that is nearly a word of orders."""
-_OTHER_LANGUAGES = frozenset(
-    word
-    for words in (
-        "der das und ist nicht ein eine einen einem dem zum zur mit auf für nach sich wir sie",
-        "le la les une et est qui dans pour avec vous nous aux du ce cette je tu au de tout",
-        "el los las una para como pero muy lo su se esta este",
-        "il gli della alla nel che di non sono questo",
-        "os uma ao em você está isso",
-        "het een naar niet ik dat ook maar voor zijn er",
-        "och att det som på för av med till inte jag og ikke til ska skal",
-        "nie się jest jak dla bir ve bu için mi",
-        "pe cu și je na že jsem yang dan ke ini itu",
-    )
-    for word in words.split()
-)
-"""The commonest words of other languages that English orders do not use.
-
-The languages are German, French, Spanish, Italian, Portuguese, Dutch, Scandinavian, Polish and
-Turkish, Romanian, Czech and Indonesian, in this order. Other alphabets need no list.
-"""
-_CODE = re.compile(
-    r"[A-Za-z_][\w.]*\((?!s\))[^()]*\)[\s:;)]*$"
-    r"|^\s*(?:SELECT|INSERT|UPDATE|DELETE|CREATE|DROP)\b.+\b(?:FROM|INTO|SET|TABLE)\b"
-    r"|<(\w+)[^<>]*>.*</\1>"
-    r"|\bhttps?://",
-    re.DOTALL,
-)
-
-
 class _UnknownWords(NamedTuple):
     """The words of a text without names, each with a weight: 0.0 if English, 1.0 if not.
 
@@ -281,19 +298,6 @@ def question_back(typed: str, read: str, world: World, rulebook: Rulebook) -> st
     return ""
 
 
-_ENCODED = re.compile(
-    r"(?=\S*[a-z])(?=\S*[A-Z])(?=\S*\d)[^\s,;:_\"'()]{32,}"
-    r"|(?:%[0-9A-Fa-f]{2,4}|&#?\w{1,8};|\\[ux][0-9A-Fa-f]{2,4}){3,}"
-)
-"""A long run of letters and digits, as in base64, or letters as numbers: an order may be hidden
-there."""
-_DECODE = re.compile(
-    r"\b(?:decode|decipher|decrypt|unscramble|rot-?13|base-?64)\b"
-    r"|\bread\s+(?:[\w-]+\s+){0,3}?(?:backwards?|in\s+reverse|from\s+(?:the\s+)?right)\b"
-)
-"""Instructions to read words as other words, matched in plain words (`policy.plain_text`)."""
-
-
 def _words(text: str, world: World, rulebook: Rulebook) -> _UnknownWords:
     dictionary, names = english(), name_words(world)
     known, found = rule_words(rulebook).union(names.words), list[tuple[str, float]]()
@@ -332,13 +336,6 @@ def _is_code(text: str) -> bool:
 def _moves_nobody(text: str) -> bool:
     """Return whether a text without names may be an order that needs none: *freeze*."""
     return any(verb.means & {"hold", "report"} for verb in find_verbs(text))
-
-
-_TYPED = re.compile(r"(?<![\w'])(?:[A-Z][a-z]{2,}|[a-z]{3,}|[A-Z]{3,})(?![\w'])")
-"""Words that may be misspelt: no names with digits or in camel case, no contractions, and no words
-of two letters."""
-_FOREIGN = 0.25
-"""The share of unknown words without a near word above which they are not English."""
 
 
 def read_words(text: str, world: World, rulebook: Rulebook) -> str:

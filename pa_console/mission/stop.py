@@ -40,6 +40,9 @@ hold in a thousand has not arrived by then."""
 MOST_AT_ONCE = 100
 """The most holds resent in one step, those that have waited longest first."""
 
+SAFETY_LIMIT_S = 60.0
+"""How long a way to safety is resent to assets that have not answered, seconds."""
+
 
 @dataclass
 class _Held:
@@ -168,10 +171,6 @@ class StopConfirmation:
             return "its position changes"
         held.at = held.at or asset.position
         return ""
-
-
-SAFETY_LIMIT_S = 60.0
-"""How long a way to safety is resent to assets that have not answered, seconds."""
 
 
 class EmergencyStop:

@@ -12,6 +12,13 @@ from pa_console.schema.command import BUSY_TASKS
 from pa_console.schema.telemetry import AssetTelemetry, Digest, Picture, Track
 from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
 
+_TRACKS: tuple[TrackKind, ...] = ("", "vehicle", "person")
+_PRESENCE: tuple[Fact, ...] = ("track_at", "no_track_at")
+_KNOWN: tuple[Fact, ...] = ("authorized", "unauthorized", "hostile")
+_COVER: tuple[Fact, ...] = ("uncovered", "covered")
+_STATE: tuple[Fact, ...] = ("low", "not_low", "down", "up")
+_SPARE: tuple[Fact, ...] = ("free", "none_free")
+
 
 def is_free(asset: AssetTelemetry, sole_covers: Collection[str]) -> bool:
     """Return whether an asset may leave without uncovering a gate or giving up its task."""
@@ -178,14 +185,6 @@ def told_frames(world: World, digest: Digest) -> Iterable[str]:
     if digest.selection is None:
         return world.frames
     return dict.fromkeys((*digest.covered, *digest.selection.frames))
-
-
-_TRACKS: tuple[TrackKind, ...] = ("", "vehicle", "person")
-_PRESENCE: tuple[Fact, ...] = ("track_at", "no_track_at")
-_KNOWN: tuple[Fact, ...] = ("authorized", "unauthorized", "hostile")
-_COVER: tuple[Fact, ...] = ("uncovered", "covered")
-_STATE: tuple[Fact, ...] = ("low", "not_low", "down", "up")
-_SPARE: tuple[Fact, ...] = ("free", "none_free")
 
 
 def conditions(world: World, digest: Digest) -> Iterator[Condition]:

@@ -70,6 +70,37 @@ _UNDER = re.compile(
 _LIMITS = re.compile(rf"(({EXCEPT}{NAME}(, {NAME})*|{OTHERS_STAY})(; |$))*")
 """The end of a reading: what is ruled out, and whether other assets may move."""
 
+MOST_NAMED = 4
+"""The most assets with one task that are named; more are only counted."""
+
+_KINDS: Mapping[AssetKind, str] = {
+    "uav": "drone", "ugv": "ground vehicle", "robot": "ground robot",
+}  # fmt: skip
+_EVERY = {"all": "everybody", "any": "somebody"}
+_CASE = re.compile(r"if (?P<condition>[^:]+): (?P<then>[^:]+), else: (?P<otherwise>[^:]+)")
+_STAY = f"; {OTHERS_STAY}"
+_CONDITIONS = tuple(
+    (
+        re.compile(
+            form.words.pattern(
+                {
+                    "subject": rf"(?P<subject>{NAME}|{NOWHERE})",
+                    "track": "(?P<track>vehicle|person)",
+                    "kind": f"(?P<kind>{'|'.join(PLAIN_KINDS.values())})",
+                }
+            )
+        ),
+        form.plain,
+    )
+    for form in CONDITIONS.values()
+)
+"""The patterns of conditions, with their plain forms; the state of a condition is not included."""
+
+_JOINED = re.compile(r"(?<=[a-z])(?=[A-Z])")
+
+_OPEN = ("another asset", "another one", "somebody", "somebody else")
+"""The plain words that leave open which asset does something."""
+
 
 def read_reason(reason: str) -> Reading | None:
     """Return the reading in `reason`; None if it does not begin with one.
@@ -268,10 +299,6 @@ def _one_by_one(ask: Ask) -> Iterator[Ask]:
         yield ask
 
 
-MOST_NAMED = 4
-"""The most assets with one task that are named; more are only counted."""
-
-
 def planned(actions: Sequence[Action], world: World, *, by_name: bool) -> str:
     """Return the actions in words: "1 drone to EastGate; 1 robot home", or with names if `by_name`.
 
@@ -300,33 +327,6 @@ def _counted(names: Iterable[str], world: World) -> str:
     )
 
 
-_KINDS: Mapping[AssetKind, str] = {
-    "uav": "drone", "ugv": "ground vehicle", "robot": "ground robot",
-}  # fmt: skip
-_EVERY = {"all": "everybody", "any": "somebody"}
-_CASE = re.compile(r"if (?P<condition>[^:]+): (?P<then>[^:]+), else: (?P<otherwise>[^:]+)")
-_STAY = f"; {OTHERS_STAY}"
-_CONDITIONS = tuple(
-    (
-        re.compile(
-            form.words.pattern(
-                {
-                    "subject": rf"(?P<subject>{NAME}|{NOWHERE})",
-                    "track": "(?P<track>vehicle|person)",
-                    "kind": f"(?P<kind>{'|'.join(PLAIN_KINDS.values())})",
-                }
-            )
-        ),
-        form.plain,
-    )
-    for form in CONDITIONS.values()
-)
-"""The patterns of conditions, with their plain forms; the state of a condition is not included."""
-
-
-_JOINED = re.compile(r"(?<=[a-z])(?=[A-Z])")
-
-
 def place_words(name: str) -> str:
     """Return a frame's name as words: `EastGate` is *East Gate*."""
     return _JOINED.sub(" ", name)
@@ -353,10 +353,6 @@ def plain_reading(asked: str) -> str:
     if excluded:
         told = f"{told}, without {listed(excluded.split(', '))}"
     return f"{told}; all others stay" if others else told
-
-
-_OPEN = ("another asset", "another one", "somebody", "somebody else")
-"""The plain words that leave open which asset does something."""
 
 
 def says_plainly(text: str, asked: str) -> bool:

@@ -52,6 +52,46 @@ _FAILS = "it.status == 'failed'", "has failed"
 _UNHEARD = "(it.comms == 'lost' || it.stale)", "is not heard"
 _STAYS = "it.status != 'leaving'"
 
+EXAMPLES = (
+    "a drone is below 20 %", "an asset has failed", "a gate has no guard",
+    "an unknown vehicle comes to a gate", "a vehicle ignores a warning",
+)  # fmt: skip
+"""Examples of conditions."""
+
+_OPENING = re.compile(
+    r"\s*(?:(?:please|ok|okay|from now on|as a standing order|standing order)\b[\s,:]*)*"
+    r"(?:whenever|each time|every time|any ?time)\b[\s,]*"
+    r"(?:(?:you|we) (?:see|notice|hear|find)\b\s*)?(?:that\b\s*)?",
+    re.IGNORECASE,
+)
+_IF_EVER = re.compile(r"\s*(?:please[\s,]+)?if\b(?P<before>[^,]*?)\bever\b", re.IGNORECASE)
+_TALK = re.compile(r"\b(?:i|me|my|would|were|could|might)\b", re.IGNORECASE)
+"""Words before *ever* that show talk, not a condition: *if it were up to me nothing would ever*."""
+_WITHIN = re.compile(r"\b(?:whenever|each time|every time|if ever)\b", re.IGNORECASE)
+_NO_CONDITION = re.compile(
+    r"\s*(?:i|i'm|i'd|we|you|he|she|they|people|it suits|possible|convenient|ready"
+    r"|it(?:'s| is| gets) (?:ready|convenient|possible|free|time))\b",
+    re.IGNORECASE,
+)
+"""Words after *whenever* in talk and polite phrases, which state no fact of a picture."""
+_UNASKED = re.compile(
+    r",?\s*\bwithout asking(?: (?:me|us|anybody|anyone|first|again|me first))?\b", re.IGNORECASE
+)
+_LIMIT = re.compile(
+    r",?\s*(?:\bbut\b\s*)?\b(?:at most|no more than|not more than) (\w+)(?: times?)?"
+    r" (?:an|per|each|every) hour\b",
+    re.IGNORECASE,
+)
+_TIMES = {"once": 1, "one": 1, "two": 2, "twice": 2, "three": 3, "four": 4, "five": 5, "six": 6,
+          "ten": 10, "twelve": 12}  # fmt: skip
+_MOST_LIMIT = 60
+
+_SUBJECTS = word_lists("standing_subjects")
+_PLACES = word_lists("standing_places")
+_THERE = _WORDS["there"]
+_LEADS = frozenset(_WORDS["leads"])
+_STRAY = frozenset(_WORDS["stray"])
+
 
 @dataclass(frozen=True)
 class ReadCondition:
@@ -328,48 +368,6 @@ def _gate(place: str) -> str:
 def _text(text: str) -> str:
     """Return a name, which contains no quotes, as a CEL string."""
     return f"'{text}'"
-
-
-EXAMPLES = (
-    "a drone is below 20 %", "an asset has failed", "a gate has no guard",
-    "an unknown vehicle comes to a gate", "a vehicle ignores a warning",
-)  # fmt: skip
-"""Examples of conditions."""
-
-
-_OPENING = re.compile(
-    r"\s*(?:(?:please|ok|okay|from now on|as a standing order|standing order)\b[\s,:]*)*"
-    r"(?:whenever|each time|every time|any ?time)\b[\s,]*"
-    r"(?:(?:you|we) (?:see|notice|hear|find)\b\s*)?(?:that\b\s*)?",
-    re.IGNORECASE,
-)
-_IF_EVER = re.compile(r"\s*(?:please[\s,]+)?if\b(?P<before>[^,]*?)\bever\b", re.IGNORECASE)
-_TALK = re.compile(r"\b(?:i|me|my|would|were|could|might)\b", re.IGNORECASE)
-"""Words before *ever* that show talk, not a condition: *if it were up to me nothing would ever*."""
-_WITHIN = re.compile(r"\b(?:whenever|each time|every time|if ever)\b", re.IGNORECASE)
-_NO_CONDITION = re.compile(
-    r"\s*(?:i|i'm|i'd|we|you|he|she|they|people|it suits|possible|convenient|ready"
-    r"|it(?:'s| is| gets) (?:ready|convenient|possible|free|time))\b",
-    re.IGNORECASE,
-)
-"""Words after *whenever* in talk and polite phrases, which state no fact of a picture."""
-_UNASKED = re.compile(
-    r",?\s*\bwithout asking(?: (?:me|us|anybody|anyone|first|again|me first))?\b", re.IGNORECASE
-)
-_LIMIT = re.compile(
-    r",?\s*(?:\bbut\b\s*)?\b(?:at most|no more than|not more than) (\w+)(?: times?)?"
-    r" (?:an|per|each|every) hour\b",
-    re.IGNORECASE,
-)
-_TIMES = {"once": 1, "one": 1, "two": 2, "twice": 2, "three": 3, "four": 4, "five": 5, "six": 6,
-          "ten": 10, "twelve": 12}  # fmt: skip
-_MOST_LIMIT = 60
-
-_SUBJECTS = word_lists("standing_subjects")
-_PLACES = word_lists("standing_places")
-_THERE = _WORDS["there"]
-_LEADS = frozenset(_WORDS["leads"])
-_STRAY = frozenset(_WORDS["stray"])
 
 
 @dataclass(frozen=True)

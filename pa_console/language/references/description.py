@@ -22,6 +22,17 @@ By = Literal["near", "far", "full", "flat"]
 _TIE: dict[By, float] = {"near": 3.0, "far": 3.0, "full": 1.0, "flat": 1.0}
 """The difference, in metres or percent, within which two members fit a superlative equally well."""
 
+_WORDS = word_lists("groups")
+OF = _WORDS["of"]
+"""The words before a set: *of the two robots*."""
+DETERMINERS = _WORDS["determiners"]
+_ONE_OF = _WORDS["one_of"]
+_JOINTS = (*_WORDS["joints"], ",", "/", "&")
+_ORDINALS = {word: place for place, word in enumerate(_WORDS["ordinals"])}
+_MEMORY = 2
+"""The number of past missions to which *the drone* can refer."""
+_CLAUSE = frozenset(_WORDS["clause"])
+
 
 @dataclass(frozen=True)
 class Superlative:
@@ -250,18 +261,6 @@ def is_guard(scene: ReferenceScene, name: str) -> bool:
 def is_bare(scene: ReferenceScene, gate: str) -> bool:
     """Return whether a gate has no guard."""
     return not scene.guards(gate)
-
-
-_WORDS = word_lists("groups")
-OF = _WORDS["of"]
-"""The words before a set: *of the two robots*."""
-DETERMINERS = _WORDS["determiners"]
-_ONE_OF = _WORDS["one_of"]
-_JOINTS = (*_WORDS["joints"], ",", "/", "&")
-_ORDINALS = {word: place for place, word in enumerate(_WORDS["ordinals"])}
-_MEMORY = 2
-"""The number of past missions to which *the drone* can refer."""
-_CLAUSE = frozenset(_WORDS["clause"])
 
 
 class ReadSet(NamedTuple):

@@ -19,6 +19,8 @@ from pa_console.schema.world import AssetKind, World
 MOST_COMMANDS = 6
 """The number of an earlier order's commands that a prompt quotes."""
 
+_NOBODY: frozenset[str] = frozenset()
+
 
 @dataclass(frozen=True)
 class Move:
@@ -165,9 +167,6 @@ class ReferenceScene:
     @staticmethod
     def _is_at(asset: AssetTelemetry, place: str) -> bool:
         return place in (asset.post or asset.at, asset.at if asset.post is None else asset.post)
-
-
-_NOBODY: frozenset[str] = frozenset()
 
 
 @lru_cache(maxsize=8)

@@ -21,6 +21,8 @@ from pa_console.language.references.reader import asset_at, number_of, place_at
 NounTraits = Callable[[], list[Trait]]
 """Reads another noun phrase and returns its traits; empty if there is none."""
 
+_ON_IT = ("on it", "there", "at all", "looking after it", "watching it")
+
 
 class AssetClauses:
     """A reader of successive clauses that collects their traits in `told`."""
@@ -201,9 +203,6 @@ def sent(told: PartialDescription, place: str = "", *, early: bool) -> None:
     if not early and last is not None and not place:
         meant = [move.agent for move in last.moves if move in moves]
     told.say(lambda _, name: name in meant)
-
-
-_ON_IT = ("on it", "there", "at all", "looking after it", "watching it")
 
 
 class GateClauses:

@@ -9,6 +9,20 @@ from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand
 
 Step = tuple[int, tuple[CommandReply, ...]]
 
+ACKNOWLEDGE_S = 8.0
+"""How long a command without any reply is resent before it is given up, seconds."""
+RESEND_S = 1.0
+"""The wait before the first resend of a command without a reply, seconds."""
+RESEND_GROWTH = 1.2
+"""The factor by which this wait grows with each resend."""
+MOST_GROWTH = 10
+"""The number of times that the wait for the next resend grows, up to about ASK_AGAIN_S."""
+
+ASK_AGAIN_S = 6.5
+"""The wait before a command is resent to a device that has fallen silent, seconds."""
+TIMED_OUT = "timed out"
+"""The beginning of the detail of a reply that reports a time-out; no device sent that reply."""
+
 
 class StepFeed:
     """A feed of steps from the station's clock to any number of followers; none misses a step."""
@@ -40,17 +54,6 @@ class StepFeed:
 async def _drain(queue: asyncio.Queue[Step]) -> AsyncIterator[Step]:
     while True:
         yield await queue.get()
-
-
-ACKNOWLEDGE_S = 8.0
-RESEND_S = 1.0
-RESEND_GROWTH = 1.2
-MOST_GROWTH = 10
-"""The number of times that the wait for the next resend grows, up to about ASK_AGAIN_S."""
-
-ASK_AGAIN_S = 6.5
-TIMED_OUT = "timed out"
-"""The beginning of the detail of a reply that reports a time-out; no device sent that reply."""
 
 
 @dataclass

@@ -27,6 +27,20 @@ from pa_console.schema.plan import MAX_ACTIONS, Action, Plan
 from pa_console.schema.telemetry import Picture, Track
 from pa_console.schema.world import AssetKind, World
 
+_MOST_RELIEFS = 3
+"""The number of candidates that are tried for the takeover of one gate, the soonest first."""
+
+_DETOUR = 1.2
+"""The assumed length of a way, as a multiple of the straight one."""
+
+_NOTHING = Plan(reason="nothing yet", actions=())
+_TRIED = 100
+"""The number of assignments of agents that are tried for one part of an order."""
+_WAYS = 12
+"""The number of assignments, with every gate covered, that the model may choose from."""
+_PARTS = 40
+"""The number of parts of an order that are tried, the largest first."""
+
 
 class NotInPictureError(Exception):
     """The plan for an ask depends on facts that the picture does not show."""
@@ -71,11 +85,6 @@ def one_unit(slots: Iterable[CommandSlot]) -> Iterator[CommandUnit]:
         yield CommandUnit(every)
 
 
-_MOST_RELIEFS = 3
-"""The number of candidates that are tried for the takeover of one gate, the soonest first."""
-
-_DETOUR = 1.2
-"""The assumed length of a way, as a multiple of the straight one."""
 Moves = Mapping[str, str]
 """Destinations by agent, each the name of a frame."""
 Commands = tuple[tuple[str, str], ...]
@@ -397,14 +406,6 @@ _SERVES: Mapping[Task, Callable[[StandingAssets, Ask], Iterator[CommandUnit]]] =
     "unreadable": _untold,
 }
 
-
-_NOTHING = Plan(reason="nothing yet", actions=())
-_TRIED = 100
-"""The number of assignments of agents that are tried for one part of an order."""
-_WAYS = 12
-"""The number of assignments, with every gate covered, that the model may choose from."""
-_PARTS = 40
-"""The number of parts of an order that are tried, the largest first."""
 
 Way = tuple[Action, ...]
 

@@ -20,6 +20,8 @@ from pa_console.schema.command import ENCOUNTERS, STILL, Verb
 from pa_console.schema.telemetry import Picture, Track
 from pa_console.schema.world import PLAIN_KINDS, AssetKind
 
+_MEETS: frozenset[Task] = frozenset(("identify", "warn", "block", "respond"))
+
 
 def reporters(ask: Ask, picture: Picture) -> tuple[str, ...]:
     """Return the available assets that `ask` may want a report of, in the picture's order."""
@@ -251,9 +253,6 @@ FIND_GAPS: Mapping[Task, Callable[[PlanForOrder, Ask], Iterator[str]]] = {
     "refused": _nothing,
     "unreadable": _nothing,
 }
-
-
-_MEETS: frozenset[Task] = frozenset(("identify", "warn", "block", "respond"))
 
 
 def gaps(moves: PlanMoves, reading: Reading) -> tuple[str, ...]:

@@ -25,6 +25,18 @@ from pa_console.schema.command import COMMANDS, STILL
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
 
+_LOOKS: frozenset[Task] = frozenset(("look", "identify", "warn", "respond"))
+"""The tasks that begin with a drone's observation (WF-02)."""
+_GOES: frozenset[Task] = frozenset((*_LOOKS, "go", "mass", "home", "block", "cover", "relieve"))
+
+_MEETS: frozenset[Task] = frozenset(("identify", "warn", "respond"))
+"""The tasks that need a contact at the place."""
+_ONLY_FREE = re.compile(
+    r"\b(?:free|spared?|available|idle|unassigned|surplus|extra|needed|can|could|possible|rest"
+    r"|others?|remaining)\b"
+)
+"""Words, in lower case, that limit *all* to the available assets."""
+
 
 def obstacle_to(ask: Ask, world: World, picture: Picture) -> str:
     """Return why no part of `ask` can be carried out; '' if at least a part can."""
@@ -179,20 +191,6 @@ def _carries_out(moves: PlanMoves, name: str, ask: Ask) -> bool:
     kind = moves.kind(name)
     asked = name in ask.who.names or ask.who.kind in (None, kind)
     return may_move(moves, name, ask) and (name == ask.leaving or asked) and can_do(kind, ask.task)
-
-
-_LOOKS: frozenset[Task] = frozenset(("look", "identify", "warn", "respond"))
-"""The tasks that begin with a drone's observation (WF-02)."""
-_GOES: frozenset[Task] = frozenset((*_LOOKS, "go", "mass", "home", "block", "cover", "relieve"))
-
-
-_MEETS: frozenset[Task] = frozenset(("identify", "warn", "respond"))
-"""The tasks that need a contact at the place."""
-_ONLY_FREE = re.compile(
-    r"\b(?:free|spared?|available|idle|unassigned|surplus|extra|needed|can|could|possible|rest"
-    r"|others?|remaining)\b"
-)
-"""Words, in lower case, that limit *all* to the available assets."""
 
 
 class Unmet(NamedTuple):

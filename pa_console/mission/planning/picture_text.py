@@ -16,6 +16,15 @@ from pa_console.schema.rule import Rule
 from pa_console.schema.telemetry import AssetTelemetry, Digest, Picture, Selection, Track
 from pa_console.schema.world import KINDS, World
 
+SMALL_ASSETS, SMALL_GATES = 16, 8
+MOST_GATES, MOST_TRACKS, MOST_FRAMES = 10, 8, 16
+MOST_ASSETS, SPARES_PER_KIND = 24, 3
+COVERS_PER_GATE = 2
+MOST_MEANT = 6
+MOST_LOW = 3
+LESS = (0.75, 0.5, 0.25)
+"""The shares of these numbers that are tried, in turn, until the prompt is small enough."""
+
 
 def silence(picture: Picture, asset: AssetTelemetry) -> str:
     """Return in words why the state of an asset is uncertain; '' if it is certain.
@@ -121,14 +130,6 @@ def _track(picture: Picture, track: Track) -> str:
     return f"{track.id}: {', '.join(facts)}"
 
 
-SMALL_ASSETS, SMALL_GATES = 16, 8
-MOST_GATES, MOST_TRACKS, MOST_FRAMES = 10, 8, 16
-MOST_ASSETS, SPARES_PER_KIND = 24, 3
-COVERS_PER_GATE = 2
-MOST_MEANT = 6
-MOST_LOW = 3
-LESS = (0.75, 0.5, 0.25)
-"""The shares of these numbers that are tried, in turn, until the prompt is small enough."""
 Pick = tuple[str, str]
 """A name, and the reason why it is selected."""
 
