@@ -1,14 +1,14 @@
-"""Canonical words as grammars: what can be asked in a world, and what can be stated of it.
+"""Grammars of canonical words: what can be asked in a world, and what can be stated about it.
 
-Assets, frames, zones and tracks go by the names that the picture has for them, and stand where it
-says: an asset is relieved where it is, a track is at its own gate, and nobody comes from where
-nobody is. A name that stands in the mission's own words is let through, and so is another number of
-a team: that something is not there must be sayable.
+Assets, frames, zones and tracks have the names and places of the picture: an asset is relieved
+where it is, a track is at its own gate, and no asset comes from an empty place. A name from the
+mission's own words is allowed, and so is another number of a team, because a reading must be able
+to name things that do not exist.
 
-A reason begins with what was asked, in words without a colon; what is stated of a place, an asset,
-a track or of who is free has its name before a colon. Such statements are taken from the digest,
-and whether the condition of an order is so is decided by it (`facts.py`). All else is left to
-the model.
+A reason begins with what was asked, in words without a colon. A statement about a place, an asset,
+a track or the free assets has the name before a colon. Such statements are taken from the digest,
+which also decides whether the condition of an order holds (`facts.py`). The rest is left to the
+model.
 """
 
 import re
@@ -47,24 +47,45 @@ from pa_console.schema.world import PLAIN_KINDS, World
 
 _UNDER = r"(if [ !#-9;-\[\]-~]+: )?"
 _NOW = r"now: [ !#-:<-\[\]-~]+"
-"""The state of a condition, which the picture decides."""
+"""The present state of a condition, as the picture decides it."""
 _PLAIN = r"[a-z]+|[0-9]+|\([A-Z]+-[0-9]+\)"
-"""Text without names: plain words, numbers, a rule in brackets."""
+"""Text without names: plain words, numbers, or a rule in brackets."""
 MOST_CLAUSES = 8
 _WORD = re.compile(r"[A-Za-z0-9_]+")
 _NUMBER = re.compile(r"\d+")
 
+WORD = r"[ !#-9;-\[\]-~]"
+"""Printable ASCII characters except quotes, backslashes and colons."""
+_PART = r"[ !#-+\--9<-\[\]-~]"
+"""A character of a part between commas and semicolons."""
+_ORDER = r"([A-Zabcdefghj-z0-9_]|i[A-Zabcdeg-z0-9_])[A-Za-z0-9_,; ]*"
+"""A reading of names, numbers and plain words, without a condition."""
+_WORDS = f"{WORD}{{1,160}}"
+ASKED_ONCE = f"{ASKED}({_WORDS}|if {_WORDS}: {_WORDS}, else: {_WORDS}; now: {_WORDS}(: {_WORDS})?)"
+"""A regular expression for a reading whose digest no longer exists."""
+MOST_PARTS = 24
+"""The largest number of clauses, names and facts in a reason, as split at commas and semicolons."""
+MOST_PLAIN = 80
+"""The longest fact in the model's own words, in characters."""
+_UNCONDITIONAL = rf"([ !#-+\--9<-\[\]-hj-~]|i[ !#-+\--9<-\[\]-eg-~]){_PART}{{0,{MOST_PLAIN}}}"
+"""Words that do not begin like a condition, because the names in a condition come from the
+digest."""
+MOST_PLANNED = 140
+"""The most characters for a plan in a comparison; more would leave too little room for the rest."""
+_SO = {True: "so", False: "not so", None: "(not )?so"}
+_END = r"( \([A-Z]+-[0-9]+\))?( takes over| stays)?"
+
 
 def exactly(text: str) -> str:
-    """Return a regular expression (Rust's syntax, between slashes) for `text` as it is."""
+    """Return a regular expression (Rust's syntax, between slashes) that matches only `text`."""
     return escape(text).replace("/", r"\/")
 
 
 def asked_pattern(world: World, digest: Digest, words: str, *, facts: bool = True) -> str:
     """Return a regular expression (Rust's syntax) for reasons that begin with readable clauses.
 
-    `words` are those of the mission; of an order under a condition both cases are readable. With
-    `facts`, those that decide may follow.
+    `words` are those of the mission. For an order under a condition, both cases must be readable.
+    With `facts`, the facts that decide may follow.
     """
     told, tracks = told_assets(world, digest), tracks_of_digest(digest.tracks)
     frames = [*told_frames(world, digest), *world.zones]
@@ -97,16 +118,16 @@ def _gates(world: World, frames: Iterable[str]) -> list[str]:
 
 
 def _guards(told: Iterable[str], digest: Digest, gates: str) -> Iterator[str]:
-    """Yield who can be relieved: where it is or stood, at any gate where that is not told."""
+    """Yield each asset that can be relieved with its place, or any gate if that is unknown."""
     for name in told:
         at = stands_at(digest, name) if name in digest.posts else digest.stood.get(name, "")
         yield f"{exactly(name)} at {exactly(at) if at else gates}"
 
 
 def _teams(digest: Digest, said: Iterable[str]) -> str:
-    """Return the expression for a number of assets of a kind, or of any, with their origin.
+    """Return the expression for a number of assets of a kind, or of any kind, with their origin.
 
-    A kind without assets must be expressible, too.
+    Kinds without assets are included.
     """
     there = (exactly(frame) for frame, names in standing(digest).items() if names)
     slots = {
@@ -121,7 +142,7 @@ def _teams(digest: Digest, said: Iterable[str]) -> str:
 def _facts_pattern(assets: str, places: str, targets: str) -> str:
     """Return the expression for the facts that decide: each is about a name, or in plain words.
 
-    What is told of a place comes after a colon; it is assets that do something.
+    A fact about a place needs a colon after the name; one about an asset or a track does not.
     """
     word = f"({_PLAIN}|{assets}|{places}|{targets})"
     about = f"((At )?{places}|{assets}|Free( [a-z]+)?): {word}"
@@ -130,13 +151,13 @@ def _facts_pattern(assets: str, places: str, targets: str) -> str:
 
 
 def _names_in(text: str) -> Iterable[str]:
-    """Return the words of `text` that look like a name: letters with a digit or underscore."""
+    """Return the words of `text` that look like names: letters with a digit or an underscore."""
     words = dict.fromkeys(_WORD.findall(text))
     return [word for word in words if re.search(r"[0-9_]", word) and re.search("[A-Za-z]", word)]
 
 
 def _numbered(name: str) -> str:
-    """Return the expression for `name` and for what others of its team would be called."""
+    """Return the expression for `name` and for any other number of its team."""
     found = [*_NUMBER.finditer(name)]
     if not found:
         return exactly(name)
@@ -145,35 +166,14 @@ def _numbered(name: str) -> str:
 
 
 def _either(ways: Iterable[str]) -> str:
-    """Return the expression for any of `ways`; with none of them, for what is never written."""
+    """Return the expression for any of `ways`; without ways, one that never matches a text."""
     return f"({'|'.join(ways) or '~~'})"
 
 
-WORD = r"[ !#-9;-\[\]-~]"
-"""Printable ASCII without the quote, the backslash and the colon."""
-_PART = r"[ !#-+\--9<-\[\]-~]"
-"""A character within what commas and semicolons part."""
-_ORDER = r"([A-Zabcdefghj-z0-9_]|i[A-Zabcdeg-z0-9_])[A-Za-z0-9_,; ]*"
-"""The same in names, numbers and plain words alone."""
-_WORDS = f"{WORD}{{1,160}}"
-ASKED_ONCE = f"{ASKED}({_WORDS}|if {_WORDS}: {_WORDS}, else: {_WORDS}; now: {_WORDS}(: {_WORDS})?)"
-"""A regular expression for a reading of a moment whose digest is gone."""
-MOST_PARTS = 24
-"""The largest number of clauses, names and facts in a reason, divided by commas and semicolons."""
-MOST_PLAIN = 80
-"""The longest fact in the model's own words, in characters."""
-_UNCONDITIONAL = rf"([ !#-+\--9<-\[\]-hj-~]|i[ !#-+\--9<-\[\]-eg-~]){_PART}{{0,{MOST_PLAIN}}}"
-"""Words that do not begin as a condition does: the names in one are those of the digest."""
-MOST_PLANNED = 140
-"""Longer words for a plan leave too little room beside them."""
-_SO = {True: "so", False: "not so", None: "(not )?so"}
-_END = r"( \([A-Z]+-[0-9]+\))?( takes over| stays)?"
-
-
 def asked_now(world: World, digest: Digest, asked: str) -> str:
-    """Return the reading `asked` of some moment in the words for the picture of `digest`.
+    """Return the earlier reading `asked`, updated to the picture of `digest`.
 
-    A condition is written with its present state, if the digest decides it.
+    A condition is written with its present state if the digest decides it.
     """
     meant, under, then = asked.partition("; now: ")
     for condition in conditions(world, digest) if under else ():
@@ -186,10 +186,10 @@ def asked_now(world: World, digest: Digest, asked: str) -> str:
 
 
 def grounded_reason(world: World, digest: Digest, words: str, asked: str = "") -> tuple[str, ...]:
-    """Return regular expressions (Rust's syntax) that a reason has to match, each of them.
+    """Return regular expressions (Rust's syntax); a reason has to match all of them.
 
-    It states what `digest` bears out, and what was asked in clauses about what there is, or about
-    names that stand in the mission's `words`; in the words `asked`, where those are given.
+    They allow statements that `digest` supports, and clauses about what exists or about names in
+    the mission's `words`. If `asked` is given, the reason has to begin with it.
     """
     plain = _not_beginning(" only ")
     part = f" {_either(_stated(world, digest))}{_END}|{plain}"
@@ -199,9 +199,9 @@ def grounded_reason(world: World, digest: Digest, words: str, asked: str = "") -
 
 
 def grounded_asked(world: World, digest: Digest, words: str, asked: str = "") -> tuple[str, ...]:
-    """Return the same for a judge's reading, in words like those of orders.
+    """Return regular expressions for a judge's reading, in words like those of orders.
 
-    Facts of the picture, which come with colons, brackets and rule ids, have no place in it.
+    It must not have facts of the picture, which have colons, brackets and rule ids.
     """
     if asked:
         return (exactly(asked),)
@@ -209,7 +209,7 @@ def grounded_asked(world: World, digest: Digest, words: str, asked: str = "") ->
 
 
 def _asked(world: World, digest: Digest, unconditional: str) -> str:
-    """Return the reading; `digest` decides its conditions."""
+    """Return the expression for a reading; `digest` decides its conditions."""
     under = (
         f"{escape(in_words(condition))}: {WORD}+, else: {WORD}+; "
         f"now: {escape(evidence(condition, digest))}, {_SO[holds(condition, DigestFacts(digest))]}"
@@ -219,7 +219,7 @@ def _asked(world: World, digest: Digest, unconditional: str) -> str:
 
 
 def _stated(world: World, digest: Digest) -> Iterator[str]:
-    """Yield what can be stated: of assets, of places, of tracks, of who is free."""
+    """Yield the possible statements about assets, places, tracks and free assets."""
     yield "only watch"
     for name in told_assets(world, digest):
         state = asset_state(digest, name) if name in digest.posts else "down"
@@ -247,14 +247,14 @@ def _stated(world: World, digest: Digest) -> Iterator[str]:
 
 
 def _not_beginning(start: str) -> str:
-    """Return the expression for a fact in the model's own words that does not begin so."""
+    """Return the expression for a fact in the model's words that does not begin with `start`."""
     rest = f"{_PART}{{0,{MOST_PLAIN}}}"
     ways = (f"{start[:n]}([{_PART[1:-1]}&&[^{char}]]{rest})?" for n, char in enumerate(start))
     return _either(ways)
 
 
 def _some_of(names: Iterable[str]) -> str:
-    """Return the way to name some of `names`, or how many of them; with a bar after it."""
+    """Return the expression for one of `names` or a number of them, with a bar after it."""
     known = tuple(names)
     if not known:
         return ""

@@ -1,7 +1,7 @@
-"""Reads times of day, days and durations: *half past nine*, *tonight*, *1 h 15 min*.
+"""The reading of times of day, days and durations: *half past nine*, *tonight*, *1 h 15 min*.
 
-*Send a drone north at 16:45* has a time of its own. *The storm will hit in an hour* has one of
-something else. A time of the order that no phrase takes up must not vanish in silence.
+*Send a drone north at 16:45* has a time of its own; in *the storm will hit in an hour*, the time
+belongs to something else. A time of the order that no phrase accounts for must not be ignored.
 """
 
 import re
@@ -29,7 +29,7 @@ _UNIT_S = {
     for word in TIME_WORDS[name]
 }
 TIME_UNITS = tuple(_UNIT_S)
-"""The words for units of time, also as they are shortened: *mins*, *hrs*."""
+"""The words for units of time, abbreviations included: *mins*, *hrs*."""
 WEEKDAYS = TIME_WORDS["weekdays"]
 _TENS = {word: 20 + 10 * number for number, word in enumerate(TIME_WORDS["tens"])}
 STOPS = frozenset((",", ".", ";", ":", "!", "-", "–", "—", ""))
@@ -37,23 +37,35 @@ _FOLLOWS = frozenset(TIME_WORDS["follows"]) | STOPS
 _COMPACT = re.compile(r"(\d+)([a-z]+)(?:(\d+)([a-z]*))?")
 _SHORT_NAME = re.compile(r"[a-z]+(?:_t)?\d+")
 
+_BORDERS = frozenset((*STOPS, "?", "(", ")", *TIME_WORDS["borders"]))
+_FILLERS = frozenset((*TIME_WORDS["joints"], *TIME_WORDS["fillers"]))
+_TOLD = frozenset(TIME_WORDS["told"])
+_PAST = frozenset(TIME_WORDS["past"])
+_ALONE = frozenset(TIME_WORDS["alone"])
+_OF_THE_HOUR = frozenset(TIME_WORDS["of_the_hour"])
+_LEADS = frozenset(TIME_WORDS["leads"])
+FOUR_DIGITS = re.compile(r"(?:[01]\d|2[0-3])[0-5]\d(?:h|hrs|z)?")
+"""A time of day without a colon: 1645, 0900z."""
+NAMED = frozenset((*ASSETS, *KIND_WORDS))
+"""The words for assets: a number after one belongs to the asset."""
+
 
 @dataclass(frozen=True)
 class ClockTime:
-    """A time of day as written; `settled` where no other half of the day can be meant."""
+    """A time of day; `settled` is True if only one half of the day can be meant."""
 
     at: time
     settled: bool
     day: date | None = None
     utc: bool = False
     bare: bool = False
-    """True for a mere number: *at nine*."""
+    """True for a number alone: *at nine*."""
 
 
 def read_clock(
     reader: Reader, now: datetime, *, led: bool, day: date | None = None, half: str = ""
 ) -> ClockTime | None:
-    """Read a time of day; one that no word has `led` to must be told by its own form."""
+    """Read a time of day; unless a word has `led` to it, its form must show that it is one."""
     found = _time_of_day(reader, led=led)
     if found is None:
         return None
@@ -80,7 +92,7 @@ def read_clock(
 def _time_of_day(  # noqa: PLR0911 - one for each way to say it
     reader: Reader, *, led: bool
 ) -> tuple[int, int, int, bool, bool] | None:
-    """Return hour, minute, second, whether the half of the day is settled, and if only a number."""
+    """Return hour, minute, second, if the half of day is settled, and if it is only a number."""
     if led and reader.take(*TIME_WORDS["noon"]):
         return 12, 0, 0, True, False
     if led and reader.take(*TIME_WORDS["midnight"]):
@@ -139,7 +151,7 @@ def _digital(reader: Reader, word: str, *, led: bool) -> tuple[int, int, int, bo
 
 
 def _close(reader: Reader) -> bool:
-    """Return whether the sign here touches the numbers on both sides of it."""
+    """Return whether the sign here touches the numbers on both sides."""
     before, sign, after = reader.tokens[reader.at - 1 : reader.at + 2]
     return before.end == sign.start and sign.end == after.start
 
@@ -163,9 +175,9 @@ def _spoken_clock(reader: Reader) -> tuple[int, int, int, bool, bool] | None:
 
 
 def _radio_clock(reader: Reader, *, led: bool) -> tuple[int, int, int, bool, bool] | None:
-    """Read *seventeen hundred hours*, *oh six thirty*: the 24 hours as they are spoken on a radio.
+    """Read a 24-hour time as spoken on a radio: *seventeen hundred hours*, *oh six thirty*.
 
-    Without a word that leads to it, *two hundred* is no time unless *hours* follow.
+    Unless a word leads to it, *two hundred* is a time only if *hours* follows.
     """
     start = reader.at
     zero = bool(reader.take(*TIME_WORDS["leading_zero"]))
@@ -187,7 +199,7 @@ def _radio_clock(reader: Reader, *, led: bool) -> tuple[int, int, int, bool, boo
 
 
 def read_minute_of_hour(reader: Reader) -> tuple[int, bool] | None:
-    """Read *five past each hour*, *top of the hour*: the minute, and whether each hour is meant."""
+    """Read *five past each hour*, *top of the hour*: the minute, and if every hour is meant."""
     start = reader.at
     reader.take("the")
     if place := reader.take("top of", "bottom of"):
@@ -211,7 +223,7 @@ def read_minute_of_hour(reader: Reader) -> tuple[int, bool] | None:
 
 
 def _minutes_after_hour(reader: Reader) -> int:
-    """Read the minutes in *nine thirty*; 0 for none."""
+    """Read the minutes in *nine thirty*; return 0 if there are none."""
     start = reader.at
     reader.take("oh", "o")
     number = read_number(reader)
@@ -245,16 +257,16 @@ def _day_of(said: str, now: datetime) -> date | None:
 
 
 def next_weekday(word: str, now: datetime) -> date:
-    """Return the next day of that name after today."""
+    """Return the next day with this name after today."""
     ahead = (WEEKDAYS.index(word) - now.weekday() - 1) % 7 + 1
     return now.date() + timedelta(days=ahead)
 
 
 def read_duration(reader: Reader) -> float:
-    """Read *five minutes*, *1 h 15 min*, *half an hour*, *an hour and a half*; 0 for none."""
+    """Read *five minutes*, *1 h 15 min*, *half an hour*, *an hour and a half*; return 0 if none."""
     total, start, last = 0.0, reader.at, DAY_S * 400
     while (seconds := _one_duration(reader)) and seconds < last:
-        # A second part is of a smaller unit: *every 2 minutes, one minute at each gate* has two.
+        # Each part has a smaller unit: *every 2 minutes, one minute at each gate* is two durations.
         total, start = total + seconds, reader.at
         last = 0.0 if reader.word() == "," else _UNIT_S.get(reader.word(-1), 0.0)
         reader.take("and")
@@ -288,13 +300,13 @@ def _one_duration(reader: Reader) -> float:
 
 
 def read_unit(reader: Reader) -> float:
-    """Read a unit of time and return its seconds; 0 for none."""
+    """Read a unit of time and return its seconds; 0 if there is none."""
     word = reader.take_in(_UNIT_S.keys())
     return _UNIT_S[word] if word else 0.0
 
 
 def read_number(reader: Reader) -> float:
-    """Read a number in digits or words up to 99; -1 for none."""
+    """Read a number in digits or in words up to 99; return -1 if there is none."""
     word = reader.word()
     tens, _, ones = word.partition("-")
     if tens in _TENS and (not ones or number_of(ones) in range(1, 10)):
@@ -320,25 +332,12 @@ def duration_words(seconds: float) -> str:
     return " ".join(parts) or "0 seconds"
 
 
-_BORDERS = frozenset((*STOPS, "?", "(", ")", *TIME_WORDS["borders"]))
-_FILLERS = frozenset((*TIME_WORDS["joints"], *TIME_WORDS["fillers"]))
-_TOLD = frozenset(TIME_WORDS["told"])
-_PAST = frozenset(TIME_WORDS["past"])
-_ALONE = frozenset(TIME_WORDS["alone"])
-_OF_THE_HOUR = frozenset(TIME_WORDS["of_the_hour"])
-_LEADS = frozenset(TIME_WORDS["leads"])
-FOUR_DIGITS = re.compile(r"(?:[01]\d|2[0-3])[0-5]\d(?:h|hrs|z)?")
-"""A time of day without a colon: 1645, 0900z."""
-NAMED = frozenset((*ASSETS, *KIND_WORDS))
-"""The words for assets: a number after one is the asset's."""
-
-
 def is_of_order(
     world: World, tokens: Sequence[WordToken], spans: Sequence[tuple[int, int]], first: int
 ) -> bool:
-    """Return whether the words around the phrase of time at `first` ask for something.
+    """Return whether the words around the time phrase at `first` ask for something.
 
-    They name an asset, or begin with a verb of orders; words that tell what has been do not.
+    They do if they mention an asset or begin with a verb of orders, but not if they report a fact.
     """
     timed = {at for start, end in spans for at in range(start, end)}
     start = last = first
@@ -362,9 +361,9 @@ def is_of_order(
 
 
 def unread_times(world: World, text: str) -> tuple[str, ...]:
-    """Return the times named in an order without a time that was read.
+    """Return the times in an order in which no time was read.
 
-    A time of something else, *the guard changes in an hour*, is none of the order's.
+    A time of something else, such as *the guard changes in an hour*, is not included.
     """
     tokens = read_tokens(text)
     spans, at = list[tuple[int, int]](), 0
@@ -393,7 +392,7 @@ def names_time(text: str) -> bool:
 
 
 def _names_time(reader: Reader) -> bool:
-    """Read *ten minutes*, *16:45*, *1645*, *midnight*: words that mean a time wherever they stand.
+    """Read words that always mean a time: *ten minutes*, *16:45*, *1645*, *midnight*.
 
     *A second* may be another one, *a minute* no time at all, and *robot 3s* is robot 3's.
     """
@@ -405,7 +404,7 @@ def _names_time(reader: Reader) -> bool:
         return True
     alone = reader.word() in _ALONE or FOUR_DIGITS.fullmatch(reader.word()) is not None
     if not alone and reader.word().isdecimal() and reader.word(-1) not in NAMED:
-        # *In 5*, *5 past*: a number that no thing follows, beside a word of the clock.
+        # *In 5*, *5 past*: a number beside a word of the clock, and without a noun after it.
         after = reader.word(1)
         ends = reader.word(-1) in _LEADS and (after in STOPS or after in _OF_THE_HOUR)
         alone = ends or after in ("past", "sharp", "hundred")

@@ -1,8 +1,8 @@
-"""The words of the order language, read once from `lexicon.yaml`: lists, and verbs by their tasks.
+"""The lexicon of orders, read once from `lexicon.yaml`: word lists, and verbs by their tasks.
 
-The verbs decide nothing. They show whether an order has any word for its reading, and whether its
-explicit tasks have any part in that reading. Words that mean several things are in several groups;
-forms of a word are listed where English makes them otherwise than by an ending.
+The verbs decide nothing. They show whether an order has any word for its reading, and whether that
+reading covers its explicit tasks. A word with several meanings is in several groups. Irregular
+forms of a word are listed.
 """
 
 import re
@@ -17,6 +17,11 @@ from pydantic import TypeAdapter
 
 from pa_console.language.canonical.order import Task
 
+_IDIOM = re.compile(r"\bcan wait\b|\bhold fire\b|\bcan stay\b")
+"""Phrases in which a plain word asks for nothing."""
+_ENDINGS = ("s", "es", "ed", "d", "ing")
+_AS_THEY_STAND = frozenset(("in", "out", "over", "off", "for", "through", "who", "what", "how"))
+
 
 def word_lists(section: str) -> Mapping[str, tuple[str, ...]]:
     """Return the word lists of a section of the lexicon by their names."""
@@ -24,21 +29,21 @@ def word_lists(section: str) -> Mapping[str, tuple[str, ...]]:
 
 
 def any_of(section: str, name: str) -> str:
-    """Return the regular expression for any entry of a list, each one itself, as whole words."""
+    """Return a regular expression for any entry of a list as whole words."""
     return rf"\b(?:{'|'.join(word_lists(section)[name])})\b"
 
 
 @cache
 def _lexicon() -> dict[str, Any]:
     """Return the sections of the file: lists by their names, or groups of lists."""
-    # The base loader keeps every word a text: *no*, *on* and *off* are no truth values here.
+    # The base loader keeps every word as text: *no*, *on* and *off* are not booleans here.
     loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
     text = Path(__file__).with_name("lexicon.yaml").read_text(encoding="utf-8")
     return yaml.load(text, loader)
 
 
 def _entries(lists: Mapping[str, str]) -> Mapping[str, tuple[str, ...]]:
-    """Return every list's entries: parted by blanks, or by ` / ` if one has several words."""
+    """Return the entries of every list: split at spaces, or at ` / ` if one has several words."""
     return {
         name: tuple(text.split(" / ") if " / " in text else text.split())
         for name, text in lists.items()
@@ -49,9 +54,8 @@ class SynonymGroup(NamedTuple):
     """Synonyms, the tasks that they allow in a reading, and the tasks that they mean.
 
     An order with one of the words may be read as any of `tasks`, but its words support only the
-    tasks that the group `means`: *send* may lead to a warning, yet a warning needs a word for it.
-    `plain` words always ask for such a task; `words`, some of them nouns, only may. `phrases` have
-    several words.
+    tasks in `means`: *send* may lead to a warning, yet a warning needs a word for it. `plain` words
+    always ask for such a task; `words`, some of them nouns, only may. `phrases` have several words.
     """
 
     tasks: tuple[Task, ...]
@@ -67,25 +71,19 @@ def _verb_groups() -> tuple[SynonymGroup, ...]:
     return TypeAdapter(tuple[SynonymGroup, ...]).validate_python(groups)
 
 
-_IDIOM = re.compile(r"\bcan wait\b|\bhold fire\b|\bcan stay\b")
-"""Plain words that ask for nothing here."""
-_ENDINGS = ("s", "es", "ed", "d", "ing")
-_AS_THEY_STAND = frozenset(("in", "out", "over", "off", "for", "through", "who", "what", "how"))
-
-
 class VerbMention(NamedTuple):
-    """A word or phrase of a text, where it begins, the tasks it goes with and those it means."""
+    """A word or phrase of a text, its start, the tasks that it allows, and those that it means."""
 
     word: str
     start: int
     tasks: frozenset[Task]
     means: frozenset[Task]
     plain: bool
-    """True if the word has hardly any other use."""
+    """True if the word hardly ever means anything else."""
 
 
 def find_verbs(text: str) -> Iterator[VerbMention]:
-    """Yield the words of `text`, in any case, that the lexicon knows, each with its tasks."""
+    """Yield the words and phrases of `text` that are in the lexicon, with their tasks."""
     low = text.lower()
     for found in re.finditer(r"[a-z]+(?:-[a-z]+)*", low):
         if groups := _forms().get(found[0]):
@@ -108,7 +106,7 @@ def _around(found: re.Match[str]) -> tuple[int, int]:
 
 @cache
 def _forms() -> Mapping[str, tuple[SynonymGroup, ...]]:
-    """Return every form of a word with all groups in which it is."""
+    """Return all forms of words, each with the groups that contain the word."""
     forms: defaultdict[str, list[SynonymGroup]] = defaultdict(list)
     for group in _verb_groups():
         words = (*group.plain, *group.words)
@@ -119,7 +117,7 @@ def _forms() -> Mapping[str, tuple[SynonymGroup, ...]]:
 
 @cache
 def _plain() -> frozenset[str]:
-    """Return the plain words in their base form, as orders have them."""
+    """Return the plain words in their base form, which orders use."""
     return frozenset(word for group in _verb_groups() for word in group.plain)
 
 
@@ -133,7 +131,7 @@ def _phrases() -> tuple[tuple[str, re.Pattern[str], SynonymGroup], ...]:
 
 
 def _forms_of(word: str) -> Iterator[str]:
-    """Yield `word` and what English makes of it with an ending: `moving`, `stopped`, `carries`."""
+    """Yield `word` and its forms with endings: `moving`, `stopped`, `carries`."""
     yield word
     if word in _AS_THEY_STAND:
         return

@@ -1,9 +1,9 @@
 """Mentions in an order: places, assets, tracks, kinds, numbers and verbs.
 
-Names are found as entity linking finds them (`name_linking.py`). A name is asked about, or only
-told, quoted, addressed or ruled out: *the east gate is quiet, send a drone to the west gate* asks
-for nothing at the east gate, *East gate, this is Watch* for nothing there either. Of an order that
-asks in no clause, every clause counts as asking.
+Names are found by entity linking (`name_linking.py`). A mention either belongs to a request, or is
+reported, quoted, addressed or ruled out: *the east gate is quiet, send a drone to the west gate*
+requests nothing at the east gate, and *East gate, this is Watch* requests nothing there either. If
+no clause of an order is a request, every clause counts as one.
 """
 
 import re
@@ -23,7 +23,7 @@ _COMPASS = {
 KINDS: Mapping[str, AssetKind] = {
     word: kind for kind in PLAIN_KINDS for word in word_lists("kinds")[kind]
 }
-"""The words for kinds; a vehicle may as well be one that comes to a gate."""
+"""The words for kinds; *vehicle* may also mean a contact."""
 ASSETS = frozenset(("asset", "unit", "machine", "device", "platform"))
 """The words for any asset."""
 _ALL = frozenset(("all", "every", "each", "both", "everyone", "everybody", "everything"))
@@ -31,7 +31,7 @@ _NAMES = frozenset(("place", "asset", "track", "kind"))
 _OF_SITES = re.compile(any_of("mentions", "of_sites"))
 """Parts of sites under any name, in lower case."""
 _LONGEST = 3
-"""Words of a name that are looked at together."""
+"""The most words of one name that are matched together."""
 _SPELT = {
     word: word[0]
     for word in (
@@ -44,12 +44,12 @@ _AMOUNTS = frozenset(word_lists("names")["amounts"])
 """The words before an amount: *battery 9*, *speed 4*."""
 _LEADS = frozenset(word_lists("mentions")["leads"])
 _OWN = frozenset(word_lists("mentions")["own"])
-"""The words that may stand between *the* and the name of a place of one word."""
+"""The words that may be between *the* and a place's name of one word."""
 _CAR = re.compile(r"(?:cars?|trucks?|vehicles?)")
 _WORD = re.compile(r"[^\W_][\w-]*", re.UNICODE)
 _QUOTED = re.compile(r"\"[^\"]*\"|“[^”]*”|```.*?```|(?<!\w)'[^']{3,}'(?!\w)|<[^<>]*>")
 _MOST_QUOTED = 3
-"""Words in quotation marks that may still be a name: "the east gate"."""
+"""The most words in quotation marks that may still be a name: "the east gate"."""
 _CLAUSE = re.compile(r"[^.!?;,\n]+(?:\.(?=\w)[^.!?;,\n]*)*")
 _TOLD = re.compile(any_of("mentions", "told") + r"|['’](?:s|re|ve)\b", re.IGNORECASE)
 _REQUEST = re.compile(any_of("mentions", "request") + r"|['’]d like", re.IGNORECASE)
@@ -59,15 +59,16 @@ _RULED_OUT = re.compile(
     re.IGNORECASE,
 )
 _STATION = re.compile(r"\s*this is\b", re.IGNORECASE)
-"""The words of a radio message after the call signs of its addressees."""
+"""The words in a radio message after the call signs of its addressees."""
 _MOST_ADDRESSED = 3
-"""Words of a call sign."""
+"""The most words of a call sign."""
 _STAYS_ON = re.compile(
     r"\band (?:then )?(?:just )?(?P<verb>hold|stay|wait|remain)\b"
     r"(?= *(?:$|(?:there|here|put|inside|outside|with (?:it|them|him|her)|until|till|for)\b))",
     re.IGNORECASE,
 )
-"""*Go to the gate and stay there*: whoever is sent somewhere stays there anyhow."""
+"""A request that adds nothing, because an asset stays where it is sent: *go to the gate and stay
+there*."""
 _IF = re.compile(
     r"\b(?:if|when|whether|unless|in case|provided|as long as|should|given that|suppose"
     r"|condition|once|otherwise|else)\b",
@@ -76,13 +77,14 @@ _IF = re.compile(
 
 
 _PLACING = frozenset(("to", "at", "over", "towards", "toward", "tae"))
-"""Prepositions after which a word of a place's name means the place: *two drones over Forge*."""
+"""Prepositions after which one word of a place's name means the place: *two drones over Forge*."""
 
 
 class Mention(NamedTuple):
-    """Words of an order, and their meaning: a name, a kind, a number, a verb.
+    """Words of an order and their meaning: a name, a kind, a number or a verb.
 
-    `asked` is False for words that are reported, quoted or ruled out, or call a place by radio.
+    `asked` is False for words that are reported, quoted or ruled out, or that call a place by
+    radio.
     """
 
     sort: Sort
@@ -90,15 +92,15 @@ class Mention(NamedTuple):
     means: str
     asked: bool = True
     tasks: frozenset[Task] = frozenset()
-    """The tasks that a verb goes with."""
+    """The tasks that a verb allows in a reading."""
     supports: frozenset[Task] = frozenset()
     """The tasks that a verb means."""
     quoted: bool = False
-    """True in a quotation of several words: what is quoted is no part of the order."""
+    """True in a quotation of several words, which is not part of the order."""
 
 
 class _MentionClause(NamedTuple):
-    """A part of the text between two stops, and whether it asks for anything."""
+    """The part of a text between two stops, and whether it is a request."""
 
     text: str
     asks: bool
@@ -107,22 +109,22 @@ class _MentionClause(NamedTuple):
     """True if it is a call sign at the start of a radio message."""
 
     def asks_about(self, start: int, sort: Sort) -> bool:
-        """Return whether it asks about a mention of this `sort` that begins at `start`."""
+        """Return whether a mention of this `sort` that begins at `start` belongs to the request."""
         called = self.addressed and sort == "place"
         return self.asks and not called and not _RULED_OUT.search(self.text[:start])
 
 
 def find_mentions(world: World, text: str, tracks: Iterable[str] = ()) -> tuple[Mention, ...]:
-    """Return everything that `text` names of `world` and of the `tracks` in sight, in its order.
+    """Return the mentions of `world` and of the `tracks` in sight, in the order of `text`.
 
-    Without a name that is known, a word that looks like an asset's (`Drone_T99`) counts as one.
+    A word that looks like an asset's name (`Drone_T99`) counts as one, even if there is none.
     """
     finder = _Finder(world, tracks)
     return tuple(dict.fromkeys(finder.find(link_names(world, text))))
 
 
 def without_quotations(text: str, instead: str = " ") -> str:
-    """Return `text` with `instead` in place of each of its quotations of several words."""
+    """Return `text` with `instead` in place of each quotation of several words."""
     return _QUOTED.sub(lambda found: instead if _is_quotation(found[0]) else found[0], text)
 
 
@@ -131,9 +133,9 @@ def _is_quotation(quoted: str) -> bool:
 
 
 def speaks_of_site(world: World, text: str) -> bool:
-    """Return whether `text` mentions a part of a site: place, asset, kind, post, visitor.
+    """Return whether `text` mentions a part of a site: place, asset, kind, post or contact.
 
-    A passing mention counts: this only separates texts about other matters.
+    A passing mention counts, because this only excludes texts about other matters.
     """
     low, names = text.lower(), WorldNames.of(world)
     if _OF_SITES.search(low) or any(names.team(word) for word in re.findall("[a-z]+", low)):
@@ -142,7 +144,7 @@ def speaks_of_site(world: World, text: str) -> bool:
 
 
 class _Finder:
-    """Looks for the names of one world."""
+    """A finder of mentions in texts about one world."""
 
     def __init__(self, world: World, tracks: Iterable[str]) -> None:
         self._sorts: dict[str, tuple[Sort, str]] = {}
@@ -156,7 +158,7 @@ class _Finder:
         self._squashed = {_squashed(name): found for name, found in self._sorts.items()}
         self._parts = _own_words(places)
         self._plain = {name.lower() for name in world.frames if len(WORD.findall(name)) == 1}
-        """The frames that have a common noun for a name: *base*, *checkpoint*."""
+        """The frames whose name is a common noun: *base*, *checkpoint*."""
         self._compass = {
             word: self._parts[whole] for word, whole in _COMPASS.items() if whole in self._parts
         }
@@ -206,7 +208,7 @@ class _Finder:
             yield Mention("verb", verb.word, verb.word, plain, verb.tasks, verb.means)
 
     def _is_another(self, words: Sequence[tuple[str, int]], at: int) -> bool:
-        """Return whether an unknown word makes it another place than ours: *the moon base*."""
+        """Return whether an unknown word makes it another place: *the moon base*."""
         if at < 2 or words[at - 2][0].lower() not in _LEADS:
             return False
         before = words[at - 1][0].lower()
@@ -216,7 +218,7 @@ class _Finder:
         return not before.endswith(("est", "ly")) and not any(find_verbs(before))
 
     def _spelt(self, words: Sequence[tuple[str, int]], at: int) -> tuple[Sort, str] | None:
-        """Return what a name is that is spelt in several words: `Gate Charlie`, `harpy-b`."""
+        """Return the meaning of a name spelt in several words: `Gate Charlie`, `harpy-b`."""
         for end in range(min(at + _LONGEST, len(words)), at, -1):
             spelt = [word for word, _ in words[at:end]]
             found = self._squashed.get(_squashed(" ".join(_letter(word) for word in spelt)))
@@ -262,7 +264,7 @@ def _addressed(parts: Sequence[str]) -> int:
 
 
 def _asks(clause: str) -> bool:
-    """Return whether a clause asks for an action: it has a verb for it, or no sign of a report."""
+    """Return whether a clause is a request: it has a verb for it, or no sign of a report."""
     if _REQUEST.search(clause) or any(verb.plain for verb in find_verbs(clause)):
         return True
     return not _TOLD.search(clause)
@@ -271,7 +273,7 @@ def _asks(clause: str) -> bool:
 def _kinds(
     words: Sequence[tuple[str, int]], assets: set[int], clause: _MentionClause
 ) -> Iterator[Mention]:
-    """Yield the kinds that are spoken of, and how many of them or of all assets."""
+    """Yield the mentioned kinds, and the requested numbers of a kind or of all assets."""
     for at, (word, start) in enumerate(words):
         asked = clause.asks_about(start, "kind")
         kind = KINDS.get(word.lower()) or KINDS.get(word.lower().removesuffix("s"))
@@ -291,7 +293,7 @@ def _kinds(
 
 
 def _counted(before: Sequence[str]) -> str:
-    """Return how many are meant by a noun after the words `before`: a number, `all`, or ''."""
+    """Return the number meant by a noun after the words `before`: a number, `all`, or ''."""
     for word in reversed(before):
         if word in _ALL:
             return "2" if word == "both" else "all"
@@ -313,9 +315,10 @@ def _numeral(word: str) -> str:
 
 
 def _counts(text: str, words: Sequence[tuple[str, int]], at: int) -> bool:
-    """Return whether the word at `at` is a number that is no asset's.
+    """Return whether the word at `at` is a number that belongs to no asset.
 
-    It is the number of the next noun, an amount (*9 pct*, *battery 9*), or of a contact (*van 3*).
+    It may count the next noun, be an amount (*9 pct*, *battery 9*), or belong to a contact (*van
+    3*).
     """
     said, start = words[at]
     if not said.isalpha() and not said.isdecimal():
@@ -336,7 +339,7 @@ def _is_name(word: str) -> bool:
 
 
 def _own_words(places: Sequence[str]) -> dict[str, str]:
-    """Return the words that one place alone has, with the place: `north` for NorthGate."""
+    """Return the words that only one place has, with the place: `north` for NorthGate."""
     found: dict[str, list[str]] = {}
     for name in places:
         words = [word.lower() for word in WORD.findall(name)]

@@ -1,8 +1,8 @@
-"""Entity linking: names said in other words become the world's own, `uav four` Drone_T04.
+"""Entity linking: names in other words become the world's own, `uav four` becomes Drone_T04.
 
-A small model reads a name far better as it is written than as operators say it. Only what can mean
-one thing is changed; the rest is left to the model. Everything is taken from the world, whose
-assets and places `WorldNames` knows by what operators call them.
+A small model reads a name far better as it is written than as operators say it. Words are replaced
+only if they can mean just one thing; the rest is left to the model. All names come from the world;
+`WorldNames` finds them by the words that operators use.
 """
 
 import re
@@ -25,7 +25,7 @@ KIND_WORDS: dict[str, AssetKind] = {
     "vehicle": "ugv",
     "robot": "robot",
 }
-"""The words for an asset of a kind, under any name; the first of a kind is the plainest."""
+"""The words for assets of each kind, in any world; the first of a kind is the plainest."""
 GATE = "gate"
 DIGITS = ("zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
 _TEENS = ("thirteen", "fourteen", "fifteen", "sixteen", "seventeen", "eighteen", "nineteen")
@@ -34,13 +34,33 @@ WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _COMPASS = {"n": "north", "e": "east", "s": "south", "w": "west"}
 _NUMBERED = re.compile(r"(.*?)(\d+)\D*")
 _LONG = 5
-"""The length from which a word may be misspelt by any slip; of one letter less, by a swap only."""
+"""The length from which a word may have any misspelling; one letter less allows only a swap."""
+
+_GATE_WORDS = frozenset((GATE, "entrance"))
+
+NEARLY = 85.0
+"""The least similarity of two words, out of 100, for one to be a misspelling of the other."""
+_PLAIN_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_a-zA-Z]+")
+
+_WORDS = word_lists("names")
+_BEFORE_NUMBER = frozenset(_WORDS["before_number"])
+_AND = frozenset((",", "and", "&", "/", "+", "or", "plus"))
+MEASURES = frozenset(_WORDS["measures"])
+_DETERMINERS = frozenset(_WORDS["determiners"])
+_TOKEN = re.compile(rf"{WORD.pattern}|[,&/+]")
+_ARTICLES = re.compile(r"\b(?:the )+$")
+_JOINTS = frozenset(("", " ", "-", "_", " #", "#"))
+"""The separators between the words of one name; a dot only after an abbreviation."""
+_LONGEST = 4
+"""The most words of one name that are matched together."""
+_MOST_DIGITS = 4
 
 
 class WorldNames:
-    """Assets by team and number, places by their words.
+    """The names of a world: assets by team and number, places by their words.
 
-    A team is all assets whose names share a word, or all of a kind, or, without a word, all.
+    A team consists of all assets whose names share a word, or all of a kind. The empty word means
+    the team of all assets.
     """
 
     def __init__(
@@ -71,12 +91,12 @@ class WorldNames:
 
     @classmethod
     def of(cls, world: World) -> "WorldNames":
-        """Return the names of `world`, made once for all prompts and words typed."""
+        """Return the names of `world`; they are made once and cached."""
         assets = tuple((name, spec.kind) for name, spec in world.assets.items())
         return _made((*world.frames, *world.zones), assets, tuple(world.aliases.items()))
 
     def called(self, words: Sequence[str]) -> str | None:
-        """Return what people here call by `words`, in lower case; None for nothing."""
+        """Return the name with the alias `words`, in lower case; None if there is none."""
         return self._aliases.get(tuple(words))
 
     def is_place(self, name: str) -> bool:
@@ -84,7 +104,7 @@ class WorldNames:
         return name in self._places.values()
 
     def place(self, words: Sequence[str]) -> str | None:
-        """Return the place that `words`, in lower case, name: in full, from behind, or misspelt."""
+        """Return the place that `words`, in lower case, name: in full, reversed, or misspelt."""
         found = self._places.get("".join(words))
         if found is not None or len(words) != 2:
             return found
@@ -98,11 +118,11 @@ class WorldNames:
         return found
 
     def gate_with(self, word: str) -> str | None:
-        """Return the gate whose name is `word` and gate."""
+        """Return the gate whose name consists of `word` and *gate*."""
         return self._stems.get(word)
 
     def team(self, word: str) -> str:
-        """Return the team or kind that `word` is, also in the plural or misspelt; else nothing."""
+        """Return the team or kind that `word` names, even if plural or misspelt; '' for none."""
         for said in (word, word.removesuffix("s")):
             if said in self._patterns:
                 return said
@@ -110,17 +130,17 @@ class WorldNames:
         return near[0] if len(near) == 1 and len(word) >= _LONG else ""
 
     def initial(self, letter: str) -> str:
-        """Return the only team whose own word begins with `letter`, as of *D4*; else nothing."""
+        """Return the only team whose own word begins with `letter`, as in *D4*; '' for none."""
         found = [team for team in self._kinds if team.startswith(letter)]
         return found[0] if len(found) == 1 else ""
 
     def asset(self, team: str, number: int) -> str | None:
-        """Return the asset of `team` with `number`, None for none or several."""
+        """Return the asset of `team` with `number`; None if there is none or several."""
         found = self._numbered.get((team, number), [])
         return found[0] if len(found) == 1 else None
 
     def absent(self, team: str, number: int) -> str | None:
-        """Return what an asset of `team` that is not there would be called, None if unclear."""
+        """Return the name that a missing asset of `team` would have; None if that is unclear."""
         patterns = [*self._patterns.get(team, ())]
         if (team, number) in self._numbered or len(patterns) != 1:
             return None
@@ -128,7 +148,7 @@ class WorldNames:
         return f"{prefix}{number:0{width}d}"
 
     def kind_word(self, word: str) -> str | None:
-        """Return the plain word for the kind of the team `word`, None where it is no such word."""
+        """Return the plain word for the kind of the team `word`; None if it is no team's word."""
         team = word.removesuffix("s")
         if team in KIND_WORDS or team not in self._kinds:
             return None
@@ -136,7 +156,7 @@ class WorldNames:
         return plain + "s" * (team != word)
 
     def _gate(self, word: str) -> str | None:
-        """Return the gate named by `word`, or by the number that it is."""
+        """Return the gate named by `word`, which may be a number; None for none."""
         if word in NUMBERS:
             word = str(NUMBERS.index(word))
         return self._places.get(word + GATE) or self._places.get(GATE + word)
@@ -158,14 +178,11 @@ def _places(names: Sequence[str]) -> dict[str, str]:
 
 
 def _stem(name: str) -> str:
-    """Return the word that alone names a gate: `yew` of GateYew; '' where there is none."""
+    """Return the word that identifies a gate: `yew` of GateYew; '' if there is none."""
     parts = _parts_of(name)
     own = [part for part in parts if part not in _GATE_WORDS]
     stem = "".join(own)
     return stem if len(own) < len(parts) and stem.isalpha() and len(stem) > 1 else ""
-
-
-_GATE_WORDS = frozenset((GATE, "entrance"))
 
 
 def _team_word(name: str) -> str:
@@ -177,7 +194,7 @@ def _parts_of(name: str) -> list[str]:
 
 
 def _nearly(word: str, other: str) -> bool:
-    """Return whether one slip of the hand makes `other` of `word`."""
+    """Return whether one typing slip turns `word` into `other`."""
     shorter = min(len(word), len(other))
     if shorter < _LONG - 1 or abs(len(word) - len(other)) > 1 or OSA.distance(word, other) != 1:
         return False
@@ -188,13 +205,8 @@ def _is_gate_misspelt(word: str) -> bool:
     return "g" in word and set(word) <= set(GATE) and OSA.distance(word, GATE) == 1
 
 
-NEARLY = 85.0
-"""Least similarity of two words, of 100, for one to be a misspelling of the other."""
-_PLAIN_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_a-zA-Z]+")
-
-
 def named(names: Iterable[str], text: str) -> list[str]:
-    """Return the names that `text` contains, as they are or in words: `Drone_T01`, `drone T01`."""
+    """Return the names that `text` contains, verbatim or in words: `Drone_T01`, `drone T01`."""
     said = f" {' '.join(_plain_words(text))} "
     verbatim = {word.lower() for word in re.findall(r"\w+", text)}
     return [
@@ -205,10 +217,10 @@ def named(names: Iterable[str], text: str) -> list[str]:
 
 
 def names_meant(names: Iterable[str], text: str) -> list[str]:
-    """Return the names whose own words `text` contains, those it contains wholly first.
+    """Return the names whose own words `text` contains; partial matches only if none is whole.
 
-    Words that most of the names share tell none of them from the others: of NorthGate and
-    EastGate, "the north and east gates" means both. A word may be misspelled; a number may not.
+    Words that most of the names share do not distinguish them: of NorthGate and EastGate, "the
+    north and east gates" means both. A word may be misspelt; a number may not.
     """
     parts = {name: _plain_words(name) for name in names}
     common = _common(parts.values())
@@ -225,7 +237,7 @@ def names_meant(names: Iterable[str], text: str) -> list[str]:
 
 
 def _plain_words(name: str) -> list[str]:
-    """Return the words of a name or text: `NorthGate_2` is north, gate, 2."""
+    """Return the words of a name or text: those of `NorthGate_2` are north, gate, 2."""
     return [word.lower() for word in _PLAIN_WORD.findall(name)]
 
 
@@ -247,20 +259,6 @@ def _is_said(word: str, said: list[str]) -> bool:
     return process.extractOne(word, said, scorer=fuzz.ratio, score_cutoff=NEARLY) is not None
 
 
-_WORDS = word_lists("names")
-_BEFORE_NUMBER = frozenset(_WORDS["before_number"])
-_AND = frozenset((",", "and", "&", "/", "+", "or", "plus"))
-MEASURES = frozenset(_WORDS["measures"])
-_DETERMINERS = frozenset(_WORDS["determiners"])
-_TOKEN = re.compile(rf"{WORD.pattern}|[,&/+]")
-_ARTICLES = re.compile(r"\b(?:the )+$")
-_JOINTS = frozenset(("", " ", "-", "_", " #", "#"))
-"""The marks between the words of one name; a dot only after an abbreviation."""
-_LONGEST = 4
-"""Words of a place's name that are looked at together."""
-_MOST_DIGITS = 4
-
-
 class _NameToken(NamedTuple):
     word: str
     start: int
@@ -268,7 +266,7 @@ class _NameToken(NamedTuple):
 
 
 class _Link(NamedTuple):
-    """Tokens from `first` up to `end` that mean `name`."""
+    """The tokens from `first` to `end`, which mean `name`."""
 
     first: int
     end: int
@@ -276,14 +274,14 @@ class _Link(NamedTuple):
 
 
 def link_names(world: World, text: str) -> str:
-    """Return `text` with the assets and places of `world` under their names."""
+    """Return `text` with the assets and places of `world` under their own names."""
     return LinkedText.of(world, text).text
 
 
 class LinkedText(NamedTuple):
-    """A text with names in place of their descriptions, and their places in the `original`.
+    """A text with names in place of other words for them, and their ranges in the `original`.
 
-    `names` are ranges of characters of the original, each with the name.
+    `names` are ranges of characters of the original, each with its name.
     """
 
     original: str
@@ -309,9 +307,9 @@ class LinkedText(NamedTuple):
         return self.original[self._before(start, last=False) : self._before(end, last=True)]
 
     def _before(self, at: int, *, last: bool) -> int:
-        """Return where in the original the character `at` of the text stands.
+        """Return the position in the original of the character `at` of the text.
 
-        Within a name it is where that begins, or with `last` where it ends.
+        Within a name it is the start of the range or, with `last`, its end.
         """
         shift = 0
         for start, end, name in self.names:
@@ -325,7 +323,7 @@ class LinkedText(NamedTuple):
 
 
 class _Linker:
-    """The words of one text beside the names of one world."""
+    """A linker of the words of one text with the names of one world."""
 
     def __init__(self, names: WorldNames, text: str) -> None:
         self._names, self._text = names, text
@@ -348,7 +346,7 @@ class _Linker:
             at = max(at + 1, self._linked)
 
     def _whole(self, link: _Link) -> bool:
-        """Return True if `link` has whole words: `gate North` is no name in `gate NorthGate`.
+        """Return whether `link` has whole words: `gate North` is no name in `gate NorthGate`.
 
         Nor is the `s gate` of `its owner's gate` the south gate.
         """
@@ -359,7 +357,7 @@ class _Linker:
         return not re.search(r"\w", around)
 
     def span(self, link: _Link) -> tuple[int, int]:
-        """Return where the characters of `link` begin, with an article before it, and end."""
+        """Return the range of the characters of `link`, with an article before it."""
         start, end = self._tokens[link.first].start, self._tokens[link.end - 1].end
         before = self._text[:start].lower()
         if before.endswith("frame_"):
@@ -369,7 +367,7 @@ class _Linker:
         return start, end
 
     def _gates(self, at: int) -> Iterator[_Link]:
-        """Yield the gates of a list such as `north, east and the west gate` from `at`."""
+        """Yield the gates of a list at `at`, such as `north, east and the west gate`."""
         gates: list[_Link] = []
         while name := self._names.gate_with(self._word(at)):
             gates.append(_Link(at, at + 1, name))
@@ -378,7 +376,7 @@ class _Linker:
             yield from (*gates[:-1], gates[-1]._replace(end=at + 1))
 
     def _alias(self, at: int) -> Iterator[_Link]:
-        """Yield what is called by the tokens from `at`, the longest alias first."""
+        """Yield the name whose alias begins at token `at`, the longest alias first."""
         for end in range(min(at + _LONGEST, len(self._tokens)), at, -1):
             words = [token.word for token in self._tokens[at:end]]
             name = self._names.called(words) if self._together(at, end) else None
@@ -387,7 +385,7 @@ class _Linker:
                 return
 
     def _place(self, at: int) -> Iterator[_Link]:
-        """Yield the place named by the tokens from `at`, the longest name first."""
+        """Yield the place whose name begins at token `at`, the longest name first."""
         for end in range(min(at + _LONGEST, len(self._tokens)), at, -1):
             words = [token.word for token in self._tokens[at:end]]
             name = self._names.place(words) if self._together(at, end) else None
@@ -396,7 +394,7 @@ class _Linker:
                 return
 
     def _assets(self, at: int) -> Iterator[_Link]:
-        """Yield the asset that is named from `at`, and those of the same team behind it."""
+        """Yield the asset that is named at `at`, and those of the same team listed after it."""
         word = self._word(at)
         team = self._names.team(word)
         if not team and word != "t" and len(word) == 1 and self._is_numbered(at):
@@ -415,12 +413,12 @@ class _Linker:
             name = None if number is None else self._names.asset(team, number)
 
     def _is_numbered(self, at: int) -> bool:
-        """Return whether digits follow token `at` without a blank, as in `D4`."""
+        """Return whether digits follow token `at` without a space, as in `D4`."""
         end = self._tokens[at].end
         return self._text[end : end + 1].isdigit()
 
     def _kind(self, at: int) -> Iterator[_Link]:
-        """Yield the kind for a team's own word that stands for any of its assets."""
+        """Yield the kind in place of a team's own word that means any of its assets."""
         before, plain = self._word(at - 1), self._names.kind_word(self._word(at))
         if plain is not None and before == "an":
             yield _Link(at - 1, at + 1, f"a {plain}")
@@ -445,12 +443,12 @@ class _Linker:
         return at, int(said) if fits else None
 
     def _counted(self, at: int) -> bool:
-        """Return whether a number stands before token `at`, as in `two drones`."""
+        """Return whether there is a number before token `at`, as in `two drones`."""
         before = self._word(at - 1)
         return at != self._linked and (before in NUMBERS or before.isdigit())
 
     def _after_and(self, at: int) -> int:
-        """Return the first token from `at` that is no comma, `and` or `and the`."""
+        """Return the first token from `at` on that is no comma, `and` or `and the`."""
         first = at
         while self._word(at) in _AND or (at > first and self._word(at) == "the"):
             at += 1
@@ -460,7 +458,7 @@ class _Linker:
         return self._tokens[at].word if 0 <= at < len(self._tokens) else ""
 
     def _together(self, first: int, end: int) -> bool:
-        """Return whether only blanks or marks of a name stand between the tokens."""
+        """Return whether only the separators of a name are between the tokens."""
         pairs = pairwise(self._tokens[first:end])
         return end <= len(self._tokens) and all(self._joined(*pair) for pair in pairs)
 

@@ -1,1 +1,1 @@
-"""The steps of one mission, one module a step, and the gate before the fleet."""
+"""The steps of one mission, one module per step, and the gate in front of the fleet."""

@@ -1,4 +1,4 @@
-"""Step 6: the conditions between a checked plan and its execution, decided by fixed checks.
+"""Step 6: the conditions for the approval of a checked plan, decided by fixed checks.
 
 An approval may be given in advance, by a standing instruction or a standing order. No person sees
 such a plan, so it needs a higher confidence and stricter rules.
@@ -20,10 +20,19 @@ from pa_console.views.status_words import status_of
 NOT_BEFOREHAND = "a standing order is approved by somebody who reads it, and nobody did"
 NOT_FOR_AGENTS = "an agent has proposed it, so somebody has to look at it"
 
+_ACTS = {
+    "override": "overriding the judge",
+    "acknowledge": "acknowledging a broken rule",
+    "first_order": "the first order to a vehicle",
+}
+
+SURE_ENOUGH = 0.9
+"""The lowest confidence in a reading with which a standing order approves a plan."""
+
 
 @dataclass(frozen=True)
 class CheckedPlan:
-    """A plan, the findings on it, and the judge's verdict or the reason why there is none."""
+    """A plan with its findings and the judge's verdict, or the reason why there is none."""
 
     plan: Plan
     findings: Sequence[Finding] = ()
@@ -33,7 +42,7 @@ class CheckedPlan:
 
 @dataclass(frozen=True)
 class OrderAsRead:
-    """The reading that a plan serves, and the evidence for it."""
+    """The reading that a plan serves, and the evidence about it."""
 
     asked: str = ""
     readings: tuple[str, ...] = ()
@@ -42,11 +51,11 @@ class OrderAsRead:
     """Words of the order that the reading does not account for."""
     confidence: float | None = None
     read_apart: bool = False
-    """True if another reader, second model or judge, reads the order differently."""
+    """True if another reader (second reader or judge) reads the order differently."""
     narrowed: bool = False
     """True if the plan leaves out a part of the order."""
     question: str = ""
-    """The question about an order that was not understood; '' if it was."""
+    """The question about an order that was not understood; '' if it was understood."""
 
 
 def approval_state(
@@ -54,8 +63,8 @@ def approval_state(
 ) -> ApprovalState:
     """Return the approval state of a plan; no other place decides it.
 
-    A plan is `approve` only if no evidence speaks against its reading, and no rule is broken; it is
-    `warned` if a Medium one is.
+    The state is `approve` only if there is no evidence against the reading and no rule is broken.
+    It is `warned` if a rule of Medium priority is broken.
     """
     if read.question:
         return "not_understood"
@@ -80,10 +89,10 @@ def request_approval(
     judging: bool = True,
     if_halted: Sequence[Action] = (),
 ) -> ApprovalRequested:
-    """Return the request: hard blocks, points to acknowledge, and the judge's objection.
+    """Return the approval request with its blocks, points to acknowledge, and any objection.
 
-    With `judging`, a plan without a verdict is on hold. `if_halted` is approved with the plan. For
-    an order that was not understood no plan and no other reading are proposed.
+    With `judging`, a plan without a verdict is on hold. `if_halted` is approved with the plan. The
+    request for an order that was not understood proposes no plan and no other reading.
     """
     if read.question:
         return ApprovalRequested(
@@ -118,16 +127,17 @@ def request_approval(
 
 
 def warnings(findings: Iterable[Finding]) -> list[str]:
-    """Return the ids of broken rules that an operator may accept (Medium priority)."""
+    """Return the ids of the broken rules that an operator may acknowledge (Medium priority)."""
     return [finding.rule_id for finding in findings if finding.broken and not finding.blocking]
 
 
 def people_needed(
     request: ApprovalRequested, approvals: Mapping[str, int], fresh: Collection[str] = ()
 ) -> dict[str, int]:
-    """Return the parts of `request` that the rules make several people approve, and how many.
+    """Return the parts of `request` that several people must approve, with their number.
 
-    `approvals` are those of the rules; `fresh` are the agents that never had an order.
+    `approvals` are the numbers that the rules require; `fresh` are the agents that have never had
+    an order.
     """
     actions = (*request.plan.actions, *request.if_halted)
     acts = dict.fromkeys(action.verb for action in actions)
@@ -141,15 +151,8 @@ def people_needed(
     return {act: people for act in named if (people := approvals.get(act, 1)) > 1}
 
 
-_ACTS = {
-    "override": "overriding the judge",
-    "acknowledge": "acknowledging a broken rule",
-    "first_order": "the first order to a vehicle",
-}
-
-
 def people_words(needed: Mapping[str, int]) -> str:
-    """Return in words what more than one person must approve."""
+    """Return in words the parts that more than one person must approve."""
     said = (f"{_ACTS.get(act, act)} needs {people} people" for act, people in needed.items())
     return ", ".join(said)
 
@@ -160,9 +163,10 @@ def inadmissible(
     needed: Mapping[str, int] | None = None,
     people: int = 1,
 ) -> str:
-    """Return why `decision` cannot be accepted for `request`, or an empty text.
+    """Return why `decision` cannot be accepted for `request`; '' if it can.
 
-    So many `people` have approved; `needed` is what more than one must approve.
+    `people` is the number of people who have approved; `needed` has the parts that need more than
+    one.
     """
     if decision.request_id not in ("", request.request_id):
         return "the decision was about another plan, which no longer waits"
@@ -212,9 +216,6 @@ def _not_approvable(request: ApprovalRequested, decision: Decision) -> str:
 Approver = Callable[[ev.ApprovalRequested], Decision]
 ApprovalMode = Literal["auto", "never"]
 
-SURE_ENOUGH = 0.9
-"""The lowest confidence in a reading at which a standing order approves a plan."""
-
 
 def standing_approver(
     mode: ApprovalMode,
@@ -226,10 +227,10 @@ def standing_approver(
 ) -> Approver:
     """Return the approver that follows a standing instruction given before the mission.
 
-    If the order has other readings, it first chooses the reading with that number, if there is one
-    (evaluations only); 0 keeps the first reading.
+    If the order has other readings, the approver first chooses the one with the number `reading`,
+    if there is one (evaluations only); 0 keeps the first reading.
 
-    `auto` approves every plan that may be approved and acknowledges warnings. It overrides a
+    `auto` approves every plan that may be approved, and acknowledges warnings. It overrides a
     judge's Failure only with `override_reason`, which is logged with that decision alone. `never`
     rejects every plan.
 
@@ -238,7 +239,7 @@ def standing_approver(
     skips both conditions, for evaluations, which need the truth of every plan. An order that was
     not understood is never approved.
 
-    The log names the origin of the instruction, `given`; by default, the command line.
+    `given` is the origin of the instruction in the log; by default, the command line.
     """
     chosen: list[str] = []
 
@@ -272,7 +273,8 @@ def standing_approver(
 def doubt(request: ev.ApprovalRequested, least: float) -> str:
     """Return why the order may have been misread, so that only an operator may approve; or ''.
 
-    Two models that agree may be wrong alike: the order's own words have to bear them out.
+    Two models that agree may make the same mistake, so the words of the order must support the
+    reading as well.
     """
     why = list(request.gaps)
     if request.read_apart:
@@ -289,10 +291,10 @@ def doubt(request: ev.ApprovalRequested, least: float) -> str:
 def unasked_decision(
     order: StandingOrder, request: ev.ApprovalRequested, allowed: Collection[Verb]
 ) -> Decision | None:
-    """Return the decision of a standing `order` on its own plan, None if it decides nothing.
+    """Return the decision of a standing `order` on its own plan; None if it makes none.
 
-    The rules name the commands that are `allowed`. A plan that more than one person must approve is
-    rejected; one that it may not approve otherwise waits for the operator.
+    The rules name the commands that are `allowed`. A plan that several people must approve is
+    rejected. Any other plan that the standing order may not approve waits for the operator.
     """
     if not order.unasked or not allowed:
         return None
@@ -307,9 +309,9 @@ def unasked_decision(
 def not_unasked(
     order: StandingOrder | None, request: ev.ApprovalRequested, allowed: Collection[Verb]
 ) -> str:
-    """Return why a standing `order` may not approve `request` unasked, '' when it may.
+    """Return why a standing `order` may not approve `request` unasked; '' if it may.
 
-    None is an order that is not in force, or did not start the mission.
+    `order` is None if the order is not in force or did not start the mission.
     """
     if order is None:
         return "no standing order in force has started this mission"

@@ -1,4 +1,4 @@
-"""The services that every mission uses, and the context of the steps of one mission."""
+"""The services that missions share, and the context of the steps of one mission."""
 
 import re
 from collections.abc import Callable, Generator, Iterable
@@ -39,14 +39,15 @@ if TYPE_CHECKING:
     from pa_console.fleets.station_authority import StationAuthority
 
 MOST_REMEMBERED = 20
-"""The number of missions remembered; orders refer to the last ones."""
+"""The number of past missions that are kept, the latest ones, because orders may refer to them."""
 
 
 @dataclass
 class PastOrders:
-    """The operator's missions that came to a plan, the latest last, and the mark on the screen.
+    """The operator's past missions, the latest last, and the mark on the screen.
 
-    The station keeps it; every mission that ends adds to it.
+    The station keeps them for the session. A mission is added when it ends, unless nothing was
+    ordered for it.
     """
 
     missions: list[PastMission] = field(default_factory=list[PastMission])
@@ -54,13 +55,13 @@ class PastOrders:
     """The asset, gate or track that the operator has marked; '' for none."""
 
     def scene(self, world: World, picture: Picture) -> ReferenceScene:
-        """Return what an order can point at in `picture`."""
+        """Return the possible referents of an order's words in `picture`."""
         return ReferenceScene(world, picture, tuple(self.missions), self.pointer)
 
     def remember(
         self, mission: Mission, moves: Iterable[Move], *, undid: bool, corrects: bool
     ) -> None:
-        """Add a mission of the operator's; one for which nothing was ordered is not spoken of."""
+        """Add a past mission if the operator gave it and its `moves` are not empty."""
         first: dict[str, Move] = {}
         for move in moves:
             before = first.setdefault(move.agent, move).before
@@ -73,7 +74,7 @@ class PastOrders:
 
 
 def ordered_by(plan: Plan, picture: Picture) -> tuple[Move, ...]:
-    """Return the orders of a plan, with each asset's post in `picture`."""
+    """Return a plan's orders, each with the agent's post or place in `picture`."""
     return tuple(
         Move(action.agent, action.verb, action.target or "", _place(picture, action.agent))
         for action in plan.actions
@@ -86,14 +87,14 @@ def _place(picture: Picture, name: str) -> str:
 
 
 Emit = Callable[[EventPayload], None]
-"""Takes an event; the station logs it before any other part receives it."""
+"""Accepts an event; the station logs it before any other part receives it."""
 
 
 @dataclass(frozen=True)
 class Services:
-    """The fleet, the policy and the two roles of the LLM; `variant` selects the parts in use.
+    """The fleet, the policy and the roles of the models; `variant` selects the safeguards in use.
 
-    All parts are in use except in ablations, which run in evaluations only.
+    All safeguards are in use, except in ablations, which run only in evaluations.
     """
 
     fleet: Fleet
@@ -106,7 +107,7 @@ class Services:
     variant: Variant
     journal: Journal
     gate: CommandGate
-    """The gate for every command to a device: only the gate calls `fleet.send`."""
+    """The gate for every command to a device; only the gate calls `fleet.send`."""
     sightings: Sightings
     """The sightings of this session; the station keeps them."""
     pursuits: Pursuits
@@ -114,11 +115,11 @@ class Services:
     standing: StandingOrders
     """The standing orders in force in this session; the station keeps them."""
     second_reader: Judge | ClauseReader | None = None
-    """The reader that reads an order again when planner or judge is unsure."""
+    """The reader that reads an order again if planner or judge is unsure."""
     early: EarlyAnswers = field(default_factory=EarlyAnswers)
-    """Answers that the own models gave to a draft of an order, before it was sent."""
+    """The local models' answers to a draft of an order, given before it was sent."""
     servers: Servers = NO_SERVERS
-    """Models on servers, which are asked before the own one."""
+    """Models on servers, which are asked before the local models."""
     past: PastOrders = field(default_factory=PastOrders)
     """The orders given in this session; the station keeps them."""
     top_k: int = 3
@@ -136,12 +137,12 @@ class Services:
         authority: "StationAuthority | None" = None,
         servers: Servers = NO_SERVERS,
     ) -> Self:
-        """Begin without sightings or decisions, and with the core rules in force in any case.
+        """Return the services of a new session, with the core rules always in force.
 
-        Planner and judge are two roles on `engine`, in its model's format unless another is
-        given. A `retriever` that has read the rules already saves the time to index them. With an
-        `authority`, people and the station sign approvals and commands. Models on `servers` are
-        asked first, as long as they answer.
+        Planner and judge are two roles on `engine`. They use the prompt format of its model unless
+        `prompt_format` is given. A `retriever` that has already read the rules saves the time to
+        index them. With an `authority`, people and the station sign approvals and commands. Models
+        on `servers` are asked first, as long as they answer.
         """
         variant = variant or Variant()
         prompt_format = prompt_format or PROMPT_FORMATS[format_in(variant, engine.model.prompts)]
@@ -169,41 +170,41 @@ class Services:
 
     @property
     def planners(self) -> tuple[RoleModel, ...]:
-        """The models to ask for a plan, one after the other until there is an answer."""
+        """The models to ask for a plan, in this order, until one answers."""
         return self._on_server("planner")
 
     @property
     def judges(self) -> tuple[RoleModel, ...]:
-        """The models to ask for a verdict, one after the other until there is an answer."""
+        """The models to ask for a verdict, in this order, until one answers."""
         return self._on_server("judge")
 
     @property
     def server_reader(self) -> ClauseReader | None:
-        """The second reader on a server, while that answers."""
+        """The second reader on a server; None while the server does not answer."""
         server = self.servers.by_use.get("second reader")
         return ClauseReader(server) if server is not None and server.usable else None
 
     def _on_server(self, use: ServerUse) -> tuple[RoleModel, ...]:
-        """Return the server's model for `use`, if it answers, followed by the own one."""
+        """Return the server's model for `use`, if the server answers, and then the local one."""
         own = RoleModel(self.planner, self.judge, self.prompt_format)
         server = self.servers.by_use.get(use)
         return (RoleModel.on(server), own) if server is not None and server.usable else (own,)
 
     @property
     def scene(self) -> ReferenceScene:
-        """The present referents of words."""
+        """The possible referents of words at present."""
         return self.past.scene(self.fleet.world, self.fleet.picture())
 
     def with_rules(self, rulebook: Rulebook) -> Self:
-        """Return the same with other rules; what was seen is kept, and what was decided."""
+        """Return the services with other rules; sightings and decisions are kept."""
         retriever = self.retriever.over(rulebook.rules)
         return replace(self, rulebook=with_core(rulebook), retriever=retriever)
 
     def for_draft(self) -> Self:
-        """Return the same for a mission that is planned and never carried out.
+        """Return the services for a draft, which is planned but never carried out.
 
-        Only the models of this machine are asked, and their answers are kept. No command passes
-        its gate, and it leaves no trace for later missions.
+        Only the local models are asked, and their answers are kept. The gate passes no command, and
+        the draft leaves no trace for later missions.
         """
         engine, ahead, prompt_format = self.engine, self.early.ahead, self.prompt_format
         gate = CommandGate(self.fleet, Journal())
@@ -226,9 +227,9 @@ class Services:
 def _second_reader(
     engine: Engine, asked: Callable[[Answerer], Answerer]
 ) -> Judge | ClauseReader | None:
-    """Return what reads orders again: a judge as it was trained, or any model, in clauses.
+    """Return the second reader: a trained judge for the compact format, otherwise a clause reader.
 
-    `asked` is how its model is asked.
+    `asked` wraps its model.
     """
     second = engine.second_reader
     if second is None or second.model.prompts != "compact":
@@ -238,7 +239,7 @@ def _second_reader(
 
 @dataclass
 class Stopwatch:
-    """Adds up the seconds of each stage under the names of the Metrics fields."""
+    """A sum of the seconds of each stage, under the field names of Metrics."""
 
     seconds: dict[str, float] = field(default_factory=dict[str, float])
     started: float = field(default_factory=perf_counter)
@@ -257,7 +258,7 @@ class Stopwatch:
             self.add(stage, perf_counter() - begin)
 
     def metrics(self, attempts: int, plans: int = 0, halts: int = 0) -> Metrics:
-        """Return everything measured so far, end to end until now."""
+        """Return all measurements so far; the end-to-end time runs until now."""
         return Metrics.model_validate(
             {
                 **self.seconds,
@@ -271,32 +272,32 @@ class Stopwatch:
 
 @dataclass
 class MissionContext:
-    """The context of every step of one mission; `emit` takes its events."""
+    """The context of every step of one mission; `emit` accepts its events."""
 
     services: Services
     mission: Mission
     emit: Emit
     monitor: Monitor
-    """The monitor of the mission so far; steps only read it."""
+    """The monitor that has followed the mission so far; steps only read it."""
     stopwatch: Stopwatch = field(default_factory=Stopwatch)
     attempts: int = 0
-    """Plans so far: answers of the planner and plans of the operator, numbered from 1."""
+    """The number of plans so far: answers of the planner and plans of the operator."""
     described: tuple[str, tuple[str, ...]] = ("", ())
-    """Words of the order that describe an asset, and the assets that they may mean."""
+    """The order's words that describe an asset, and the assets that they may mean."""
 
     def as_described(self, text: str, asked: str) -> str:
-        """Return `text` with the one asset that `asked` names instead of words that describe it."""
+        """Return `text` with the described asset by name, if `asked` names exactly one choice."""
         words, choices = self.described
         named = [name for name in choices if re.search(rf"\b{re.escape(name)}\b", asked)]
         return with_answers(text, {words: named[0]}) if len(named) == 1 else text
 
     def turn_to_own(self, failed: RoleModel, error: str) -> None:
-        """Emit that the session's own model takes over from one on a server."""
+        """Emit a notice that the local model takes over from one on a server."""
         text = f"{failed.where} {error}; {self.services.engine.model.name} on this machine answers"
         self.emit(Noticed(level="warning", subject="model server", text=text))
 
     def next_attempt(self) -> int:
-        """Return the number of one more plan."""
+        """Count one more plan and return its number, from 1."""
         self.attempts += 1
         return self.attempts
 
@@ -310,7 +311,7 @@ class MissionResult:
 
 
 class ForeseenContext:
-    """Gives each later step the context that the rehearsals of the steps before it leave."""
+    """The context of each step of an order, from the rehearsals of the steps before it."""
 
     def __init__(self, context: MissionContext) -> None:
         self._context, self._services, self._monitor = context, context.services, context.monitor
@@ -323,11 +324,11 @@ class ForeseenContext:
         )
 
     def end(self, step: MissionContext) -> None:
-        """Count on from the plans of a step."""
+        """Continue the count of plans from that of a step."""
         self._context.attempts = step.attempts
 
     def went(self, found: Examination, mission: Mission) -> bool:
-        """Take in how a step goes; False where it is blocked, so that nothing follows it."""
+        """Record a step's rehearsal for the steps after it; return False if the step is blocked."""
         rehearsal, world = found.rehearsal, self._services.fleet.world
         if found.blocked or rehearsal is None:
             return False

@@ -33,19 +33,22 @@ from pa_console.schema.world import World
 from pa_console.session.confidence import UNSURE
 
 Decide = Callable[[], Awaitable[Decision]]
-"""Waits for the operator's answer once approval was requested."""
+"""Waits for the operator's answer after an approval request."""
 
 
 MORE_BELOW = 0.5
-"""The confidence of planner or judge below which the planner's other readings are sought."""
+"""The confidence of planner or judge below which the planner's other readings are requested."""
 
 _STILL: frozenset[Task] = frozenset(("report", "hold", "refused"))
 """Tasks that move no asset."""
 
+MOMENTS_SHOWN = 5
+"""The number of moments of a timed order that are shown for its approval."""
+
 
 @dataclass(frozen=True)
 class Readings:
-    """The readings that are `offered` beside the one on show, the likeliest first."""
+    """The reading on show and those `offered` beside it, the likeliest first."""
 
     own: str = ""
     """The reading of the plan on show; '' if no other reading is offered."""
@@ -54,7 +57,7 @@ class Readings:
 
 @dataclass(frozen=True)
 class AdmissibleDecision:
-    """An admissible decision, the request that it answers, and the readings on offer in it."""
+    """An admissible decision, the request that it answers, and the readings that were offered."""
 
     request: ev.ApprovalRequested
     decision: Decision
@@ -63,7 +66,7 @@ class AdmissibleDecision:
 
 @dataclass(frozen=True)
 class ApprovedPlan:
-    """The plan to execute, the person who decided, and the request."""
+    """The plan to execute, and the decision that approved it."""
 
     planned: PlanForDecision
     decided: AdmissibleDecision
@@ -72,9 +75,9 @@ class ApprovedPlan:
 async def decide(
     context: MissionContext, planned: PlanForDecision, before: Readings, answer: Decide
 ) -> AdmissibleDecision:
-    """Step 6: request approval of a plan until there is an admissible decision.
+    """Request approval of a plan (step 6) until there is an admissible decision.
 
-    Beside it stands what else the order may mean; what was read `before` remains on offer.
+    The request offers the other possible readings of the order; those in `before` remain on offer.
     """
     shown, world = planned.best, context.services.fleet.world
     found = shown.examination
@@ -104,10 +107,10 @@ async def decide(
 async def _reconsider(
     context: MissionContext, planned: PlanForDecision, before: Readings
 ) -> Readings:
-    """Find what else the order may mean: what other readers have read, then the planner's others.
+    """Return the other possible readings: first those of other readers, then the planner's.
 
-    Those are looked for where the models are unsure. What an operator has chosen is not read
-    anew, and the steps of an order have no other readings on offer.
+    The planner is asked for others only if a model is unsure. A reading that the operator has
+    chosen is not read again. An order in steps has no other readings on offer.
     """
     looked_at, shown = context.services.variant.readings, planned.best
     if not looked_at or planned.steps or planned.by_grammar:
@@ -128,11 +131,11 @@ async def _reconsider(
 async def answered(
     context: MissionContext, request: ev.ApprovalRequested, decide: Decide
 ) -> AdmissibleDecision:
-    """Emit `request` and wait for an admissible decision, by as many people as it takes.
+    """Emit `request` and wait for an admissible decision, by as many people as the rules require.
 
-    An approval that is not enough alone stands until the request is answered. Signatures from
-    elsewhere only add to it: every approval needs the operator here. A plan that this station could
-    not send is blocked.
+    An approval by too few people is kept until the request is answered. Signatures from elsewhere
+    only add to it: every approval needs the operator of this station. A plan whose commands this
+    station could not send is blocked.
     """
     gate, rules = context.services.gate, context.services.rulebook
     origin = {"approvals": gate.needed(request, rules), "proposed_by": context.mission.agent}
@@ -171,7 +174,7 @@ async def answered(
 
 
 def countersignature(signed: PlanCountersignature) -> Decision:
-    """Return what a person has signed elsewhere as the decision that it adds to."""
+    """Return a signature from elsewhere as an approval."""
     return Decision(
         kind="approve",
         request_id=signed.request_id,
@@ -184,7 +187,7 @@ def countersignature(signed: PlanCountersignature) -> Decision:
 def _countersigns(
     request: ev.ApprovalRequested, decision: Decision, before: Mapping[str, str]
 ) -> bool:
-    """Return whether a decision from elsewhere adds a signature where several are required.
+    """Return whether a decision from elsewhere adds a signature, and several are required.
 
     `before` are the signatures so far.
     """
@@ -193,7 +196,7 @@ def _countersigns(
 
 
 def _unasked(context: MissionContext, request: ev.ApprovalRequested) -> Decision | None:
-    """Return what the standing order that started the mission decides; None where it may not."""
+    """Return the decision of the standing order that started the mission; None if it makes none."""
     services, mission = context.services, context.mission
     order = services.standing.find(mission.standing) if mission.standing else None
     if order is None or request.state == "not_understood":
@@ -201,17 +204,13 @@ def _unasked(context: MissionContext, request: ev.ApprovalRequested) -> Decision
     return unasked_decision(order, request, services.rulebook.unasked)
 
 
-MOMENTS_SHOWN = 5
-"""The number of moments of a timed order that are shown before its approval."""
-
-
 async def offer_standing(
     context: MissionContext, offered: StandingOffer, decide: Decide
 ) -> MissionResult:
-    """Show a standing order; it starts its missions by itself once an operator has approved it.
+    """Request approval of a standing order, and put it in force once an operator approves it.
 
-    It is in force then, and by nothing else. One that cannot be in force beside the others is
-    blocked.
+    From then on it starts its missions without another approval of the standing order. An order
+    that cannot be in force beside the others is blocked.
     """
     order, standing = offered.order, context.services.standing
     allowed = context.services.rulebook.unasked if order.unasked else ()
@@ -254,9 +253,10 @@ async def offer_standing(
 async def ask_back(
     context: MissionContext, asked: NotUnderstood, number: int, decide: Decide
 ) -> str | MissionResult:
-    """Ask the operator for the meaning, for the time `number`, and return the answer.
+    """Ask the operator what the order means, and return the answer.
 
-    No plan was made, and none is approved by an answer.
+    `number` counts the earlier questions about this mission. The request has no plan, so an answer
+    approves nothing.
     """
     context.emit(ev.QuestionAsked(question=asked.question, said=asked.said, choices=asked.choices))
     request = request_approval(
@@ -272,9 +272,9 @@ async def ask_back(
 
 
 def unknown_place(planned: PlanForDecision, world: World) -> NotUnderstood | None:
-    """Return the question which place is meant, None unless that alone keeps the order from use.
+    """Return the question which place is meant; None unless the place alone is unclear.
 
-    Each choice is the whole order with one of the places of the site.
+    Each choice is the whole order with one place of the site.
     """
     shown = planned.best
     asked = shown.asked.removeprefix(ASKED)
@@ -293,10 +293,10 @@ def unknown_place(planned: PlanForDecision, world: World) -> NotUnderstood | Non
 
 
 def unsettled(planned: PlanForDecision, question: NotUnderstood | None) -> NotUnderstood | None:
-    """Return the `question` unless the models have settled which assets the words describe.
+    """Return `question`, or None if the models have settled which assets the words describe.
 
-    They have if the reading that the plan serves is likely, no other one may be right, no word
-    speaks against it, and the assets that it names are among the choices of the question.
+    They have settled it if the plan's reading is likely, no other reading may be right, no word is
+    evidence against it, and the plan uses one of the question's choices.
     """
     if question is None:
         return None
@@ -310,7 +310,7 @@ def unsettled(planned: PlanForDecision, question: NotUnderstood | None) -> NotUn
 
 
 def rejection(shown: Candidate, decided: AdmissibleDecision) -> MissionResult:
-    """Return what a mission comes to whose plan was rejected."""
+    """Return the result of a mission whose plan was rejected."""
     blocked_by, decision = decided.request.blocked_by, decided.decision
     if shown.examination.blocked:
         return MissionResult("refused", "; ".join(blocked_by))
@@ -320,7 +320,7 @@ def rejection(shown: Candidate, decided: AdmissibleDecision) -> MissionResult:
 
 
 def _baseless(context: MissionContext, planned: PlanForDecision, said: str) -> bool:
-    """Return whether a reading moves an asset and names nothing from the order's words."""
+    """Return whether a reading moves an asset, but has no basis in the order's words."""
     reading, world = read_asked(said), context.services.fleet.world
     if reading is None or all(ask.task in _STILL for ask in reading.asks):
         return False

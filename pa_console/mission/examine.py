@@ -1,4 +1,7 @@
-"""Step 6: structure, rehearsal and every rule in force, whatever was retrieved."""
+"""Step 6: the checks of a plan: its structure, its rehearsal, and every rule in force.
+
+All rules in force are checked, not only the retrieved ones.
+"""
 
 import asyncio
 import math
@@ -37,7 +40,7 @@ from pa_console.schema.world import World
 _DECIDES: tuple[FindingStatus, ...] = (
     "violates", "error", "complies", "judged_only", "not_applicable",
 )  # fmt: skip
-"""The statuses of findings; of several steps the first of them counts."""
+"""The statuses of findings; of the findings for several steps, the first status here counts."""
 
 
 class CheckBasis(Protocol):
@@ -45,7 +48,7 @@ class CheckBasis(Protocol):
 
     @property
     def fleet(self) -> Outlook:
-        """The present picture, and the forecast from it."""
+        """The source of the present picture and of forecasts."""
         ...
 
     @property
@@ -60,11 +63,11 @@ class CheckBasis(Protocol):
 
 
 def assume_done(before: Picture, world: World, plan: Plan) -> Rehearsal:
-    """Return the picture after `plan` as if every agent were at its goal at once.
+    """Return a rehearsal of `plan` in which every agent reaches its goal at once.
 
-    For the ablation without rehearsal: nothing can happen on the way, so no gap, obstacle or
-    encounter is found, and no zone but a goal's. The duration is the longest straight way at full
-    speed, in seconds.
+    This is for the ablation without rehearsal. Nothing happens on the way, so it finds no gap,
+    obstacle or encounter, and only the zones of the goals. The duration is that of the longest
+    straight way at full speed, in seconds.
     """
     goals = {a.agent: goal for a in plan.actions if (goal := goes_to(a, world))}
     assets = {
@@ -111,7 +114,7 @@ def assume_done(before: Picture, world: World, plan: Plan) -> Rehearsal:
 
 
 def _handled(track: Track, plan: Plan) -> TrackTimeline:
-    """Return the timeline of a track as if all orders for its gate had succeeded at once."""
+    """Return the timeline of a track as if all commands at its gate had succeeded at once."""
     verbs = {action.verb for action in plan.actions if action.target == track.gate}
 
     def when(known: bool) -> float | None:
@@ -126,7 +129,7 @@ def _handled(track: Track, plan: Plan) -> TrackTimeline:
 
 
 def _entered(world: World, goal: str | None) -> tuple[str, ...]:
-    """Return the zones in which the frame `goal` lies."""
+    """Return the zones that contain the frame `goal`."""
     if goal is None:
         return ()
     point = Point(_at(world, goal))
@@ -146,7 +149,7 @@ def _seconds(before: Picture, world: World, goals: dict[str, str]) -> Iterator[f
 
 @dataclass(frozen=True)
 class Examination:
-    """The safeguards' findings; there is no rehearsal when the plan cannot even be started."""
+    """The findings on a plan; `rehearsal` is None if the plan cannot even be started."""
 
     plan: Plan
     findings: tuple[Finding, ...]
@@ -154,11 +157,11 @@ class Examination:
     checks_s: float
     rehearsal_s: float
     steps: tuple[Rehearsal, ...] = ()
-    """The rehearsal of each step, as far as they were rehearsed."""
+    """The rehearsal of each step, up to the last that was rehearsed."""
 
     @property
     def before(self) -> tuple[Picture, ...]:
-        """The picture in which each step begins, as far as they were rehearsed."""
+        """The picture at the start of each step, up to the last that was rehearsed."""
         whole = (self.rehearsal,) if self.rehearsal is not None else ()
         return tuple(step.before for step in self.steps or whole)
 
@@ -169,25 +172,25 @@ class Examination:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Every rule that blocks the plan, with its violation."""
+        """Each rule that blocks the plan, with its violation."""
         return tuple(f"{f.rule_id}: {f.message}" for f in self.findings if f.blocking)
 
     @property
     def broken(self) -> tuple[str, ...]:
-        """Every broken rule with its violation, warnings included."""
+        """Each broken rule with its violation, warnings included."""
         return tuple(f"{f.rule_id}: {f.message}" for f in self.findings if f.broken)
 
     @property
     def badness(self) -> tuple[int, int]:
-        """Blocking findings, then warnings: the smaller the better."""
+        """The numbers of blocking findings and of warnings; a smaller pair is better."""
         blocking = sum(finding.blocking for finding in self.findings)
         return blocking, len(self.broken) - blocking
 
 
 def ruled_out(plan: Plan, world: World, *texts: str) -> tuple[Finding, ...]:
-    """Return a critical finding for each asset and place that `plan` uses and an order rules out.
+    """Return a critical finding for each asset or place that `plan` uses and the order excludes.
 
-    The order is in `texts`. To stay or to report is no use of an asset.
+    `texts` are the texts of the order. To hold or to report does not count as use.
     """
     excluded = dict.fromkeys(name for text in {*texts} for name in excluded_names(world, text))
     acting = [action for action in plan.actions if action.verb not in STILL]
@@ -227,13 +230,13 @@ async def examine(  # noqa: PLR0917
     order: str = "",
     standing: StandingOrders | None = None,
 ) -> Examination:
-    """Check `plan` against the present picture: its structure first, then by rehearsal.
+    """Check `plan` against the present picture: first its structure, then by rehearsal.
 
-    No plan may do anything that an order in `standing` forbids. `order` is the whole order if
-    `mission` is a phase of it: its exclusions hold in each phase. Ordering rules continue from the
-    history of `monitor`, which has followed the mission so far. A `variant` may leave out the rules
-    or the rehearsal, but an order that no asset can carry out is always found. Every step of a plan
-    is checked as a plan of its own, against the forecast of its moment. The rules are checked in a
+    A plan may do nothing that an order in `standing` bans. `order` is the whole order if `mission`
+    is a phase of it: its exclusions hold in each phase. Ordering rules continue from the history of
+    `monitor`, which has followed the mission so far. A `variant` may leave out the rules or the
+    rehearsal, but an order that no asset can carry out is always found. Every step of a plan is
+    checked as a plan of its own, against the forecast for its start. The rules are checked in a
     separate thread, so that a slow rule file delays neither telemetry nor STOP.
     """
     variant = variant or Variant()
@@ -271,7 +274,7 @@ async def examine(  # noqa: PLR0917
 
 
 def _assume_steps_done(before: Picture, world: World, plan: Plan) -> RehearsedSteps:
-    """Return the pictures after each step of `plan`, without rehearsal."""
+    """Return the rehearsals of the steps of `plan` as if each were done at once."""
     steps: list[Rehearsal] = []
     for numbers in plan.steps:
         steps.append(assume_done(before, world, plan.part(numbers)))
@@ -280,7 +283,7 @@ def _assume_steps_done(before: Picture, world: World, plan: Plan) -> RehearsedSt
 
 
 def _unreached(plan: Plan, run: RehearsedSteps) -> Iterator[Finding]:
-    """Yield a critical finding if a step does not end in the rehearsal, so that none follows."""
+    """Yield a critical finding if a step does not end in the rehearsal and so ends the plan."""
     if len(run.steps) == len(plan.steps):
         return
     lines = run.steps[-1].timeline.assets
@@ -295,9 +298,10 @@ def _unreached(plan: Plan, run: RehearsedSteps) -> Iterator[Finding]:
 
 
 def _checked_steps(plan: Plan, run: RehearsedSteps) -> Iterator[tuple[Plan, Rehearsal]]:
-    """Yield each step as a plan of its own; orderings are decided with the last, over all of them.
+    """Yield each step as a plan of its own, with its rehearsal.
 
-    So every rule is decided for every intermediate state.
+    So every rule is checked in every intermediate state. The last step has the moments of all
+    steps, and the others have none, so that ordering rules are checked once.
     """
     last = len(run.steps) - 1
     for number, (numbers, step) in enumerate(zip(plan.steps, run.steps, strict=False)):
@@ -306,7 +310,7 @@ def _checked_steps(plan: Plan, run: RehearsedSteps) -> Iterator[tuple[Plan, Rehe
 
 
 def _worst_of(steps: Sequence[Sequence[Finding]]) -> tuple[Finding, ...]:
-    """Return one finding a rule: the first step's that breaks it, or else that decides most."""
+    """Return one finding per rule: of the first step that breaks it, or the most decisive one."""
     found: list[Finding] = []
     for each in zip(*steps, strict=True):
         ranked = min(each, key=lambda one: (not one.broken, _DECIDES.index(one.status)))

@@ -1,4 +1,4 @@
-"""Step 7 of a mission: dispatch, follow to the end or halt, wait for the evidence."""
+"""Step 7 of a mission: dispatch of a plan, its end or halt, and the wait for evidence."""
 
 from collections.abc import AsyncIterator, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -16,12 +16,13 @@ from pa_console.schema.rehearsal import OrderMoment
 from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture
 
 MARGIN_S = 20.0
+"""The time that a plan may take beyond twice its rehearsed duration, seconds."""
 EPSILON_S = 1e-6
 EVIDENCE_S = 8.0
 """The longest wait for fresh telemetry after every command has ended, seconds."""
 
 SAFETY_S = 10.0
-"""The time that the commands of a safe state are followed and resent, seconds."""
+"""How long the commands of a safe state are followed and resent, seconds."""
 
 TOLD_S = 2.0
 """The longest wait for telemetry that shows the assets in their safe state, seconds."""
@@ -29,7 +30,7 @@ TOLD_S = 2.0
 
 @dataclass(frozen=True)
 class ExecutedPlan:
-    """The result of an approved plan; `before` is the picture that it began in."""
+    """The result of an executed plan; `before` is the picture at its start."""
 
     before: Picture
     ended: Mapping[str, CommandReply] = field(default_factory=dict[str, CommandReply])
@@ -40,7 +41,7 @@ class ExecutedPlan:
 
 @dataclass(frozen=True)
 class ApprovedStep:
-    """Actions of the approved plan of `request` that are sent together, by their `numbers`.
+    """Actions of an approved plan that are sent together, by their `numbers` in the plan.
 
     `examination` covers only these actions; `goes_on` is True if other steps follow.
     """
@@ -52,7 +53,7 @@ class ApprovedStep:
 
     @classmethod
     def whole(cls, examination: Examination, request: ev.ApprovalRequested) -> Self:
-        """Return a plan of one step."""
+        """Return the whole plan of `request` as one step."""
         numbers = tuple(range(1, len(request.plan.actions) + 1))
         return cls(examination, request, numbers)
 
@@ -72,7 +73,7 @@ class ApprovedStep:
 
 
 class Execution:
-    """Carries out one approved plan after another of a mission."""
+    """The execution of a mission's approved plans, one after another."""
 
     def __init__(self, context: MissionContext, feed: StepFeed) -> None:
         self._context, self._services, self._feed = context, context.services, feed
@@ -85,22 +86,22 @@ class Execution:
 
     @property
     def orders(self) -> tuple[OrderMoment, ...]:
-        """The running plan's orders, for ordering rules."""
+        """The orders of the running plan, for ordering rules."""
         if self._premises is None or self._dispatch is None:
             return ()
         done = {name for name, reply in self._dispatch.final.items() if reply.status == "done"}
         return order_moments(self._premises.plan, self._services.fleet.world, done)
 
     def breach(self, broken: str) -> None:
-        """Note an ordering that was broken while the plan ran: that halts it."""
+        """Record an ordering that was broken while the plan ran; it halts the plan."""
         self._breaches.append(broken)
 
     async def run(self, step: ApprovedStep) -> ExecutedPlan:
-        """Step 7: send every command and follow it until telemetry can show how it ended.
+        """Send every command of a step and follow each until its outcome can be shown (step 7).
 
         A broken premise or ordering halts the plan to the safe state that was approved with it. A
-        plan whose approval cannot be logged is halted before anything is sent; one of which the
-        gate keeps a command back is halted as well.
+        plan is also halted if its approval cannot be logged, before any command is sent, or if the
+        gate refuses one of its commands.
         """
         approved, request = step.examination, step.request
         fleet, gate, emit = self._services.fleet, self._services.gate, self._context.emit
@@ -143,10 +144,10 @@ class Execution:
         self._context.stopwatch.add("execution_s", seconds)
 
     def halt(self) -> tuple[DeviceCommand, ...]:
-        """End the plan; return the commands that bring its moving assets to a safe state.
+        """Halt the plan and return the commands that bring its moving assets to a safe state.
 
-        The caller sends them. There are none during a stop, which makes every asset hold. For a
-        plan that was already halted, they are the unanswered ones.
+        The caller sends them. There are none during a stop, because every asset holds then. If the
+        plan was already halted, they are the unanswered ones.
         """
         stopping, self._stopping = self._stopping, None
         under_way = self._dispatch.open_agents if self._dispatch is not None else ()
@@ -165,7 +166,7 @@ class Execution:
     async def _until_ended(
         self, premises: Premises, dispatch: Dispatch, steps: AsyncIterator[Step]
     ) -> tuple[str, ...]:
-        """Follow the plan until there is evidence of how it ended; return why it is halted."""
+        """Follow the plan until there is evidence of its outcome; return the reasons for a halt."""
         fleet = self._services.fleet
         seen: Picture | None = None
         ended_s: float | None = None
@@ -192,9 +193,10 @@ class Execution:
     async def _to_safety(
         self, attempt: int, reasons: tuple[str, ...], steps: AsyncIterator[Step]
     ) -> None:
-        """Bring the agents under way to a safe state and follow them until telemetry shows it.
+        """Bring the agents under way to a safe state and wait until telemetry shows it.
 
-        The next plan is made from that picture: one from before has them still on their way.
+        The next plan is made from that picture; in an earlier one, the agents are still on their
+        way.
         """
         fleet = self._services.fleet
         commands = self.halt()
@@ -224,7 +226,7 @@ class Execution:
         self._stopping = None
 
     def _follow(self, dispatch: Dispatch, step: Step) -> None:
-        """Take in one step's replies and resend unanswered commands."""
+        """Process the replies of one step and resend unanswered commands."""
         tick, replies = step
         for reply in dispatch.advance(tick, replies):
             self._context.emit(ev.CommandReplied(reply=reply))
@@ -235,16 +237,16 @@ class Execution:
 
 
 def gave_up(dispatch: Dispatch) -> Iterator[str]:
-    """Yield the refusals and failures of devices; a silent device is another matter."""
+    """Yield the refusals and failures that devices report; time-outs are not included."""
     for agent, reply in dispatch.final.items():
         if reply.status != "done" and not reply.detail.startswith(TIMED_OUT):
             yield f"{agent}: {reply.detail or reply.status}"
 
 
 def needs_more_evidence(plan: Plan, picture: Picture, since_s: float) -> bool:
-    """Return whether reports sent at or after `since_s` are still to come.
+    """Return whether a report sent at or after `since_s` is still missing.
 
-    None are expected from an asset that is known to have failed.
+    None is expected from an asset that is known to have failed.
     """
     agents = {action.agent for action in plan.actions}
     for cover in picture.gates.values():
@@ -264,13 +266,13 @@ def needs_more_evidence(plan: Plan, picture: Picture, since_s: float) -> bool:
 
 
 def cover_stamp(cover: GateCover, picture: Picture) -> float:
-    """Return when the latest report that puts an asset at the gate was sent; 0 without any."""
+    """Return the time of the latest report that places an asset at the gate; 0 if there is none."""
     stamps = (picture.assets[name].stamp_s for name in cover.by if name in picture.assets)
     return max(stamps, default=0.0)
 
 
 def doubt_of(asset: AssetTelemetry, picture: Picture, end_s: float) -> str:
-    """Return why the asset's latest report proves nothing, empty when it does."""
+    """Return why the asset's latest report is no evidence; '' if it is."""
     age = picture.time_s - asset.stamp_s
     if asset.integrity == "suspect":
         return "its telemetry is suspect"

@@ -1,4 +1,4 @@
-"""The last gate before the link: it passes only decided commands, and none after STOP.
+"""The command gate: it sends only commands that were decided on, and no movement after a stop.
 
 Nothing passes to an asset under manual control, because a person drives it. An operator takes
 manual control here, or the fleet reports it. A mission that fails for that reason awaits its
@@ -33,18 +33,21 @@ Passage = ev.CommandSent | ev.CommandRefused
 
 
 class CommandGate:
-    """The last gate before the link: a command passes only on a decision.
+    """The last check before the link: a command passes only if a decision allows it.
 
-    Decisions are an approved plan (each of its commands once), the way to safety that was declared
-    with it (once the plan is halted), and the operator's own stop. A command that depends on others
-    passes once all of them are verified. The stop is latched: until `release`, only its holds and
-    commands that move nothing pass, whatever was approved before. The gate decides by the request
-    and its decision, not by the caller or the moment. No log, no action: a plan's command reaches
-    the disk before the link, and none passes while the `journal` cannot be written. A stop and a
-    way to safety do not wait for the disk. If the rules require several people, a command passes
-    once that many have signed its approval. Without an `authority` there are no signatures, and a
-    decision counts as one person's. A decision by one of the standing `orders` counts only while it
-    is in force, for a mission that it started and for commands that the rules allow it.
+    Such decisions are an approved plan (each of its commands once), the way to safety that was
+    declared with it (once the plan is halted), and the operator's own stop. A command that depends
+    on others passes once all of them are verified. The stop is latched: until `release`, only its
+    holds and commands that move nothing pass, whatever was approved before. The gate decides by the
+    request and its decision, not by the caller or the moment.
+
+    No log, no action: a plan's command is on the disk before it is on the link, and none passes
+    while the `journal` cannot be written. A stop and a way to safety do not wait for the disk.
+
+    If the rules require several people, a command passes once that many have signed its approval.
+    Without an `authority` there are no signatures, and a decision counts as one person's. A
+    decision by one of the standing `orders` counts only while that order is in force, for a mission
+    that it started, and for commands that the rules allow it.
 
     Only the hold of a stop passes to an asset under manual control, because a stop is for every
     asset. Earlier decisions for the asset do not pass even after it is returned.
@@ -65,32 +68,32 @@ class CommandGate:
         """The assets under manual control."""
         self._stops = 0
         self._orders: set[DeviceCommand] = set()
-        """The commands of the plan in force that have not passed yet."""
+        """The commands of the approved plan that have not passed yet."""
         self._holds: set[DeviceCommand] = set()
         """The holds of the stop that have not passed yet."""
         self._stop_holds: frozenset[DeviceCommand] = frozenset()
         """All holds of the stop that is latched."""
         self._plan: frozenset[DeviceCommand] = frozenset()
         self._waits: dict[DeviceCommand, frozenset[int]] = {}
-        """The numbers of the actions that a command of the plan in force still waits for."""
+        """The numbers of the actions that each command of the approved plan still waits for."""
         self._safety: tuple[Action, ...] = ()
         self._halted = False
         self._standing: dict[str, DeviceCommand] = {}
-        """The latest command of each agent, while it may be repeated."""
+        """The latest command of each agent, while it may be resent."""
 
     @property
     def refusal(self) -> str:
-        """The reason why this station may move nothing at present, '' if it may."""
+        """The reason why this station may move no asset at present; '' if it may."""
         return self._authority.refusal if self._authority is not None else ""
 
     def objection(self, rules: Rulebook) -> str:
-        """Return why nothing that is approved under `rules` could be sent, '' when it could."""
+        """Return why this station could send no plan approved under `rules`; '' if it could."""
         if self._authority is None:
             return ""
         return self.refusal or self._authority.objection(rules)
 
     def needed(self, request: ev.ApprovalRequested, rules: Rulebook) -> dict[str, int]:
-        """Return what of `request` more than one person must approve by `rules`, and how many."""
+        """Return the parts of `request` that several people must approve, and how many people."""
         agents = {action.agent for action in (*request.plan.actions, *request.if_halted)}
         fresh = self._authority.fresh(agents) if self._authority is not None else ()
         return people_needed(request, rules.approvals, fresh)
@@ -118,7 +121,7 @@ class CommandGate:
     def inadmissible(
         self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook
     ) -> str:
-        """Return why `decision` cannot be accepted for `request` under `rules`, or ''."""
+        """Return why `decision` cannot be accepted for `request` under `rules`; '' if it can."""
         if problem := self._not_unasked(request, decision, rules):
             return problem
         if self._authority is None or decision.kind != "approve":
@@ -133,7 +136,7 @@ class CommandGate:
     def _not_unasked(
         self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook
     ) -> str:
-        """Return why a standing order may not decide so; '' where it may, or none does."""
+        """Return why a standing order may not decide so; '' if it may, or if none decided."""
         name = decision.standing_order
         if not name or decision.kind != "approve":
             return ""
@@ -144,10 +147,10 @@ class CommandGate:
         return not_unasked(order, needed, rules.unasked)
 
     def grant(self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook) -> None:
-        """Let the commands of an approved plan pass from now on, in place of the plan before.
+        """Allow the commands of an approved plan from now on, in place of those of the plan before.
 
-        Raises ValueError unless `decision` approves `request`, is admissible and given by as many
-        people as the `rules` ask for, and while everything is stopped.
+        Raises ValueError while everything is stopped, and unless `decision` approves `request`, is
+        admissible, and was made by as many people as the `rules` require.
         """
         problem = STOPPED if self.stopped else self.inadmissible(request, decision, rules)
         if not problem and request.standing is not None:
@@ -167,24 +170,24 @@ class CommandGate:
             self._withdraw(asset)
 
     def verified(self, numbers: Iterable[int]) -> None:
-        """Let pass what only waits for the actions of those numbers: telemetry shows them done."""
+        """Allow the commands that wait only for these actions, which telemetry shows to be done."""
         shown = frozenset(numbers)
         self._waits = {command: waits - shown for command, waits in self._waits.items()}
 
     def halt(self) -> None:
-        """Let nothing more of the plan pass but its declared way to safety."""
+        """Allow nothing more of the plan except its declared way to safety."""
         standing = self._standing.items()
         self._standing = {agent: last for agent, last in standing if last not in self._plan}
         self._orders.clear()
         self._halted = True
 
     def finish(self) -> None:
-        """Let nothing more of the plan pass: it has ended."""
+        """Allow nothing more of the plan, because it has ended."""
         self._orders.clear()
         self._safety = ()
 
     def stop_all(self) -> tuple[DeviceCommand, ...]:
-        """Latch the stop and return its holds, one an asset; nothing else passes from here on."""
+        """Latch the stop and return its holds, one per asset; no movement passes from now on."""
         self.stopped = True
         self._stops += 1
         self.finish()
@@ -197,31 +200,32 @@ class CommandGate:
         return holds
 
     def resume(self, stops: int, *, stopped: bool) -> None:
-        """Take up a session in which there were `stops` stops, the last perhaps not released.
+        """Continue a session with `stops` earlier stops, the last of them latched if `stopped`.
 
-        A device ignores a command id that it has seen, so the ids of stops continue from `stops`.
+        A device ignores a command id that it has already seen, so the ids continue from `stops`.
         """
         self._stops, self.stopped = stops, stopped
 
     def release(self) -> None:
-        """Let later decisions pass again; raises ValueError when nothing is stopped."""
+        """Release the stop, so that later decisions pass; ValueError if nothing is stopped."""
         if not self.stopped:
             raise ValueError("nothing is stopped")
         self.stopped, self._stop_holds = False, frozenset()
 
     def take_manual(self, asset: str, by: str) -> None:
-        """Let nothing pass to `asset` from now on: `by` drives it; ValueError where that cannot be.
+        """Refuse commands to `asset` from now on, because the person `by` drives it.
 
-        That needs no log: it only keeps commands back.
+        Raises ValueError if the asset cannot be taken. This needs no log, because it only keeps
+        commands back.
         """
         self.manual.take(asset, by)
         self._withdraw(asset)
         self._fleet.mark_manual(frozenset(self.manual.taken))
 
     def end_manual(self, asset: str) -> None:
-        """Let later decisions about `asset` pass again; raises ValueError if it is not taken.
+        """Allow later decisions about `asset` again; raises ValueError if it was not taken here.
 
-        Raises ValueError while the log cannot be written.
+        Raises ValueError also while the log cannot be written.
         """
         if problem := self._journal.commit():
             raise ValueError(f"{asset} stays under manual control: {problem}")
@@ -229,12 +233,12 @@ class CommandGate:
         self._fleet.mark_manual(frozenset(self.manual.taken))
 
     def see(self, picture: Picture) -> None:
-        """Take in which assets report manual control by themselves."""
+        """Withdraw decisions for the assets that newly report manual control in `picture`."""
         for asset in self.manual.see(picture):
             self._withdraw(asset)
 
     def _withdraw(self, asset: str) -> None:
-        """Take back everything that was decided for `asset`, but for the hold of a stop."""
+        """Withdraw every decision for `asset`, except the hold of a stop."""
         self._orders.difference_update([each for each in self._orders if each.agent == asset])
         self._safety = tuple(action for action in self._safety if action.agent != asset)
         last = self._standing.get(asset)
@@ -244,10 +248,10 @@ class CommandGate:
     def send(
         self, commands: Sequence[DeviceCommand], emit: Callable[[Passage], object]
     ) -> tuple[Passage, ...]:
-        """Put `commands` on the link, as far as they were decided; emit what became of each.
+        """Send the allowed ones of `commands`; emit and return the result of each.
 
-        What stops assets or makes them safe goes out at once, and is logged then. Of the others
-        none goes out unless all may, and each is on the disk by then.
+        Commands that stop assets or make them safe are sent at once and logged afterwards. The
+        others are sent only if none is refused, and each is on the disk before it is sent.
         """
         passages: list[Passage] = []
         logged_first: list[DeviceCommand] = []
@@ -282,15 +286,15 @@ class CommandGate:
         return tuple(passages)
 
     def _waits_for_log(self, command: DeviceCommand) -> bool:
-        """Return whether `command` moves an asset for a plan, and so waits for the log."""
+        """Return whether `command` moves an asset for a plan, so that it waits for the log."""
         return command.verb not in STILL and not (self._halted and self._is_safety(command))
 
     def resend(self, command: DeviceCommand, times: int) -> ev.CommandResent | None:
-        """Send an unanswered command again, as attempt number `times`.
+        """Resend an unanswered command; `times` is the number of resends so far, this one included.
 
-        Nothing is sent, and None returned, if it is no longer valid: its device has a newer command
-        or is under manual control, its plan was halted, everything was stopped, or another station
-        is in command. While the log cannot be written, no movement of a plan is sent again.
+        Returns None, and sends nothing, if the command is no longer valid: its device has a newer
+        command or is under manual control, its plan was halted, everything was stopped, or another
+        station is in command. While the log cannot be written, no movement of a plan is sent again.
         """
         if self._standing.get(command.agent) != command or self._unauthorized(command):
             return None
@@ -302,7 +306,7 @@ class CommandGate:
         return ev.CommandResent(command_id=command.command_id, times=times)
 
     def _refusal(self, command: DeviceCommand) -> str:
-        """Return why `command` may not pass, empty when it may."""
+        """Return why `command` may not pass; '' if it may."""
         if self.stopped and command.verb not in STILL:
             return STOPPED
         if problem := self._unauthorized(command) or self._kept_for_hand(command):
@@ -320,23 +324,23 @@ class CommandGate:
         return STOPPED if self.stopped else UNDECIDED
 
     def _banned(self, command: DeviceCommand) -> str:
-        """Return the standing order that bans the movement of `command`; '' for none."""
+        """Return the standing order, in words, that bans the movement of `command`; '' for none."""
         base = self._fleet.world.base
         goal = base if command.verb == "return_to_base" else command.target or ""
         order = self._standing_orders.banned_by(command.agent, goal)
         return "" if order is None else f"standing order {order.id}: {order.order}"
 
     def _kept_for_hand(self, command: DeviceCommand) -> str:
-        """Return why manual control of the asset bars `command`; '' for a stop's hold."""
+        """Return why manual control bars `command`; '' if it does not, or for a stop's hold."""
         return "" if command in self._stop_holds else self.manual.refusal(command.agent)
 
     def _unauthorized(self, command: DeviceCommand) -> str:
-        """Return why this station may not send `command` at present; a hold it always may."""
+        """Return why this station may not send `command` at present; it may always send a hold."""
         if self._authority is None or command.verb == "hold":
             return ""
         return self._authority.refusal
 
     def _is_safety(self, command: DeviceCommand) -> bool:
-        """Return whether `command` is the declared one for its agent, or lets it hold instead."""
+        """Return whether `command` is its agent's declared way to safety, or a hold instead."""
         declared = {(a.verb, a.target) for a in self._safety if a.agent == command.agent}
         return bool(declared) and (command.verb, command.target) in {*declared, ("hold", None)}

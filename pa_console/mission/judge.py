@@ -45,14 +45,14 @@ FITS = "it fits"
 
 
 class OrderComparison(NamedTuple):
-    """The console's comparison after the judge's reading; `gaps` is None if that cannot be read."""
+    """The console's comparison of a plan with a reading; `gaps` is None if it is unreadable."""
 
     planned: str
     gaps: tuple[str, ...] | None
 
     @property
     def told(self) -> str:
-        """The plan compared with the order; open at the end where the model is to finish it."""
+        """The comparison in words; its end is open if the model has to finish it."""
         if self.gaps is None:
             return f"{self.planned}; "
         return f"{self.planned}; {'; '.join(self.gaps) or FITS}"
@@ -72,9 +72,9 @@ def compared_grammar(
 ) -> str:
     """Return the grammar of a whole verdict that begins with `opening`.
 
-    A plan that is not what was asked cannot be called a success. What the console cannot read is
-    left to the model, as is which rules of `rule_ids` are violated, and of a plan that was
-    `executed` what came of it.
+    A plan that differs from the reading cannot get a Success. The model decides the comparison that
+    the console cannot make, the violated rules of `rule_ids`, and the outcome of a plan that was
+    `executed`.
     """
     asked = opening.partition(': "')[2].removesuffix(PLANNED)
     compared = compare_with_order(asked, moves)
@@ -88,7 +88,7 @@ def compared_grammar(
 
 
 def _planned(asked: str, moves: PlanMoves) -> str:
-    """Return the planned orders, by name if the order names assets."""
+    """Return the planned orders in words, by name if the order names assets."""
     actions, world = moves.plan.actions, moves.world
     by_name = any(name in asked for name in world.assets)
     words = planned(actions, world, by_name=by_name)
@@ -116,7 +116,7 @@ class PlanCase:
 def ask_about_plan(
     prompt_format: PromptFormat, world: World, rulebook: Rulebook, case: PlanCase
 ) -> JudgeQuestion:
-    """Step 6: return the question whether the plan serves the task within the rules.
+    """Return the question whether the plan serves the task within the rules (step 6).
 
     Raises KeyError when a rule that was retrieved or found broken is not in `rulebook`.
     """
@@ -149,10 +149,11 @@ def judged_rules(hits: Sequence[RuleHit], findings: Sequence[Finding]) -> list[s
 
 
 async def judge(context: MissionContext, planned: PlanForDecision) -> PlanForDecision:
-    """Step 6: ask for the JudgeLLM's verdict on the plan, and plan for the likeliest reading.
+    """Ask the judge for its verdict, and plan for the likeliest reading of the order (step 6).
 
-    A trained judge reads the order for itself, and the second reader reads it if it is in doubt.
-    The plan becomes one for the likeliest reading that a plan can be taken for.
+    A trained judge reads the order by itself, and the second reader reads it if it is in doubt. The
+    readings that are likelier than the planner's are tried in turn. The first for which there is an
+    acceptable plan replaces the planner's.
     """
     answered, shown = planned.answered, await _judged(context, planned.answered, planned.best)
     rehearsal = shown.examination.rehearsal
@@ -173,11 +174,11 @@ async def judge(context: MissionContext, planned: PlanForDecision) -> PlanForDec
 async def _taken_instead(
     context: MissionContext, answered: PlannerAnswer, shown: Candidate, reading: WeighedReading
 ) -> Candidate | None:
-    """Return a plan for another `reading` than the planner's, None if it is not acceptable.
+    """Return a plan for another `reading` than the planner's; None if it is not acceptable.
 
-    No rule may block it, the judge must accept it for that reading, and it may not leave out words
-    of the order if the present plan leaves out none. A plan without movement, because nothing of
-    its reading can be done, does not replace a plan that does everything that was asked.
+    No rule may block it, the judge must accept it for that reading, and it may leave out words of
+    the order only if the plan on show does. A plan without movement, because nothing of its reading
+    can be done, does not replace a plan that does everything that was ordered.
     """
     asked, reader = reading.asked, reading.reader
     other = await with_commands_given(
@@ -194,9 +195,9 @@ async def _taken_instead(
 
 
 def verdict_on(steps: Sequence[Candidate]) -> tuple[Verdict | None, str]:
-    """Return the verdicts on the steps of a plan as one, or why there is none.
+    """Return one verdict for all steps of a plan, or the reason why there is none.
 
-    No objection takes all of them.
+    It is a Success only if the judge objects to no step.
     """
     for number, step in enumerate(steps, start=1):
         if step.verdict is None:
@@ -222,7 +223,7 @@ def _acts(candidate: Candidate) -> bool:
 
 
 def _is_in_vain(context: MissionContext, asked: str) -> bool:
-    """Return whether nothing of a reading can be done, though every part of it might be asked."""
+    """Return whether no part of a reading can be done, although no part is refused outright."""
     reading, fleet = read_asked(asked), context.services.fleet
     if reading is None or not reading.asks or any(ask.task == "refused" for ask in reading.asks):
         return False

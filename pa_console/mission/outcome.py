@@ -1,4 +1,4 @@
-"""Step 7: where a mission stands in its workflows (WF-01), and what its executed plans come to."""
+"""Step 7: the progress of a mission in its workflows (WF-01), and the result of its plans."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -19,11 +19,11 @@ from pa_console.schema.telemetry import Picture
 
 MOMENT_S = 0.02
 TRACK_S = 0.002
-"""Seconds of processor time that all workflows may take at one moment, and for each track."""
+"""Seconds of processor time for all workflows at one moment, and more of it for each track."""
 
 
 class WorkflowProgress:
-    """The workflows of one mission, one a track; the first that is not over sets the task."""
+    """The workflows of one mission, one per track; the first unfinished one sets the task."""
 
     def __init__(self, rulebook: Rulebook, mission: Mission) -> None:
         self._rulebook, self._mission = rulebook, mission
@@ -31,12 +31,12 @@ class WorkflowProgress:
 
     @property
     def entered(self) -> bool:
-        """True if the mission is in a workflow, or went through one."""
+        """True if the mission is in a workflow or has been in one."""
         return bool(self._runs)
 
     @property
     def tracks(self) -> tuple[str, ...]:
-        """The tracks whose workflow the mission is in."""
+        """The tracks of the mission's workflows."""
         return tuple(self._runs)
 
     @property
@@ -46,7 +46,7 @@ class WorkflowProgress:
 
     @property
     def settled(self) -> bool:
-        """True if every workflow without a phase left has come to its end."""
+        """True if every workflow that has no phase left has also ended."""
         return all(run.current is not None or run.ended for run in self._runs.values())
 
     @property
@@ -61,7 +61,7 @@ class WorkflowProgress:
 
     @property
     def phase(self) -> str:
-        """Track and name of the phase to plan next, empty when there is none."""
+        """The track and the name of the phase to plan next; '' if there is none."""
         for track, run in self._runs.items():
             if run.current is not None:
                 return f"{track} {run.current.name}"
@@ -69,7 +69,7 @@ class WorkflowProgress:
 
     @property
     def task(self) -> Mission | None:
-        """The phase to be planned next, as a mission of its own words."""
+        """The phase to plan next, as a mission with a text of its own; None if there is none."""
         for track, run in self._runs.items():
             if run.current is not None:
                 words = {"text": run.command(), "subject": track, "gate": run.gate}
@@ -78,12 +78,12 @@ class WorkflowProgress:
 
     @property
     def verbs(self) -> tuple[Verb, ...]:
-        """The commands of the next phase; empty if they are not determined."""
+        """The commands that the next phase allows; empty if it does not limit them."""
         phases = [run.current for run in self._runs.values() if run.current is not None]
         return phases[0].verbs if phases else ()
 
     def begin(self, now: Moment) -> Iterator[WorkflowMoved]:
-        """Enter the workflow of the track that an alarm's mission is about."""
+        """Enter the workflow of the track that is the subject of an alarm's mission."""
         if self._mission.subject in now.tracks and self._mission.subject not in self._runs:
             yield from self._enter(self._mission.subject, now)
 
@@ -95,7 +95,7 @@ class WorkflowProgress:
                 yield from self._enter(name, now)
 
     def observe(self, now: Moment) -> Iterator[WorkflowMoved]:
-        """Move on every workflow whose phase, or which itself, is over at `now`."""
+        """Advance every workflow whose phase has ended, or which has itself ended, at `now`."""
         with shared_deadline(MOMENT_S + TRACK_S * len(self._runs)):
             moved = [run for run in self._runs.values() if run.advance(now)]
         yield from map(_moved, moved)
@@ -125,7 +125,7 @@ def _moved(run: WorkflowRun) -> WorkflowMoved:
 
 @dataclass
 class Results:
-    """The verification of every plan, beside the mission's workflows, orderings and alarm."""
+    """The verification of every plan, with the mission's workflows, orderings and alarm."""
 
     mission: Mission
     progress: WorkflowProgress
@@ -133,19 +133,21 @@ class Results:
     open_alarms: Callable[[], Sequence[Alarm]]
     verifications: list[Verification] = field(default_factory=list[Verification])
     idle: list[str] = field(default_factory=list[str])
-    """The part of the order that each executed plan left out, if it only held; otherwise ''."""
+    """For each executed plan that only held, the parts of the order that it left out; otherwise
+    ''."""
 
     @property
     def unanswered(self) -> tuple[str, ...]:
-        """The alarm that the mission answers while it is open still; a workflow is the answer."""
+        """The mission's alarm, in words, if it is still open and no workflow answers it."""
         alarm = self._alarm
         return (f"alarm {alarm.id} is still open: {alarm.text}",) if alarm is not None else ()
 
     @property
     def follow_up(self) -> Mission | None:
-        """Return the mission's alarm in its present words; None when it is answered.
+        """The mission with its alarm's present command; None if the alarm is answered.
 
-        An alarm asks for one thing after the other: first a relief, then the way home (CAP-04).
+        An alarm may ask for one thing after another: first a relief, then the return to base
+        (CAP-04).
         """
         alarm = self._alarm
         if alarm is None or not alarm.command:
@@ -160,7 +162,7 @@ class Results:
         return following is not None and following.text == task.text
 
     def lacking(self, following: Mission, last: Mission) -> tuple[str, ...]:
-        """Return what the plan for `following` has to make good of the one for `last`."""
+        """Return what the plan for `following` has to make up for after the one for `last`."""
         verification = self.verifications[-1]
         failed = (verification.reason,) if verification.outcome == "fail" else ()
         return (*failed, *(self.unanswered if following.text == last.text else ()))
@@ -173,10 +175,10 @@ class Results:
         return next((a for a in self.open_alarms() if a.id == self.mission.alarm), None)
 
     def conclude(self) -> MissionResult:
-        """Return the outcome of the plans, the workflow, the orderings and the alarm.
+        """Return the mission's result from its plans, workflows, orderings and alarm.
 
-        Verified requires all of them; an unknown result is not verified. A plan that only held,
-        though something else was asked, counts as nothing done.
+        It is verified only if all of them are; an unknown result is not verified. If every plan
+        only held although something else was ordered, the mission is held.
         """
         if self.idle and all(self.idle):
             return MissionResult("held", f"nothing was done: {'; '.join(dict.fromkeys(self.idle))}")
@@ -193,10 +195,10 @@ class Results:
 
 
 def begun(plan: Plan, task: Mission, picture: Picture) -> Mission | None:
-    """Return `task` if its executed `plan` could only begin it (WF-01).
+    """Return `task` if its executed `plan` could only begin it (WF-01); None otherwise.
 
-    A contact that is to be warned is identified first. If it turns out to be no threat, the
-    workflow does not go on, although the warning was asked for.
+    A contact must be identified before it is warned. If it turns out to be no threat, the workflow
+    does not go on, although a warning was ordered.
     """
     reading = read_reason(plan.reason)
     asks = reading.asks if reading is not None else ()

@@ -1,4 +1,4 @@
-"""Steps 3 to 5 of a mission: candidate plans are examined until one may be put to the operator."""
+"""Steps 3 to 5 of a mission: candidate plans, examined until one may be shown to the operator."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,26 +30,30 @@ from pa_console.schema.plan import Plan
 from pa_console.session.confidence import Reader, WeighedReading, read_apart
 
 VOUCHED = 0.8
-"""A judge with at least this confidence confirms a reading without a confidence of its own."""
+"""The judge's confidence that is enough to confirm a reading without a confidence of its own."""
 
 
 UNTOLD = "not known: how sure the server's model is of what was asked"
 
+MOST_SERVED = 6
+"""The number of plans with the console's own commands that are tried, as long as each is
+blocked."""
+
 
 @dataclass(frozen=True)
 class Candidate:
-    """A plan that went through the safeguards, and the judge's answer once there is one."""
+    """An examined plan, and the judge's answer once there is one."""
 
     attempt: int
     examination: Examination
     gaps: tuple[str, ...] = ()
     """The differences between the plan and the planner's own reading."""
     unmet: tuple[str, ...] = ()
-    """The parts of that reading that no plan can do now, with the reasons."""
+    """The parts of that reading that no plan can carry out now, with the reasons."""
     narrowed: bool = False
-    """True if the plan leaves out a part of it that is not true already."""
+    """True if the plan leaves out a part of the reading that is not already fulfilled."""
     mentions: MentionCheck = NOTHING_SAID
-    """The words of the order that the reading accounts for."""
+    """The comparison of the reading with the words of the order."""
     confidence: float | None = None
     """The planner's confidence in its reading."""
     verdict: Verdict | None = None
@@ -57,24 +61,24 @@ class Candidate:
     judge_confidence: float | None = None
     """The judge's confidence in its reading."""
     own: bool = False
-    """True if the operator wrote the plan."""
+    """True if no model wrote the plan, but the operator, an agent or the console."""
     by_server: bool = False
-    """True if the model of a server wrote the plan."""
+    """True if a model on a server wrote the plan."""
 
     @property
     def badness(self) -> tuple[int, ...]:
-        """Blocking findings, gaps, then warnings: the smaller the better."""
+        """The numbers of blocking findings, gaps and warnings; a smaller tuple is better."""
         blocking, warnings = self.examination.badness
         return blocking, len(self.gaps), warnings
 
     @property
     def sound(self) -> bool:
-        """True if no rule blocks it and it matches its planner's reading."""
+        """True if no rule blocks the plan and it matches its planner's reading."""
         return not any(self.badness[:2])
 
     @property
     def asked(self) -> str:
-        """The reading in the plan, in canonical words; '' without one."""
+        """The reading in the plan's reason, in canonical words; '' if there is none."""
         return asked_words(self.examination.plan.reason).rstrip("; ")
 
     @property
@@ -85,10 +89,10 @@ class Candidate:
 
     @property
     def gaps_told(self) -> tuple[str, ...]:
-        """The evidence against the reading of the order.
+        """The evidence against the reading of the order, in words.
 
-        If a server's model reports no confidence, a judge that read the order by itself, and was
-        sure, has to confirm it.
+        If a model on a server reports no confidence, a judge that read the order by itself has to
+        confirm the reading with a confidence of at least VOUCHED.
         """
         judged = self.judge_confidence
         unknown = self.by_server and self.confidence is None
@@ -106,32 +110,27 @@ def better(first: Candidate | None, other: Candidate) -> Candidate:
     return other if first is None or other.badness < first.badness else first
 
 
-MOST_SERVED = 6
-"""The number of plans with the console's own commands that are tried, while the earlier ones are
-blocked."""
-
-
 @dataclass(frozen=True)
 class PlanForDecision:
-    """The plan to decide on, and the planner's answer for its task."""
+    """The plan for the operator's decision, and the planner's answer for its task."""
 
     answered: PlannerAnswer
     best: Candidate
     readings: tuple[WeighedReading, ...] = ()
-    """The readings of the order, the likeliest first; none before the judge's verdict."""
+    """The readings of the order, the likeliest first; empty before the judge's verdict."""
     served: WeighedReading | None = None
     """The reading that the plan serves."""
     steps: tuple["PlanForDecision", ...] = ()
-    """The plan for each step of the order, where it is an order in steps."""
+    """The plan of each step, if the order is in steps."""
     by_grammar: bool = False
-    """True if a grammar, not a model, has read the order, so that the reading is certain."""
+    """True if a grammar has read the order instead of a model, so that the reading is certain."""
 
     @property
     def confidence(self) -> float | None:
-        """The chance that the reading is right, as shown to the operator.
+        """The confidence in the reading, as shown to the operator.
 
-        None unless the second reader, or both others, report how sure they are. Of an order in
-        steps, the chance that every step was read as meant.
+        None unless the second reader, or both planner and judge, report their confidence. For an
+        order in steps, it is the product of the steps' confidences.
         """
         if self.by_grammar:
             return 1.0
@@ -165,11 +164,11 @@ async def plan(
     reasons: Sequence[str] = (),
     previous: str = "",
 ) -> PlanForDecision | PlanningFailure:
-    """Run steps 3 to 6 until nothing blocks the plan, at most 1 + repairs times.
+    """Plan and examine (steps 3 to 6) until nothing blocks the plan, at most 1 + repairs times.
 
-    `reasons` are the faults of the `previous` plan. The least bad plan is put to the operator, who
-    may acknowledge mere warnings. A model that only states its reading is not asked again for plans
-    that the console has made, because a blocked plan does not change the reading.
+    `reasons` are the faults of the `previous` plan. The least bad plan is proposed to the operator,
+    who may acknowledge mere warnings. If the model only states its reading and the console makes
+    the plan, the model is not asked again, because a blocked plan does not change the reading.
     """
     best: Candidate | None = None
     reading: Reading | None = None
@@ -220,7 +219,7 @@ async def take(
     written: Plan,
     author: Literal["operator", "agent", "console"] = "operator",
 ) -> PlanForDecision:
-    """Step 6 for a plan that no model wrote: it is examined like any other."""
+    """Examine a plan that no model wrote, like any other (step 6)."""
     number = context.next_attempt()
     context.emit(ev.PlanProposed(attempt=number, author=author, text=written.answer, plan=written))
     retrieved = answered.retrieved
@@ -229,7 +228,7 @@ async def take(
 
 
 async def reexamine(context: MissionContext, task: Mission, approved: Plan) -> Examination | None:
-    """Examine an `approved` plan in the present state; None when it may still be executed."""
+    """Examine an `approved` plan in the present state; return None if it may still be executed."""
     fresh = await safeguards(context, task, approved)
     return fresh if fresh.blocked else None
 
@@ -237,9 +236,9 @@ async def reexamine(context: MissionContext, task: Mission, approved: Plan) -> E
 async def _first_sound(
     context: MissionContext, answered: PlannerAnswer, reading: Reading | None, best: Candidate
 ) -> Candidate:
-    """Examine the planner's other answers until one is sound; return the best one.
+    """Examine the planner's other answers until one is sound; return the best candidate.
 
-    If the console can parse the reading in its first answer, the others have the same reading. If
+    If the console can parse the reading in the first answer, the others have the same reading. If
     none is sound, the model gets the commands and only assigns agents to them.
     """
     readable = reading is not None and reading.readable
@@ -261,10 +260,11 @@ async def with_commands_given(
     *,
     reader: Reader = "planner",
 ) -> Candidate:
-    """Examine plans for the reading `asked` with the console's own commands.
+    """Examine plans for the reading `asked` that consist of the console's own commands.
 
-    They serve less and less of it, until no rule blocks one. The result is the best of them and the
-    `best` so far; a sound one in any case, if that is a plan for another `reading` too.
+    Each serves less of the reading than the one before, until no rule blocks one. The result is the
+    best of them and the `best` so far. A sound one is returned in any case, even if `best` is for
+    another reading.
     """
     retrieved = answered.retrieved
     for slots in await commands_for(context, retrieved, asked, MOST_SERVED):
@@ -286,7 +286,7 @@ async def _examined(
     *,
     own: bool = False,
 ) -> Candidate:
-    """Examine a plan; what an operator's `own` is for is not read from the order."""
+    """Examine a plan; one that no model wrote (`own`) is not compared with the order's words."""
     plan_, task, fleet = attempt.plan, retrieved.task, context.services.fleet
     found = await safeguards(context, task, plan_)
     before = found.rehearsal.before if found.rehearsal is not None else fleet.picture()

@@ -1,7 +1,7 @@
-"""Step 6 of a mission: what each reader has read in an order, and which reading is likeliest.
+"""Step 6 of a mission: the readings of an order by each reader, and the likeliest of them.
 
 Planner and judge read every order; the second reader reads one that is in doubt. Readings that ask
-for the same are one reading. The evidence for all of them gives each its chance
+for the same count as one. The evidence for all of them determines the confidence in each
 (`session/confidence.py`).
 """
 
@@ -26,13 +26,15 @@ from pa_console.schema.plan import Plan
 from pa_console.session.confidence import Evidence, Reader, WeighedReading, weighed
 
 DOUBT = 0.8
-"""The confidence of planner or judge below which an order is read again. Of 398 orders in people's
-words that neither model had met, the planner read 62 of the 206 below it as meant and the second
-reader 118; of the 192 above it, 177 and 175."""
+"""The confidence of planner or judge below which an order is read again.
+
+The bound was measured on 398 orders in people's words that were new to both models. Of the 206
+below it, the planner read 62 as meant and the second reader 118; of the 192 above it, 177 and 175.
+"""
 
 PATIENCE_S = 15.0
 """The longest wait for the second reader, its loading included, seconds; then the plan is proposed
-without it."""
+without its reading."""
 
 
 class ReaderAnswer(NamedTuple):
@@ -41,14 +43,14 @@ class ReaderAnswer(NamedTuple):
     reader: Reader
     asked: str
     chance: float | None = None
-    """The reader's own chance; None if it reports none, or if its accuracy was not measured."""
+    """The reader's own confidence; None if it reports none or if its accuracy was not measured."""
 
 
 def in_doubt(shown: Candidate) -> bool:
     """Return whether an order should be read again before its plan is proposed.
 
-    It should if a model was unsure, the judge objects, or words of the order are left over. A plan
-    that is blocked, and one that the operator wrote, is not put in doubt.
+    It should if a model was unsure, the judge objects, or words of the order are left over. An
+    order is not in doubt if its plan is blocked or was not written by a model.
     """
     if shown.own or shown.examination.blocked or shown.sure is None:
         return False
@@ -58,10 +60,10 @@ def in_doubt(shown: Candidate) -> bool:
 async def _read_again(
     context: MissionContext, answered: PlannerAnswer, shown: Candidate, question: JudgeQuestion
 ) -> list[ReaderAnswer]:
-    """Return what the second reader reads in an order that is in doubt; nothing without an answer.
+    """Return the second reader's reading of an order in doubt; empty if there is none.
 
-    The judge's `question` on the plan is its own too. An order that leans on the one before is not
-    read again: the second reader has learnt none.
+    A second reader that is a judge gets the judge's `question` about the plan. An order that refers
+    to the previous one is not read again, because the second reader was not trained on such orders.
     """
     services, task = context.services, answered.retrieved.task
     reader = services.server_reader or services.second_reader
@@ -99,8 +101,8 @@ async def read_order(
 ) -> tuple[WeighedReading, ...]:
     """Return the readings of an order, the likeliest first.
 
-    The planner's is that of the judged plan on show; `question` is what the judge was asked about
-    it. A reader whose reading the plan serves as well shares the planner's.
+    The planner's reading is that of the judged plan on show; `question` is the judge's question
+    about it. If the plan also serves another reader's reading, both count as one.
     """
     world, task = context.services.fleet.world, answered.retrieved.task
     text, follows = task.text, task.follows
@@ -133,10 +135,10 @@ async def read_order(
 
 
 def may_decide(variant: Variant, reading: WeighedReading, own: WeighedReading) -> bool:
-    """Return whether a plan for another `reading` may take the place of the planner's `own`.
+    """Return whether a plan for another `reading` may replace the planner's `own`.
 
-    A reader that reports no chance, or whose accuracy was not measured, decides nothing. The judge
-    needs no chance if its reading has fewer gaps.
+    A reader that reports no confidence, or whose accuracy was not measured, decides nothing. The
+    judge needs no confidence if its reading leaves fewer gaps.
     """
     known = bool(own.evidence.told) and bool(reading.evidence.told)
     if reading.reader != "judge":
@@ -145,7 +147,7 @@ def may_decide(variant: Variant, reading: WeighedReading, own: WeighedReading) -
 
 
 def _same(one: str, other: str, base: str) -> bool:
-    """Return True if two readings are the same; even unparsable ones may be."""
+    """Return whether two readings are the same; unparsable ones are compared as text."""
     return one == other or agree(one, other, base)
 
 
@@ -159,9 +161,9 @@ def _with_evidence(
 
 
 def _serves(moves: PlanMoves, shown: Candidate, asked: str, text: str) -> bool:
-    """Return whether the plan on show, with its `moves`, does all that is `asked`, no more.
+    """Return whether the plan on show, with its `moves`, does all that is `asked` and no more.
 
-    One that leaves every asset in place, or words of the order over, serves its own reading only.
+    A plan without movement, or one that leaves out words of the order, serves only its own reading.
     """
     reading = read_asked(asked)
     still = all(action.verb == "hold" for action in moves.plan.actions)
@@ -171,7 +173,7 @@ def _serves(moves: PlanMoves, shown: Candidate, asked: str, text: str) -> bool:
 
 
 async def foreseen(context: MissionContext, answered: PlannerAnswer, asked: str) -> Plan:
-    """Return the plan that the console would make for a reading; one without actions if none."""
+    """Return the plan that the console would make for a reading; it may have no actions."""
     ways = await commands_for(context, answered.retrieved, asked, 1)
     if not ways:
         return Plan(reason=asked, actions=())

@@ -1,4 +1,4 @@
-"""Step 6: runs a plan in a forecast and records what happens on the way."""
+"""Step 6: the rehearsal of a plan in a forecast, with a record of what happens on the way."""
 
 import asyncio
 import math
@@ -31,13 +31,21 @@ from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
 from pa_console.schema.world import World
 
 TOLERANCE_M = 0.5
-"""A recorded way is at most about so far from the rehearsed one."""
+"""The largest distance of a recorded way from the rehearsed one, metres."""
+
+HORIZON_S = 240.0
+"""The longest time of a rehearsed step, without its stays, seconds."""
+SETTLE_S = 2.0
+"""How long a rehearsal continues after the last command of a step has ended, seconds."""
+MOST_STEPS_PER_SLICE = 60
+ASSET_STEPS_PER_SLICE = 6000
+"""The size of a slice, in steps times assets: a few milliseconds."""
 
 
 class MotionRecord:
-    """Follows the agents of a plan, whatever else is under way, and the tracks.
+    """A record of the motion of a plan's agents, of other assets under way, and of tracks.
 
-    Of their positions it keeps those at which way or speed change.
+    It keeps only the positions at which course or speed change.
     """
 
     def __init__(self, world: World, before: Picture, plan: Plan) -> None:
@@ -52,11 +60,11 @@ class MotionRecord:
         self.sample(before, 0.0)
 
     def end(self, agent: str, time_s: float) -> None:
-        """Note that a command of an agent has ended."""
+        """Record that a command of an agent has ended."""
         self._ended[agent] = round(time_s, 2)
 
     def sample(self, picture: Picture, time_s: float) -> None:
-        """Take in the next picture, `time_s` seconds after the start."""
+        """Record the next picture, `time_s` seconds after the start."""
         time_s = round(time_s, 2)
         for name, position in self._positions(picture):
             way = self._ways.get(name)
@@ -90,14 +98,14 @@ class MotionRecord:
 
 
 class _Way:
-    """The positions of one thing, those left out that lie on an even straight way."""
+    """The positions of one asset or track, without those on a straight way at constant speed."""
 
     def __init__(self, time_s: float, position: Point) -> None:
         self._kept = [(time_s, position)]
         self._last = time_s, position
 
     def add(self, time_s: float, position: Point) -> None:
-        """Add the next position; keep the previous one only if the route bends there."""
+        """Add the next position; keep the previous one only if course or speed changes there."""
         (from_s, (x, y)), (last_s, last) = self._kept[-1], self._last
         if last_s > from_s:
             share = (last_s - from_s) / (time_s - from_s)
@@ -107,17 +115,10 @@ class _Way:
         self._last = time_s, position
 
     def points(self) -> tuple[TimedPoint, ...]:
-        """Return the way so far; one point only where nothing has moved."""
+        """Return the way so far; a single point if nothing has moved."""
         end = self._last if dist(self._last[1], self._kept[-1][1]) > TOLERANCE_M else None
         kept = [*self._kept, end] if end is not None else self._kept
         return tuple((time_s, round(x, 2), round(y, 2)) for time_s, (x, y) in kept)
-
-
-HORIZON_S = 240.0
-SETTLE_S = 2.0
-MOST_STEPS_PER_SLICE = 60
-ASSET_STEPS_PER_SLICE = 6000
-"""The size of a slice, steps times assets: a few milliseconds."""
 
 
 def device_commands(plan: Plan, prefix: str) -> tuple[DeviceCommand, ...]:
@@ -134,7 +135,7 @@ def device_commands(plan: Plan, prefix: str) -> tuple[DeviceCommand, ...]:
 
 
 def order_moments(plan: Plan, world: World, done: Collection[str]) -> tuple[OrderMoment, ...]:
-    """Return the plan's orders as ordering rules see them; `done` names the finished agents."""
+    """Return the plan's orders for ordering rules; `done` names the agents that have finished."""
     return tuple(
         OrderMoment(
             agent=action.agent,
@@ -149,7 +150,7 @@ def order_moments(plan: Plan, world: World, done: Collection[str]) -> tuple[Orde
 
 @dataclass(frozen=True)
 class RehearsedSteps:
-    """The rehearsal of a plan as a whole, and of each step that began."""
+    """The rehearsal of a plan as a whole, and that of each step that began."""
 
     whole: Rehearsal
     steps: tuple[Rehearsal, ...]
@@ -161,11 +162,11 @@ async def rehearse(outlook: Outlook, plan: Plan) -> Rehearsal:
 
 
 async def rehearse_steps(outlook: Outlook, plan: Plan) -> RehearsedSteps:
-    """Run `plan` in a forecast, step by step, each at most HORIZON_S seconds and its stays.
+    """Run `plan` in a forecast, step by step; a step takes at most HORIZON_S and its stays.
 
-    The forecast is built from the picture, never from the truth. A step begins where the one
-    before has ended; one that does not end is the last. The event loop gets its turn after every
-    slice of simulated steps, so a screen stays alive meanwhile.
+    The forecast is built from the picture, never from the truth. A step begins at the end of the
+    step before; a step that does not end is the last. Control returns to the event loop after every
+    slice of simulated steps, so that the screen stays responsive.
     """
     forecast, before = outlook.forecast(), outlook.picture()
     rehearsed: list[Rehearsal] = []
@@ -183,7 +184,7 @@ async def rehearse_steps(outlook: Outlook, plan: Plan) -> RehearsedSteps:
 async def _rehearse_step(
     forecast: Forecast, recorder: "_Recorder", plan: Plan, step_before: int
 ) -> Rehearsal:
-    """Run one step of a plan in `forecast`; device commands of each step have ids of their own."""
+    """Run one step of a plan in `forecast`; the ids of its commands differ from other steps'."""
     commands = device_commands(plan, f"rehearsal{step_before or ''}")
     stay_s = max((action.stay_s for action in plan.actions), default=0.0)
     for command in commands:
@@ -230,12 +231,12 @@ class _TrackLog:
 
 
 class _Recorder:
-    """Collects the timeline from successive pictures of the forecast."""
+    """The timeline of a rehearsal, collected from successive pictures of the forecast."""
 
     def __init__(
         self, world: World, before: Picture, plan: Plan, gaps_s: Mapping[str, float]
     ) -> None:
-        """Begin with the picture `before`; `gaps_s` is for how long gates were bare by then."""
+        """Begin with the picture `before`; `gaps_s` is how long each gate was bare by then."""
         self._world, self._before, self._last = world, before, before
         self._plan = plan
         self._moments = [moment(before, world, (), plan.agents)]
@@ -244,7 +245,7 @@ class _Recorder:
         self._movers = {a.agent for a in plan.actions if a.verb not in STILL}
         self._tracks: dict[str, _TrackLog] = {name: _TrackLog() for name in before.tracks}
         self.gaps_s = {gate: gaps_s.get(gate, 0.0) for gate in world.gates}
-        """The time that each gate has been without cover in the rehearsal by now."""
+        """How long each gate has been without cover in the rehearsal up to now, seconds."""
         self._longest = dict.fromkeys(world.gates, 0.0)
         self._time = 0.0
         self._orders: tuple[OrderMoment, ...] = ()
@@ -360,7 +361,7 @@ def _gap_m(here: Point, there: Point) -> float:
 
 
 def _enters(zone: Polygon, here: Point, there: Point) -> bool:
-    """Return whether the straight way between two points comes into `zone` from outside it."""
+    """Return whether the straight way between two points enters `zone` from outside."""
     left, low, right, high = zone.bounds
     (ax, ay), (bx, by) = here, there
     if max(ax, bx) < left or min(ax, bx) > right or max(ay, by) < low or min(ay, by) > high:
@@ -374,7 +375,7 @@ def _enters(zone: Polygon, here: Point, there: Point) -> bool:
 
 
 def joined(steps: Sequence[Rehearsal]) -> Rehearsal:
-    """Return the rehearsals of steps that follow each other as one."""
+    """Return the rehearsals of successive steps as one."""
     first, last = steps[0], steps[-1]
     if first is last:
         return first
@@ -405,7 +406,7 @@ def joined(steps: Sequence[Rehearsal]) -> Rehearsal:
 
 
 def _later_track(known: TrackTimeline | None, new: TrackTimeline, start_s: float) -> TrackTimeline:
-    """Return when things first happened to a track by a step that begins at `start_s`."""
+    """Return the first times of a track's events, with those of a step that begins at `start_s`."""
     times = {
         name: None if at is None else at + start_s
         for name, at in new.model_dump(exclude={"least_distance_m"}).items()
@@ -431,7 +432,7 @@ def _later_asset(known: AssetTimeline, new: AssetTimeline) -> AssetTimeline:
 
 
 def _joined_motion(steps: Sequence[tuple[float, Rehearsal]]) -> Motion:
-    """Return the motion of steps, each with its start; of an agent, the last arrival counts."""
+    """Return the motion of steps, each with its start; only an agent's last arrival counts."""
     ways: dict[str, tuple[TimedPoint, ...]] = {}
     guards: dict[str, tuple[GuardChange, ...]] = {}
     arrived: dict[str, float] = {}

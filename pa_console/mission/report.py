@@ -34,14 +34,14 @@ CLEARS_WHEN: dict[AlarmKind, str] = {
     "way_blocked": "the way is open, or whoever needed it has left",
     "many_contacts": "fewer contacts are reported",
 }
-"""The reason with which an alarm of each kind clears."""
+"""The condition that clears an alarm of each kind."""
 
 
 @dataclass
 class PlanFacts:
     """One plan that was carried out; `halted` has the reasons if it did not run to its end.
 
-    `unmet` lists the parts of the order that no asset could do at the time, and why.
+    `unmet` has the parts of the order that no asset could carry out then, with the reasons.
     """
 
     plan: Plan
@@ -59,13 +59,13 @@ class PlanFacts:
 
 @dataclass
 class PlaceWatch:
-    """The times without an asset at a place, and the longest, in simulated seconds."""
+    """The longest time without an asset at a place, in simulated seconds."""
 
     longest_s: float = 0.0
     _since_s: float | None = None
 
     def see(self, time_s: float, *, somebody: bool) -> None:
-        """Record whether an asset is known to be there."""
+        """Record whether an asset is known to be at the place."""
         if somebody:
             self._since_s = None
             return
@@ -75,14 +75,14 @@ class PlaceWatch:
 
 @dataclass
 class ReportFacts:
-    """The facts of a mission, noted down as they happen; times are simulated seconds."""
+    """The facts of a mission, recorded as they happen; times are simulated seconds."""
 
     mission: Mission
     alarm: Alarm | None = None
     rules: tuple[str, ...] = ()
-    """Ids of the rules that were retrieved for it (WF-10)."""
+    """The ids of the rules that were retrieved for the mission (WF-10)."""
     warnings: tuple[str, ...] = ()
-    """The warnings about the rule set that the mission was worked on under."""
+    """The warnings about the rule set in force during the mission."""
     plans: list[PlanFacts] = field(default_factory=list[PlanFacts])
     moves: list[tuple[WorkflowMoved, float]] = field(
         default_factory=list[tuple[WorkflowMoved, float]]
@@ -90,12 +90,12 @@ class ReportFacts:
     patrolled: dict[str, PlaceWatch] = field(default_factory=dict[str, PlaceWatch])
     """The places of a patrol."""
     gaps_s: dict[str, float] = field(default_factory=dict[str, float])
-    """Longest time without known cover per gate."""
+    """The longest time without known cover, by gate."""
     seen_from_s: float | None = None
 
     @property
     def count(self) -> int:
-        """The number of plans, whatever their steps."""
+        """The number of plans; the steps of a plan are not counted."""
         return sum(plan.step <= 1 for plan in self.plans)
 
     @property
@@ -104,7 +104,7 @@ class ReportFacts:
         return tuple(facts for facts in self.plans if facts.halted)
 
     def moved(self, move: WorkflowMoved, time_s: float) -> None:
-        """Note that a workflow moved on."""
+        """Record that a workflow advanced."""
         self.moves.append((move, time_s))
 
     def see(self, picture: Picture) -> None:
@@ -127,9 +127,9 @@ def after_action_report(
     picture: Picture,
     open_alarms: Sequence[Alarm] = (),
 ) -> str:
-    """Return the cause of the mission, its actions, the evidence of telemetry and its open points.
+    """Return the report: the mission's cause and actions, the evidence, and what remains open.
 
-    The judge's verdict on the outcome is a separate event, for it comes later.
+    The judge's verdict on the outcome is a separate event, because it comes later.
     """
     mission = facts.mission
     lines = [f"{mission.id} {status}: {mission.said}"]
@@ -162,7 +162,7 @@ def after_action_report(
 
 
 def _workflows(moves: Iterable[tuple[WorkflowMoved, float]]) -> Iterator[str]:
-    """Yield one line for every workflow: its phases with their times, and how it ended."""
+    """Yield one line for each workflow: its phases with their times, and its outcome."""
     stories: dict[tuple[str, str], list[str]] = {}
     for move, time_s in moves:
         steps = stories.setdefault((move.workflow, move.track), [move.rule_id])
@@ -192,7 +192,7 @@ def _plan(facts: PlanFacts, name: str, mission: Mission) -> Iterator[str]:
 
 
 def _outcome(facts: PlanFacts) -> Iterator[str]:
-    """Yield what came of a plan, or of a step of it."""
+    """Yield the outcome of a plan or of one of its steps."""
     if facts.held:
         yield f"Not sent: {facts.held}"
     if facts.halted:
@@ -241,7 +241,7 @@ def _gates(facts: ReportFacts, picture: Picture) -> Iterator[str]:
 
 
 def _open(picture: Picture, alarms: Sequence[Alarm]) -> Iterator[str]:
-    """Yield what stays open: tracks, alarms, assets without a recent report."""
+    """Yield what remains open: tracks, alarms, and assets without a recent report."""
     tracks = sorted(picture.tracks.values(), key=lambda track: (track.distance_m, track.id))
     for track in tracks[:MOST_NAMED]:
         age = f", last seen {picture.time_s - track.stamp_s:.0f} s ago" if track.stale else ""

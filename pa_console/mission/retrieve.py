@@ -1,4 +1,4 @@
-"""Step 2 of a mission: the rules that the planner is given."""
+"""Step 2 of a mission: the rules in the planner's prompt."""
 
 from dataclasses import dataclass
 from time import perf_counter
@@ -12,11 +12,11 @@ from pa_console.schema.rule import RuleHit
 
 @dataclass(frozen=True)
 class RetrievedRules:
-    """The next plan's task, and the rules in the planner's prompt for it.
+    """The task of the next plan, and the rules in the planner's prompt for it.
 
-    `task` is the mission itself, or a phase of its workflow; with `verbs`, the planner is given no
-    other commands. `chosen` is the operator's reading of the task; '' if the planner has to read
-    it.
+    `task` is the mission itself, or a phase of its workflow. If `verbs` are given, the planner may
+    use no other commands. `chosen` is the operator's reading of the task; '' if the planner has to
+    read it.
     """
 
     task: Mission
@@ -33,9 +33,9 @@ class RetrievedRules:
 def retrieve(
     context: MissionContext, task: Mission, verbs: tuple[Verb, ...] = (), chosen: str = ""
 ) -> RetrievedRules:
-    """Step 2: find the rules that concern the words of `task`, and the pinned ones.
+    """Retrieve the rules that concern the words of `task`, and the pinned rules (step 2).
 
-    By variant, the planner is given pinned rules, best ones, or both.
+    The variant selects pinned rules, the best matches, or both.
     """
     started = perf_counter()
     retriever, variant = context.services.retriever, context.services.variant

@@ -1,4 +1,4 @@
-"""The eight steps for one mission (paper, Section III).
+"""The eight steps of one mission (paper, Section III).
 
 A mission may take several plans: one for each phase of a workflow, and another one whenever a
 premise of the running plan breaks. Each is planned, checked, judged and approved on its own.
@@ -62,27 +62,29 @@ from pa_console.schema.rehearsal import Moment
 from pa_console.schema.telemetry import Picture
 
 MOST_QUESTIONS = 2
-"""The number of times in a row that an operator is asked for the meaning of an order."""
+"""The number of times that the operator may be asked what an order means."""
 MAX_VOIDED = 2
+"""The number of plans made void by changes of the situation after which a mission is held."""
 MAX_HALTS = 3
+"""The most halts after which a mission is planned again."""
 MAX_TRIES = 2
-"""Plans that may be executed for one task without bringing it to its end."""
+"""The most plans that are executed for one task if none of them ends it."""
 
 INTERRUPTED = "the mission was interrupted before its outcome could be judged"
 
 READY_S = 90.0
-"""The longest wait for assets that cannot start yet, seconds: an autopilot takes half a minute."""
+"""The longest wait for assets that cannot start yet, seconds; an autopilot takes half a minute."""
 
 WATCH_S = 12.0
-"""The time that the situation is watched after a plan, seconds."""
+"""How long the situation is watched after a plan, seconds."""
 
 
 @dataclass(frozen=True)
 class StationSide:
     """The station's services for a mission.
 
-    These are time and replies, the operator, the queue of verdicts on outcomes, and the open
-    alarms.
+    These are the steps of its clock with the replies, the operator's decisions, the queue of
+    verdicts on outcomes, and the open alarms.
     """
 
     feed: StepFeed
@@ -92,10 +94,10 @@ class StationSide:
 
 
 class MissionRun:
-    """Works on one mission from its words to the report.
+    """One mission, from its words to its report.
 
-    `work` may be called again after the mission had to give way to an emergency: it goes on where
-    the workflow stands, with a new plan.
+    `work` may be called again after the mission had to make way for an emergency. It then continues
+    at the present phase of its workflow, with a new plan.
     """
 
     def __init__(
@@ -112,19 +114,19 @@ class MissionRun:
         self._retrieved: RetrievedRules | None = None
         self._readings = Readings()
         self._waiting: WaitingPlan | None = None
-        """The plan that was last put to the operator."""
+        """The plan that was last proposed to the operator."""
         self._understood: Understood | None = None
         self._answers: dict[str, str] = {}
-        """The operator's answers about words of the mission."""
+        """The operator's answers, by the words of the mission that they explain."""
         self._questions = 0
         self._goes_on = asyncio.Event()
         self._goes_on.set()
         self._done = 0
         """The number of steps of the order that are done."""
         self._ordered: list[Move] = []
-        """The orders of the mission, or those it would have given if it had been approved."""
+        """The orders of the mission; also those of a plan that was not approved."""
         self.moving = False
-        """True while the mission waits for the world, not the world for the mission."""
+        """True while the mission waits for the fleet, so that the fleet need not wait for it."""
         alarm = next((a for a in station.open_alarms() if a.id == mission.alarm), None)
         self._facts = ReportFacts(mission, alarm, warnings=services.rulebook.seal.warnings)
         self._results = Results(mission, self._progress, self._monitor, station.open_alarms)
@@ -137,17 +139,17 @@ class MissionRun:
 
     @property
     def in_steps(self) -> bool:
-        """True if it is a patrol, or another order in steps."""
+        """True if the mission is a patrol or another order in steps."""
         read = self._understood
         return read is not None and bool(read.steps or read.patrol)
 
     @property
     def proposes(self) -> bool:
-        """True once a plan was put to the operator; False while it is asked what is meant."""
+        """True once the order is understood; False while the operator is asked what it means."""
         return self._understood is not None
 
     def pause(self, *, paused: bool, by: str) -> None:
-        """Pause or resume the steps; raises ValueError if they already are as `paused` asks."""
+        """Pause or resume the steps; raises ValueError if that changes nothing."""
         if paused != self._goes_on.is_set():
             is_so = "is paused already" if paused else "is not paused"
             raise ValueError(f"{self.mission.id} {is_so}")
@@ -158,7 +160,7 @@ class MissionRun:
         self._emit(ev.StepsPaused(paused=paused, by=by))
 
     async def work(self) -> None:
-        """Carry the mission out; a plan is executed only after an admissible approval."""
+        """Carry out the mission; a plan is executed only after an admissible approval."""
         seal = self._services.rulebook.seal
         self._emit(
             ev.MissionStarted(
@@ -177,7 +179,7 @@ class MissionRun:
         self.close(outcome)
 
     def _all_done(self) -> MissionResult | None:
-        """Return what a mission comes to that gave way after its last step; None for any other."""
+        """Return the result if all steps were done before the mission made way; None otherwise."""
         read = self._understood
         if read is None or not (read.steps or read.patrol):
             return None
@@ -186,10 +188,10 @@ class MissionRun:
         return self._results.conclude() if self._done >= count else None
 
     async def _understand(self, unclear: NotUnderstood | None) -> MissionResult | None:
-        """Step 1: read the mission's words, and ask back what one answer settles.
+        """Read the mission's words, and ask the operator about unclear ones (step 1).
 
-        None where it can be planned; it is worked on as it was read from then on. What is `unclear`
-        about a step of it, found as that was to be planned, is asked back first.
+        Returns None if the mission can be planned. `unclear` is a question that came up when a step
+        of the order was planned; it is asked first.
         """
         while True:
             read = unclear or await understand(self._context, self._answers)
@@ -212,9 +214,9 @@ class MissionRun:
                     self._answered(asked, answer)
 
     async def _await_assets(self) -> None:
-        """Wait until the assets that an order may need can start, READY_S at most.
+        """Wait until the assets that an order may need can start, at most READY_S.
 
-        An order that names assets waits for those alone; no alarm waits.
+        An order that names assets waits only for those. The mission of an alarm does not wait.
         """
         fleet = self._services.fleet
         end_s = fleet.time_s + READY_S
@@ -242,9 +244,9 @@ class MissionRun:
         self._emit(ev.Noticed(level="info", subject=self.mission.id, text=text))
 
     def _answered(self, asked: NotUnderstood, answer: str) -> None:
-        """Let an answer join the order: for the words that were not clear, or for all of them.
+        """Add an answer to the order, for its unclear words or for all of them.
 
-        One that names nothing leaves the words as they are: it is asked once more.
+        An answer that names nothing changes nothing, so the question is asked once more.
         """
         mission, services = self.mission, self._services
         scene = services.scene
@@ -261,7 +263,7 @@ class MissionRun:
         self.mission = self._context.mission = mission.model_copy(update=words)
 
     def _begin_as(self, understood: Understood) -> None:
-        """Work on the mission as it was read."""
+        """Continue with the mission as it was read."""
         mission, self._understood = understood.mission, understood
         self._context.described = understood.described
         if understood.patrol is not None:
@@ -282,7 +284,7 @@ class MissionRun:
         self._results = Results(mission, self._progress, self._monitor, self._station.open_alarms)
 
     def close(self, outcome: MissionResult) -> None:
-        """Run step 8: emit the report and the end of the mission."""
+        """Emit the report and the end of the mission (step 8)."""
         facts, picture = self._facts, self._services.fleet.picture()
         status, reason = outcome.status, outcome.reason
         if (read := self._understood) is not None:
@@ -300,7 +302,7 @@ class MissionRun:
         self._emit(ev.MissionFinished(status=status, reason=reason, metrics=metrics))
 
     def see(self, picture: Picture) -> None:
-        """Take in new telemetry: orderings are monitored, workflows move on."""
+        """Process new telemetry: monitor orderings and advance workflows."""
         self._facts.see(picture)
         if self._waiting is not None:
             self._waiting.see(picture)
@@ -314,11 +316,11 @@ class MissionRun:
         self._tell(self._progress.observe(now))
 
     def halt(self) -> tuple[DeviceCommand, ...]:
-        """End the running plan; return the commands that bring its agents to a safe state."""
+        """Halt the running plan; return the commands that bring its agents to a safe state."""
         return self._execution.halt()
 
     async def _plan_after_plan(self) -> MissionResult | NotUnderstood:
-        """Steps 2 to 8, once for every plan that the mission takes."""
+        """Run steps 2 to 7 for each plan that the mission takes; return its result."""
         task = self._progress.task or self.mission
         reasons: tuple[str, ...] = ()
         tries: dict[str, int] = {}
@@ -347,7 +349,7 @@ class MissionRun:
             reasons, task = self._results.lacking(following, task), following
 
     def _retrieve(self, task: Mission) -> RetrievedRules:
-        """Run step 2; a reading that the operator has confirmed holds for the same words."""
+        """Retrieve the rules (step 2); keep a reading that the operator confirmed for this text."""
         before = self._retrieved
         chosen = before.chosen if before is not None and before.task.text == task.text else ""
         retrieved = retrieve(self._context, task, self._progress.verbs, chosen)
@@ -357,10 +359,10 @@ class MissionRun:
     async def _until_approved(
         self, retrieved: RetrievedRules, reasons: Sequence[str]
     ) -> ApprovedPlan | MissionResult | NotUnderstood:
-        """Steps 3 to 6: plan and examine, judge, decide.
+        """Plan, examine, judge and decide (steps 3 to 6) until a plan is approved or none can be.
 
-        They are gone through again for the operator's own plan or reading, and for an approved plan
-        that the situation has made void meanwhile.
+        The steps are repeated for the operator's own plan or reading, and for a plan that a change
+        of the situation has made void.
         """
         context, voided = self._context, 0
         proposed = self.mission.proposed if not self._facts.plans else None
@@ -420,7 +422,7 @@ class MissionRun:
         return planned
 
     def _open_question(self, planned: PlanForDecision) -> NotUnderstood | None:
-        """Return the question that the plan leaves open, None if none may be asked any more."""
+        """Return the question that the plan leaves open; None if there is none to ask any more."""
         if self._questions >= MOST_QUESTIONS:
             return None
         question = self._understood.unsettled if self._understood is not None else None
@@ -430,7 +432,7 @@ class MissionRun:
     async def _planned(
         self, retrieved: RetrievedRules, reasons: Sequence[str], previous: str = ""
     ) -> Planned:
-        """Return the plan for a task: for an order in steps, one for all that are left of them."""
+        """Return the plan for a task; for an order in steps, one plan for all remaining steps."""
         understood = self._understood
         if understood is not None and understood.patrol is not None:
             return await plan_patrol(self._context, retrieved, understood.patrol, self._done)
@@ -442,7 +444,7 @@ class MissionRun:
     def _stopped_short(
         self, stopped: MissionResult, phase: str, halted: Sequence[str]
     ) -> MissionResult:
-        """Return what a mission comes to whose next plan was not approved."""
+        """Return the result of a mission whose next plan was not approved."""
         status, reason = stopped.status, stopped.reason
         if halted and self._facts.plans:
             why = f"{'; '.join(halted)}; the next plan was {status}: {reason}"
@@ -452,10 +454,10 @@ class MissionRun:
     async def _carry_out(
         self, approved: ApprovedPlan, task: Mission, phase: str
     ) -> tuple[str, ...] | MissionResult:
-        """Step 7 for one plan: execute, verify, watch its consequences, have its outcome judged.
+        """Execute and verify one plan, watch its consequences, and request a verdict (step 7).
 
-        Return why it was halted, or what the mission comes to whose plan in steps was not done. The
-        report has a plan that was cut short as well.
+        Returns the reasons for a halt, or the mission's result if a plan in steps was not
+        completed. The report also includes a plan that was interrupted.
         """
         decided, shown, services = approved.decided, approved.planned.best, self._services
         services.gate.grant(decided.request, decided.decision, services.rulebook)
@@ -496,9 +498,9 @@ class MissionRun:
     async def _carry_out_steps(
         self, approved: ApprovedPlan, task: Mission, phase: str
     ) -> tuple[str, ...] | MissionResult:
-        """Step 7 for a plan in steps; what it comes to if it was not done to its end.
+        """Execute a plan in steps (step 7); return the mission's result if it was not completed.
 
-        Each step is verified by itself; the judge is not asked about the outcome of all of them.
+        Each step is verified by itself; the judge is not asked about the outcome.
         """
         context, shown = self._context, approved.planned.best
         steps = StepByStep(
@@ -517,9 +519,9 @@ class MissionRun:
         return ()
 
     async def _see_it_out(self, shown: Candidate, phase: str, task: Mission) -> None:
-        """Let a plan join its workflow and watch its consequences.
+        """Enter the workflow of an executed plan and watch its consequences.
 
-        A plan that is not watched to its end gets no verdict, and an event reports that.
+        If the watch is interrupted, an event reports that there is no verdict.
         """
         try:
             self._tell(self._progress.join(shown.examination.plan, self._now()))
@@ -530,15 +532,15 @@ class MissionRun:
             raise
 
     def _remember(self, shown: Candidate) -> tuple[Move, ...]:
-        """Return and remember the orders of a plan, with each asset's post before it."""
+        """Record and return a plan's orders, with each asset's post before the plan."""
         ordered = ordered_by(shown.examination.plan, self._services.fleet.picture())
         self._ordered += ordered
         return ordered
 
     async def _watch_outcome(self, phase: str, task: Mission) -> None:
-        """Let the world go on until `phase` or `task` is over and has an outcome.
+        """Wait until `phase` or `task` is over and has an outcome.
 
-        At most WATCH_S simulated seconds.
+        The wait is at most WATCH_S simulated seconds.
         """
         fleet = self._services.fleet
         end_s = fleet.time_s + WATCH_S
@@ -557,6 +559,6 @@ class MissionRun:
 
 
 def _orders_done(planned: PlanForDecision, steps: int) -> int:
-    """Return how many steps of an order are done with the first `steps` of its plan."""
+    """Return how many steps of an order are done with the first `steps` steps of its plan."""
     counts = accumulate(len(each.best.examination.plan.steps) for each in planned.steps)
     return sum(count <= steps for count in counts) if planned.steps else steps

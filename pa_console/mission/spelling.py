@@ -1,13 +1,13 @@
-"""Step 1: the words of a mission before any model reads them.
+"""Step 1: the words of a mission, corrected and checked before any model reads them.
 
-Misspelt words are corrected. A word is misspelt when it is in no dictionary, list of operators'
-words, rule or name of the world; it is replaced by the likeliest word within a few typing slips (a
-noisy channel). Known words stay as they are, so a rule's words never vanish, and the typed text is
-kept as well.
+Misspelt words are corrected. A word is misspelt if it is in no dictionary, list of operators'
+words, rule or name of the world. It is replaced by the likeliest word within a few typing slips (a
+noisy channel model). Known words stay as they are, so a rule's words never vanish, and the original
+text is kept as well.
 
-A model finds an order in everything. So what is not English, has no words, is program text, or
-speaks of nothing that the site has is asked back about, and no plan is made for it. Words alone
-decide, by closed lists and the dictionary: nothing here is fitted to texts.
+A model reads an order into any text. So the operator is asked about a text, and no plan is made for
+it, if it is not English, has no words, is program text, or mentions nothing of the site. Only the
+words decide, by closed lists and the dictionary: nothing here is fitted to texts.
 """
 
 import json
@@ -33,17 +33,19 @@ from pa_console.resources import data_folder
 from pa_console.schema.world import World
 
 SHORT, _LONG = 3, 8
-"""Words of so few letters are near to too much; words of so many may have two slips."""
+"""The length of a short word, which is near to too many others, and that of a long one, which may
+have two slips."""
 _SLIP, _FIRST_LETTER = math.log(0.004), math.log(0.05)
-"""The likelihood of one slip, and of one in a word's first letter, against none."""
+"""The log likelihoods of one slip, and of a slip in a word's first letter, relative to none."""
 _NAMED = 0.13
-"""The share of a mission's words that are of the world's names: two of fifteen."""
+"""The share of a mission's words that come from the world's names: two of fifteen."""
 _TURNING = frozenset(
     ("not", "nor", "non", "yes", "but", "all", "any", "off", "out", "one", "two", "six", "ten")
 )
-"""Short words on which the meaning turns: only their own letters, swapped or doubled, are one."""
+"""Short words that change the meaning; only the same letters, swapped or doubled, count as a
+slip."""
 _RARE = 100
-"""A word that is so rare in the dictionary's text, 1.6 billion words, may be of any language."""
+"""The count, in the dictionary's 1.6 billion words, up to which a word may be of any language."""
 _BRITISH = (
     (re.compile(r"(?<=\w\w)is(e[drs]?|ers|ing|ations?)$"), r"iz\1"),
     (re.compile(r"(?<=\w\w)ys(e[drs]?|ers|ing)$"), r"yz\1"),
@@ -52,19 +54,79 @@ _BRITISH = (
     (re.compile(r"^(met|cent|lit|theat|fib|calib)re(s|d)?$"), r"\1er\2"),
     (re.compile(r"^(def|off|lic|pret)ence(s|less)?$"), r"\1ense\2"),
 )
-"""Endings that British English spells otherwise than the dictionary, which is American."""
+"""British endings, with the American ones of the dictionary."""
 _OTHERWISE: Mapping[str, str] = {
     "manoeuvr": "maneuv", "draught": "draft", "plough": "plow", "mould": "mold", "grey": "gray",
     "smoulder": "smolder", "tyre": "tire", "kerb": "curb", "cheque": "check", "storey": "story",
 }  # fmt: skip
-"""Beginnings of words that it spells otherwise."""
+"""British beginnings of words, with the American ones."""
+
+_WORD = re.compile(r"[^\W\d_]+(?:['’][^\W\d_]+)*")
+_ENDING = re.compile(r"['’](?:s|re|ve|ll|d|m|t)$")
+_CALL_SIGN = re.compile(r"\w*[\d_]\w*")
+"""Call signs, numbers, and names of assets and frames: they belong to no language."""
+_ALPHABET = frozenset("abcdefghijklmnopqrstuvwxyz")
+_MOST_STRANGE = 0.3
+"""The weighted share of words at which a text counts as not English."""
+_RUN, _HIDDEN = 6, 0.5
+"""The length of a run of words, and the weighted share of them at which a text is not English."""
+_SLIP_WEIGHT = 0.35
+"""The weight of an unknown word that is nearly a word of orders."""
+_OTHER_LANGUAGES = frozenset(
+    word
+    for words in (
+        "der das und ist nicht ein eine einen einem dem zum zur mit auf für nach sich wir sie",
+        "le la les une et est qui dans pour avec vous nous aux du ce cette je tu au de tout",
+        "el los las una para como pero muy lo su se esta este",
+        "il gli della alla nel che di non sono questo",
+        "os uma ao em você está isso",
+        "het een naar niet ik dat ook maar voor zijn er",
+        "och att det som på för av med till inte jag og ikke til ska skal",
+        "nie się jest jak dla bir ve bu için mi",
+        "pe cu și je na že jsem yang dan ke ini itu",
+    )
+    for word in words.split()
+)
+"""The commonest words of other languages that English orders do not use.
+
+The languages are German, French, Spanish, Italian, Portuguese, Dutch, Scandinavian, Polish and
+Turkish, Romanian, Czech and Indonesian, in this order. Other alphabets need no list.
+"""
+_CODE = re.compile(
+    r"[A-Za-z_][\w.]*\((?!s\))[^()]*\)[\s:;)]*$"
+    r"|^\s*(?:SELECT|INSERT|UPDATE|DELETE|CREATE|DROP)\b.+\b(?:FROM|INTO|SET|TABLE)\b"
+    r"|<(\w+)[^<>]*>.*</\1>"
+    r"|\bhttps?://",
+    re.DOTALL,
+)
+
+_ENCODED = re.compile(
+    r"(?=\S*[a-z])(?=\S*[A-Z])(?=\S*\d)[^\s,;:_\"'()]{32,}"
+    r"|(?:%[0-9A-Fa-f]{2,4}|&#?\w{1,8};|\\[ux][0-9A-Fa-f]{2,4}){3,}"
+)
+"""A long run of letters and digits, as in base64, or letters as numbers: an order may be hidden
+there."""
+_DECODE = re.compile(
+    r"\b(?:decode|decipher|decrypt|unscramble|rot-?13|base-?64)\b"
+    r"|\bread\s+(?:[\w-]+\s+){0,3}?(?:backwards?|in\s+reverse|from\s+(?:the\s+)?right)\b"
+)
+"""Instructions to read words as other words, matched in plain words (`policy.plain_text`)."""
+
+_TYPED = re.compile(r"(?<![\w'])(?:[A-Z][a-z]{2,}|[a-z]{3,}|[A-Z]{3,})(?![\w'])")
+"""Words that may be misspelt: no names with digits or in camel case, no contractions, and no words
+of two letters."""
+_FOREIGN = 0.25
+"""The share of unknown words without a near word above which they are not English."""
 
 
 class English:
-    """The words of English and of operators, with how likely each is."""
+    """The words of English and of operators, with the likelihood of each."""
 
     def __init__(self, counts: Mapping[str, int], operators: Iterable[str]) -> None:
-        """`counts` are those of a large text, `operators` their words, most frequent first."""
+        """Combine the `counts` of words in a large text with the operators' words.
+
+        `operators` has the most frequent word first.
+        """
         total = sum(counts.values())
         self._likely: defaultdict[str, float] = defaultdict(float)
         for word, count in counts.items():
@@ -93,7 +155,7 @@ class English:
         return word in self._operators
 
     def is_near(self, word: str, names: "NameWords") -> bool:
-        """Return whether `word` is nearly one that operators use, or one of the world's `names`."""
+        """Return whether `word` is nearly a word of operators or one of the world's `names`."""
         if self.likeliest(word, names, plain=False) is not None:
             return True
         listed = (*names.words, *self._operators)
@@ -102,10 +164,10 @@ class English:
 
     @lru_cache(maxsize=1024)  # noqa: B019 - there is one for the life of the process
     def likeliest(self, word: str, names: "NameWords", plain: bool) -> str | None:
-        """Return what `word` was meant to be, None when nothing is near.
+        """Return the word that `word` was meant to be; None if no word is near.
 
-        Unless it is a `plain` word, only names of the world and operators' words are; as for short
-        words, which are near to too much.
+        Unless `word` is `plain`, only names of the world and operators' words are considered. The
+        same holds for short words, which are near to too many others.
         """
         slips = 1 if len(word) < _LONG else 2
         lengths = range(max(len(word) - slips, SHORT), len(word) + slips + 1)
@@ -125,7 +187,7 @@ class English:
 
 @cache
 def english() -> English:
-    """Return the English word list; without its file, operators have no words of their own."""
+    """Return the English word list; a missing file of operators' words counts as empty."""
     path = data_folder() / "rules" / "vocabulary" / "operators.txt"
     text = path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
     lines = (line.strip().lower() for line in text.splitlines())
@@ -136,27 +198,27 @@ def english() -> English:
 
 
 class NameWords(NamedTuple):
-    """The words that the names of a world are made of, each as often as it is there."""
+    """The words in the names of a world, each with the number of its occurrences."""
 
     words: tuple[str, ...]
     counts: tuple[int, ...]
 
     def share(self, word: str) -> float:
-        """Return how likely a word of a mission is `word` because it is of a name."""
+        """Return the likelihood that a word of a mission is `word` as part of a name."""
         at = self.words.index(word) if word in self.words else None
         return 0.0 if at is None else _NAMED * self.counts[at] / sum(self.counts)
 
 
 def name_words(world: World) -> NameWords:
-    """Return the words of the names of `world`."""
+    """Return the words in the names of `world`."""
     return _name_words((*world.frames, *world.zones), (*world.assets,))
 
 
 @lru_cache(maxsize=8)
 def _name_words(places: tuple[str, ...], assets: tuple[str, ...]) -> NameWords:
-    """Return the words of the names of places and of assets, these in the plural too.
+    """Return the words in the names of places and assets; the latter also in the plural.
 
-    A place's words may be typed as one: `stonegate`.
+    The words of a place may be typed as one: `stonegate`.
     """
     said = [word.lower() for name in (*places, *assets) for word in WORD.findall(name)]
     said += ["".join(words).lower() for words in map(WORD.findall, places) if len(words) > 1]
@@ -166,7 +228,7 @@ def _name_words(places: tuple[str, ...], assets: tuple[str, ...]) -> NameWords:
 
 
 def _american(word: str) -> Iterator[str]:
-    """Yield how `word` is spelt in American English, if it may be British."""
+    """Yield the American spellings of `word`, if it may be British."""
     for british, american in _BRITISH:
         if british.search(word):
             yield british.sub(american, word)
@@ -177,73 +239,33 @@ def _american(word: str) -> Iterator[str]:
 
 @lru_cache(maxsize=4)
 def rule_words(rulebook: Rulebook) -> frozenset[str]:
-    """Return every word that a rule uses, in its text or its checks."""
+    """Return every word that a rule uses, in its text or in its checks."""
     rules = (rule.model_dump_json().lower() for rule in rulebook.rules)
     return frozenset(word for rule in rules for word in re.findall("[a-z]+", rule))
 
 
-_WORD = re.compile(r"[^\W\d_]+(?:['’][^\W\d_]+)*")
-_ENDING = re.compile(r"['’](?:s|re|ve|ll|d|m|t)$")
-_CALL_SIGN = re.compile(r"\w*[\d_]\w*")
-"""Names of assets and frames, call signs and numbers: of no language."""
-_ALPHABET = frozenset("abcdefghijklmnopqrstuvwxyz")
-_MOST_STRANGE = 0.3
-"""The share of strange words at which a text counts as not English."""
-_RUN, _HIDDEN = 6, 0.5
-"""Words in a row, and the share of strange ones among them at which a text is not English."""
-_SLIP_WEIGHT = 0.35
-"""The weight, as a strange word, of a word that is nearly a word of orders."""
-_OTHER_LANGUAGES = frozenset(
-    word
-    for words in (
-        "der das und ist nicht ein eine einen einem dem zum zur mit auf für nach sich wir sie",
-        "le la les une et est qui dans pour avec vous nous aux du ce cette je tu au de tout",
-        "el los las una para como pero muy lo su se esta este",
-        "il gli della alla nel che di non sono questo",
-        "os uma ao em você está isso",
-        "het een naar niet ik dat ook maar voor zijn er",
-        "och att det som på för av med till inte jag og ikke til ska skal",
-        "nie się jest jak dla bir ve bu için mi",
-        "pe cu și je na že jsem yang dan ke ini itu",
-    )
-    for word in words.split()
-)
-"""The commonest words of other languages that orders in English have no use for.
-
-In turn German, French, Spanish, Italian, Portuguese, Dutch, Scandinavian, Polish and Turkish,
-Romanian, Czech and Indonesian. Other alphabets need no list.
-"""
-_CODE = re.compile(
-    r"[A-Za-z_][\w.]*\((?!s\))[^()]*\)[\s:;)]*$"
-    r"|^\s*(?:SELECT|INSERT|UPDATE|DELETE|CREATE|DROP)\b.+\b(?:FROM|INTO|SET|TABLE)\b"
-    r"|<(\w+)[^<>]*>.*</\1>"
-    r"|\bhttps?://",
-    re.DOTALL,
-)
-
-
 class _UnknownWords(NamedTuple):
-    """The words of a text without names, each with how strange it is: 0.0 English, 1.0 not at all.
+    """The words of a text without names, each with a weight: 0.0 if English, 1.0 if not.
 
-    One that is nearly a word of orders or a name counts `_SLIP_WEIGHT`.
+    A word that is nearly a word of orders or a name has the weight `_SLIP_WEIGHT`.
     """
 
     words: tuple[tuple[str, float], ...]
 
     @property
     def share(self) -> float:
-        """The share of the words that are strange."""
+        """The weighted share of unknown words."""
         return sum(weight for _, weight in self.words) / max(len(self.words), 1)
 
     @property
     def strange(self) -> tuple[str, ...]:
-        """The words that are no English, the strangest first."""
+        """The words that are not English, those with the largest weight first."""
         found = sorted((word for word in self.words if word[1]), key=lambda word: -word[1])
         return tuple(dict.fromkeys(word for word, _ in found))
 
     @property
     def strangest_run(self) -> "_UnknownWords":
-        """The `_RUN` words in a row with the most strange ones; all words if there are fewer."""
+        """The run of `_RUN` words with the most unknown ones; all words if there are fewer."""
         starts = range(max(len(self.words) - _RUN, 0) + 1)
         runs = [_UnknownWords(self.words[at : at + _RUN]) for at in starts]
         return max(runs, key=lambda run: run.share)
@@ -252,7 +274,7 @@ class _UnknownWords(NamedTuple):
 def question_back(typed: str, read: str, world: World, rulebook: Rulebook) -> str:
     """Return the question about a text that is not an order; '' if it may be one.
 
-    `typed` is the original text, `read` the corrected one. A questioned text may not move any
+    `typed` is the original text, `read` the corrected one. A text with a question may not move any
     asset.
     """
     known = _words(typed, world, rulebook)
@@ -274,19 +296,6 @@ def question_back(typed: str, read: str, world: World, rulebook: Rulebook) -> st
     if not speaks_of_site(world, link_names(world, read)) and not _moves_nobody(read):
         return "it names nobody and nothing of this site. What is to be done, by whom and where?"
     return ""
-
-
-_ENCODED = re.compile(
-    r"(?=\S*[a-z])(?=\S*[A-Z])(?=\S*\d)[^\s,;:_\"'()]{32,}"
-    r"|(?:%[0-9A-Fa-f]{2,4}|&#?\w{1,8};|\\[ux][0-9A-Fa-f]{2,4}){3,}"
-)
-"""Letters and digits in one long row, as in base64, or letters by numbers: an order may hide there.
-"""
-_DECODE = re.compile(
-    r"\b(?:decode|decipher|decrypt|unscramble|rot-?13|base-?64)\b"
-    r"|\bread\s+(?:[\w-]+\s+){0,3}?(?:backwards?|in\s+reverse|from\s+(?:the\s+)?right)\b"
-)
-"""Instructions to read words as other words, in plain words (`policy.plain_text`)."""
 
 
 def _words(text: str, world: World, rulebook: Rulebook) -> _UnknownWords:
@@ -325,25 +334,18 @@ def _is_code(text: str) -> bool:
 
 
 def _moves_nobody(text: str) -> bool:
-    """Return whether a text without names may be one of the orders that need none: *freeze*."""
+    """Return whether a text without names may be an order that needs none: *freeze*."""
     return any(verb.means & {"hold", "report"} for verb in find_verbs(text))
 
 
-_TYPED = re.compile(r"(?<![\w'])(?:[A-Z][a-z]{2,}|[a-z]{3,}|[A-Z]{3,})(?![\w'])")
-"""Words that may be misspelt: no name in digits or camel case, no contraction, nothing of two
-letters."""
-_FOREIGN = 0.25
-"""When nothing is near to more than this share of the unknown words, they are not English."""
-
-
 def read_words(text: str, world: World, rulebook: Rulebook) -> str:
-    """Return an operator's words with misspellings put right, if they are English."""
+    """Return an operator's words with corrected misspellings, if they are English."""
     strange = _words(text, world, rulebook).share >= _MOST_STRANGE
     return text if strange else respell(text, world, rulebook)
 
 
 def respell(text: str, world: World, rulebook: Rulebook) -> str:
-    """Return `text` with its misspelt words put right; text in another language is left alone."""
+    """Return `text` with its misspelt words corrected; a text in another language is unchanged."""
     dictionary, names = english(), name_words(world)
     known = rule_words(rulebook).union(names.words)
     shouted = text.isupper()
@@ -364,12 +366,12 @@ def respell(text: str, world: World, rulebook: Rulebook) -> str:
 
 
 def prepare() -> None:
-    """Load the dictionary, which takes a moment, so that no mission waits for it."""
+    """Load the dictionary in advance, so that no mission waits for it."""
     english()
 
 
 def _meant(typed: re.Match[str], names: NameWords, dictionary: English) -> str | None:
-    """Return the intended word for `typed`, in its own case; None when nothing is near."""
+    """Return the intended word for `typed`, in the same case; None if no word is near."""
     word = typed[0]
     before = typed.string[: typed.start()].rstrip(" \"'(")
     capital = word[0].isupper() and not word.isupper()

@@ -1,4 +1,4 @@
-"""Commands that bring assets to a stop: sent at once, and again until each is known to stand."""
+"""Commands that stop assets: sent at once, and resent until each is known to stand still."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -20,33 +20,36 @@ from pa_console.schema.telemetry import AssetTelemetry, Picture
 from pa_console.schema.world import World
 
 CONFIRM_S = 1.0
-"""An asset that has not answered a stop within this time is reported."""
+"""The time after which an asset that has not answered a stop is reported, seconds."""
 
 STANDS_MPS = 0.05
-"""An asset that reports no more than this stands: measured speeds are never quite zero."""
+"""The highest reported speed of a standing asset, m/s; measured speeds are never quite zero."""
 
 MOVED_M = 2.0
-"""A standing asset's reported positions scatter less than this."""
+"""The largest scatter in the reported positions of an asset that stands still, metres."""
 
 AGAIN_S = 0.2
-"""A hold that has no answer is sent again this often; the first time after FIRST_AGAIN_S, as most
-links have answered by then."""
+"""The time between two resends of an unanswered hold, seconds. The first resend is after
+FIRST_AGAIN_S, by when most links have answered."""
 FIRST_AGAIN_S = 0.4
 
 QUICK_TRIES = 30
-"""The number of times that a hold is sent again so often; over a link that loses four of five
-messages one in a thousand has not arrived by then."""
+"""The number of resends at intervals of AGAIN_S. On a link that loses four of five messages, one
+hold in a thousand has not arrived by then."""
 
 MOST_AT_ONCE = 100
-"""The most holds sent again in one step; the longest waiting go first."""
+"""The most holds resent in one step, those that have waited longest first."""
+
+SAFETY_LIMIT_S = 60.0
+"""How long a way to safety is resent to assets that have not answered, seconds."""
 
 
 @dataclass
 class _Held:
-    """One asset's hold: `sent` is the tick it last went out, `at` where the asset came to stand.
+    """The hold of one asset: `sent` is the tick of its last sending, `at` where the asset stopped.
 
-    `times` counts how often it was sent again: `quick` more times at short intervals, `slow` times
-    at long ones. `silent` is True while the picture has no fresh telemetry of the asset.
+    `times` is the number of resends; `quick` more follow at short intervals, and `slow` have
+    followed at long ones. `silent` is True while the picture has no fresh telemetry of the asset.
     """
 
     command: DeviceCommand
@@ -61,23 +64,23 @@ class _Held:
 
     @property
     def ended(self) -> bool:
-        """True if the asset has answered for good."""
+        """True if the asset has sent its final reply."""
         return self.reply is not None and self.reply.status in FINAL_REPLIES
 
     @property
     def hurries(self) -> bool:
-        """True while the asset has not answered the stop and quick repetitions remain."""
+        """True while the asset has not answered the stop and quick resends remain."""
         return self.reply is None and self.quick > 0
 
     @property
     def wait_s(self) -> float:
-        """The seconds from its last sending until the next."""
+        """The time from the last sending to the next, seconds."""
         if self.hurries:
             return AGAIN_S if self.times else FIRST_AGAIN_S
         return RESEND_S * RESEND_GROWTH ** min(self.slow, MOST_GROWTH)
 
     def sent_again(self, tick: int) -> tuple[DeviceCommand, int]:
-        """Note that it goes out again at `tick`; return it and the number of times so far."""
+        """Record a resend at `tick`; return the command and its number of resends."""
         if self.hurries:
             self.quick -= 1
         else:
@@ -87,16 +90,16 @@ class _Held:
 
 
 class StopConfirmation:
-    """Decides for each asset whether it has obeyed a stop, by its answer and by its telemetry.
+    """The confirmation of a stop, for each asset by its answer and its telemetry.
 
-    An answer alone confirms nothing: telemetry sent after the stop must show that the asset stands,
-    and goes on showing it. An asset that moves again is in doubt again.
+    An answer alone confirms nothing: telemetry sent after the stop must show that the asset stands
+    still, and continue to show it. An asset that moves again is in doubt again.
     """
 
     def __init__(
         self, holds: Sequence[DeviceCommand], world: World, tick: int, time_s: float
     ) -> None:
-        """`tick` and `time_s` are when the stop was pressed, on the fleet's clock."""
+        """Begin at `tick` and `time_s` of the fleet's clock, when the stop was pressed."""
         self._held = {hold.agent: _Held(hold, tick) for hold in holds}
         self._dt_s, self._pressed_s = world.dt_s, time_s
         # A report from just before the stop and the next picture may lie one period apart.
@@ -104,7 +107,7 @@ class StopConfirmation:
 
     @property
     def confirmed(self) -> bool:
-        """True when telemetry shows that every asset stands."""
+        """True if telemetry shows that every asset stands still."""
         return all(not held.doubt for held in self._held.values())
 
     def answer(self, replies: Iterable[CommandReply]) -> Iterator[CommandReply]:
@@ -117,7 +120,7 @@ class StopConfirmation:
             yield reply
 
     def look(self, picture: Picture, time_s: float) -> Mapping[str, str]:
-        """Compare with a picture; return the overdue assets, each with why it is in doubt."""
+        """Compare the stop with a picture; return the overdue assets, each with its doubt."""
         since_s = time_s - self._pressed_s + 1e-6
         overdue: dict[str, str] = {}
         for name, held in self._held.items():
@@ -134,11 +137,11 @@ class StopConfirmation:
         return overdue
 
     def resends(self, tick: int, overdue: Mapping[str, str]) -> list[tuple[DeviceCommand, int]]:
-        """Return the holds that are due again at `tick`, each with its number of attempts.
+        """Return the holds to resend at `tick`, each with its number of resends.
 
-        An unanswered hold is due every AGAIN_S, QUICK_TRIES times, and again once a silent asset
-        reports; after that at growing intervals, like any command. An ended hold is due while its
-        asset is among the `overdue`. All have the id of the first, so that a device recognizes the
+        An unanswered hold is due every AGAIN_S, QUICK_TRIES times, and so again once a silent asset
+        reports; after that at growing intervals, like any command. A hold with a final reply is due
+        while its asset is `overdue`. A resent hold keeps its id, so that a device recognizes the
         repetition.
         """
         due = [
@@ -152,7 +155,7 @@ class StopConfirmation:
         return [held.sent_again(tick) for held in due[:MOST_AT_ONCE]]
 
     def _doubt(self, held: _Held, asset: AssetTelemetry | None) -> str:
-        """Return why it is not certain that an asset stands, '' where telemetry shows it."""
+        """Return why it is not certain that an asset stands still; '' if telemetry shows it."""
         reply = held.reply
         if asset is None or reply is None or reply.status not in FINAL_REPLIES:
             return "no answer"
@@ -170,12 +173,8 @@ class StopConfirmation:
         return ""
 
 
-SAFETY_LIMIT_S = 60.0
-"""A way to safety is repeated for this long to assets that have not answered, seconds."""
-
-
 class EmergencyStop:
-    """Follows stop commands that no mission follows any more."""
+    """The stop of all assets, and the ways to safety of missions that have ended."""
 
     def __init__(self, fleet: Fleet, gate: CommandGate) -> None:
         self._fleet, self._gate = fleet, gate
@@ -185,13 +184,13 @@ class EmergencyStop:
 
     @property
     def waiting(self) -> bool:
-        """True while a way to safety is unanswered, or an asset is not seen to stand."""
+        """True while a way to safety is unanswered, or an asset is not known to stand still."""
         return bool(self._open) or (self._stop is not None and not self._stop.confirmed)
 
     def hold_all(self) -> list[ev.EventPayload]:
         """Stop everything: send every asset a hold, whatever its state; return the events.
 
-        A hold is sent again until telemetry shows that its asset stands, however long that takes,
+        A hold is resent until telemetry shows that its asset stands still, however long that takes,
         and whenever an asset moves again before `release`.
         """
         self._open.clear()
@@ -204,11 +203,11 @@ class EmergencyStop:
         return events
 
     def release(self) -> None:
-        """Watch the assets no more: the operator has released the stop."""
+        """Stop watching the assets, because the operator has released the stop."""
         self._stop, self._overdue = None, {}
 
     def follow(self, commands: Sequence[DeviceCommand]) -> Iterator[ev.EventPayload]:
-        """Send a mission's way to safety and see to the answers from now on; yield the events."""
+        """Send a mission's way to safety and follow its replies from now on; yield the events."""
         events: list[ev.CommandSent | ev.CommandRefused] = []
         self._gate.send(commands, events.append)
         yield from events
@@ -218,7 +217,7 @@ class EmergencyStop:
             self._open.append(Dispatch(sent, tick, dt_s, SAFETY_LIMIT_S, SAFETY_LIMIT_S))
 
     def step(self, step: Step) -> Iterator[ev.EventPayload]:
-        """Take in one step's replies; send again what was not answered and still stands."""
+        """Process the replies of one step; resend unanswered commands that are still valid."""
         tick, replies = step
         if self._stop is not None:
             yield from self._confirm(self._stop, tick, replies)
@@ -236,7 +235,7 @@ class EmergencyStop:
     def _confirm(
         self, stop: StopConfirmation, tick: int, replies: Sequence[CommandReply]
     ) -> Iterator[ev.EventPayload]:
-        """Compare a stop with answers and telemetry; report each change of what is in doubt."""
+        """Compare a stop with replies and telemetry; yield events for changes of the doubts."""
         for reply in stop.answer(replies):
             yield ev.CommandReplied(reply=reply)
         overdue = stop.look(self._fleet.picture(), self._fleet.time_s)

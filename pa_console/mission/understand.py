@@ -1,4 +1,4 @@
-"""Step 1 of a mission: what its words point at, and what they alone rule out."""
+"""Step 1 of a mission: what its words refer to, and what they rule out by themselves."""
 
 import asyncio
 from dataclasses import dataclass, replace
@@ -33,7 +33,7 @@ from pa_console.schema.mission import (
 )
 
 LAST_ORDER = "the order before"
-"""The reference that stands for the commands on which an order leans."""
+"""The words under which the commands of the previous order are listed as a reference."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class RefusedMission:
 
 @dataclass(frozen=True)
 class NotUnderstood:
-    """A mission with words that the console cannot read as an order, and the `question` about them.
+    """A mission with words that are not clear as an order, and the `question` about them.
 
     If only the words `said` are unclear, `choices` has their possible meanings.
     """
@@ -54,7 +54,8 @@ class NotUnderstood:
     said: str = ""
     choices: tuple[str, ...] = ()
     describes: bool = False
-    """True if the words describe assets, so that a model that is sure may settle the question."""
+    """True if the words describe assets, so that a model with enough confidence may settle the
+    question."""
 
 
 @dataclass(frozen=True)
@@ -64,15 +65,15 @@ class Understood:
     mission: Mission
     references: tuple[ev.Reference, ...] = ()
     undoes: bool = False
-    """True if it takes back the last order."""
+    """True if the mission takes back the last order."""
     corrects: bool = False
-    """True if it replaces the last order."""
+    """True if the mission replaces the last order."""
     steps: tuple[str, ...] = ()
-    """The words of each step, where it is an order in steps; each is read at its turn."""
+    """The words of each step of an order in steps; each step is read when it is planned."""
     patrol: Patrol | None = None
-    """The patrol that it is, if it is one."""
+    """The patrol, if the mission is one."""
     unsettled: NotUnderstood | None = None
-    """The question that is asked unless the models are sure which assets its words describe."""
+    """The question that is asked unless the models settle which assets the words describe."""
 
     @property
     def described(self) -> tuple[str, tuple[str, ...]]:
@@ -90,17 +91,18 @@ class StandingOffer:
 
     @property
     def order(self) -> StandingOrder:
-        """The order itself."""
+        """The standing order to propose."""
         return self.trigger.order
 
 
 async def understand(
     context: MissionContext, answers: Answers
 ) -> RefusedMission | NotUnderstood | Understood | StandingOffer:
-    """Step 1: decide what the mission's words alone rule out, and find what they point at.
+    """Read a mission's words: find what they refer to and what they rule out (step 1).
 
-    Ruled out is what the rules on words refuse, and what is no order; an order with a time is a
-    standing order. No model has been asked so far. `answers` are those to questions on its words.
+    The rules on words may refuse the mission, and words that are no order lead to a question. An
+    order with a condition or a time is a standing order. No model is asked. `answers` are the
+    operator's answers to questions about the words.
     """
     refused = await _refused(context, context.mission)
     if refused is not None or context.mission.source == "alarm":
@@ -126,7 +128,7 @@ async def understand(
 
 
 def _leaning(context: MissionContext, read: Understood) -> Understood:
-    """Return what was `read` with the commands before it, if the words still lean on them."""
+    """Return `read` with the commands of the previous order, if its words still refer to them."""
     scene, mission = _scene(context), read.mission
     if mission.source != "operator" or scene.last is None or not leans(scene, mission.text):
         return read
@@ -139,9 +141,10 @@ def _leaning(context: MissionContext, read: Understood) -> Understood:
 
 
 def _no_order(context: MissionContext) -> NoOrder | None:
-    """Return the sign that typed words order nothing now, None if they may be an order.
+    """Return the sign that typed words order nothing now; None if they may be an order.
 
-    Missions of a standing order were approved with it, and a repeating order is one by its form.
+    Missions of a standing order were approved with it. A standing order is an order by its form,
+    although it waits.
     """
     mission, scene = context.mission, _scene(context)
     if mission.source == "standing" or mission.proposed is not None:
@@ -153,7 +156,7 @@ def _no_order(context: MissionContext) -> NoOrder | None:
 
 
 def _ban(context: MissionContext) -> StandingOffer | None:
-    """Return a prohibition that is to last as a standing order to approve; None for any other."""
+    """Return a lasting prohibition as a standing order to approve; None for any other text."""
     services, mission = context.services, context.mission
     if mission.source != "operator":
         return None
@@ -173,7 +176,7 @@ def _ban(context: MissionContext) -> StandingOffer | None:
 
 
 def _in_steps(context: MissionContext) -> NotUnderstood | Understood | None:
-    """Return an order in steps or a patrol, or what to ask about it; None for any other.
+    """Return an order in steps or a patrol, or a question about it; None for any other.
 
     A plan that came with the words has its own steps.
     """
@@ -204,10 +207,10 @@ def _is_for_later(context: MissionContext) -> bool:
 async def _standing(
     context: MissionContext,
 ) -> RefusedMission | NotUnderstood | StandingOffer | None:
-    """Return a standing order to approve, or the fault of one; None if there is none.
+    """Return a standing order with a condition to approve, or its fault; None if there is none.
 
-    Its order is tried for one subject: an order that can never be read, or that the rules on words
-    refuse, is no standing order either.
+    Its order is read for one example subject. An order that can never be read, or that the rules on
+    words refuse, cannot be a standing order either.
     """
     services, mission = context.services, context.mission
     found = read_standing(services.scene, mission.text)
@@ -248,10 +251,10 @@ async def _standing(
 async def _timed(
     context: MissionContext, answers: Answers
 ) -> RefusedMission | NotUnderstood | StandingOffer | None:
-    """Return a timed order to approve, or the fault of one; None for an order without a time.
+    """Return a timed order to approve, or its fault; None for an order without a time.
 
-    What it orders is read now, so that *it* stands for what it means now. The rest, such as the
-    nearest drone, is found anew at each of its moments.
+    References such as *it* are resolved now, with their present meaning. Descriptions, such as the
+    nearest drone, are resolved anew each time that the order runs.
     """
     services, mission = context.services, context.mission
     standing, now = services.standing, services.standing.time.now
@@ -290,7 +293,7 @@ async def _timed(
 def _timed_patrol(
     scene: ReferenceScene, schedule: Schedule, read: Understood, patrol: Patrol
 ) -> Understood | NotUnderstood:
-    """Return a patrol that a schedule can start as it was `read`, or what to ask about it."""
+    """Return the patrol as it was `read` if the schedule suits it, or a question about it."""
     takes_s = least_s(patrol, scene)
     if 0.0 < schedule.every_s < takes_s:
         every, least = duration_words(schedule.every_s), duration_words(round(takes_s))
@@ -302,7 +305,7 @@ def _timed_patrol(
 
 
 def _time_of_a_step(scene: ReferenceScene, text: str, order: str, now: datetime) -> str:
-    """Return what to ask where a time stands in a later step of an order in steps; else ''."""
+    """Return the question about a time in a later step of an order in steps; '' if none."""
     whole, rest = read_steps(scene, text), read_steps(scene, order)
     if not isinstance(whole, ReadSteps) or not isinstance(rest, ReadSteps):
         return ""
@@ -313,13 +316,13 @@ def _time_of_a_step(scene: ReferenceScene, text: str, order: str, now: datetime)
 
 
 def _read(context: MissionContext, answers: Answers) -> NotUnderstood | Understood:
-    """Return an operator's words with names for what they point at, or what to ask back."""
+    """Return the mission with names in place of references, or a question about its words."""
     services, mission = context.services, context.mission
     world, rules = services.fleet.world, services.rulebook
     found = resolve(_scene(context), mission.text, answers)
     text = found.text if isinstance(found, ResolvedOrder) else mission.text
     if isinstance(found, Unclear) and found.choices:
-        # *Send it home* names nothing of this site before it is known what is meant.
+        # Before it is resolved, *Send it home* would name nothing of this site.
         text = with_answers(text, {found.said: found.choices[0]})
     if question := question_back(mission.said, text, world, rules):
         return NotUnderstood(question)
@@ -336,7 +339,7 @@ def _read(context: MissionContext, answers: Answers) -> NotUnderstood | Understo
 
 
 def _scene(context: MissionContext) -> ReferenceScene:
-    """Return what an order can point at; an agent's words mean nothing that people did before."""
+    """Return the possible referents; an agent cannot refer to earlier orders or the mark."""
     scene = context.services.scene
     return replace(scene, past=(), pointer="") if context.mission.agent else scene
 

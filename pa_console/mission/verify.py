@@ -1,8 +1,8 @@
-"""Step 7: verification of a plan by telemetry. Unknown never counts as done.
+"""Step 7: the verification of a plan by telemetry; unknown never counts as done.
 
-A pass requires reports that are fresh, sound and sent at or after the end of the command; a
-device's own *done* proves nothing. The judge's verdict on the outcome does not change the result:
-it is requested while the model is idle, and emitted as a separate event.
+A pass requires reports that are fresh and plausible, and were sent at or after the end of the
+command. A device's own *done* proves nothing. The judge's verdict on the outcome does not change
+the result: it is requested while the model is idle, and emitted as a separate event.
 """
 
 import asyncio
@@ -34,7 +34,7 @@ STILL_MPS = 0.5
 
 
 class _Conclusion(NamedTuple):
-    """A conclusion from telemetry, its reason, and when its oldest report was sent."""
+    """A conclusion from telemetry, its reason, and the time of its oldest report."""
 
     outcome: Outcome
     reason: str
@@ -54,10 +54,10 @@ class _Evidence:
 def verify(
     context: MissionContext, plan: Plan, executed: ExecutedPlan, step: int = 0
 ) -> Verification:
-    """Step 7: compare the present telemetry with what an executed plan should have brought about.
+    """Compare the present telemetry with the effects that an executed plan should have (step 7).
 
-    A plan that was halted is not verified. `step` is the number of the step that the plan is, 0
-    for a plan as a whole.
+    It is not called for a plan that was halted. `step` is the number of the step that `plan` is; 0
+    for a whole plan.
     """
     started, fleet = perf_counter(), context.services.fleet
     before, after = executed.before, fleet.picture()
@@ -70,11 +70,11 @@ def verify(
 def verify_plan(
     plan: Plan, world: World, before: Picture, after: Picture, final: Mapping[str, CommandReply]
 ) -> Verification:
-    """Compare `after` with what every action should have brought about.
+    """Compare `after` with the effect that every action should have.
 
-    `final` maps agents to the last reply to their command; its tick is when the command ended. A
+    `final` maps agents to the last reply to their command; its tick is the end of the command. A
     gate that was covered before and is uncovered now makes the outcome a failure, whatever the
-    actions did (WF-03); a gate whose cover is unknown now makes it unknown.
+    actions did (WF-03). A gate whose cover is unknown now makes the outcome unknown.
     """
     ends = {agent: reply.tick * world.dt_s for agent, reply in final.items()}
     seen = [
@@ -120,7 +120,7 @@ def _overall(
 
 
 def _gates(before: Picture, after: Picture, end_s: float) -> Iterator[tuple[str, _Conclusion]]:
-    """Yield for every gate that was covered before the plan whether it is after its end."""
+    """Yield each gate that was covered before the plan, with the conclusion for after it."""
     for gate, was in before.gates.items():
         if not was.covered:
             continue
@@ -163,7 +163,7 @@ def _action(action: Action, evidence: _Evidence, reply: CommandReply | None) -> 
 
 
 def _seen(action: Action, evidence: _Evidence, asset: AssetTelemetry) -> _Conclusion:
-    """Judge one action by telemetry alone; the asset's report is fresh and sound."""
+    """Verify one action by telemetry alone; the asset's report is fresh and plausible."""
     where = asset.at or "between frames"
     stamp_s = asset.stamp_s
     if asset.status == "failed":
@@ -190,7 +190,7 @@ def _seen(action: Action, evidence: _Evidence, asset: AssetTelemetry) -> _Conclu
 
 
 def _tracks(action: Action, evidence: _Evidence) -> _Conclusion:
-    """Judge `identify` or `warn` by the tracks at its frame that sensors see now."""
+    """Verify `identify` or `warn` by the tracks that sensors report at its frame now."""
     here = [track for track in evidence.after.tracks.values() if track.gate == action.target]
     if not here:
         return _Conclusion("unknown", "the track is gone")
@@ -220,10 +220,10 @@ def _dealt_with(action: Action, track: Track) -> bool:
 
 @dataclass(frozen=True)
 class OutcomeCase:
-    """An executed plan: pictures `before` and after it, and every action's result by telemetry.
+    """An executed plan with its verification, and the pictures `before` and after it.
 
     `selection` is the part of the picture that the plan was made from; None means all of it. `said`
-    is the judge's answer about the plan, if there is one, so that the order is read only once.
+    is the judge's feedback on the plan, if there is one, so that the order is read only once.
     """
 
     task: Mission
@@ -238,7 +238,7 @@ class OutcomeCase:
 def ask_about_outcome(
     prompt_format: PromptFormat, world: World, case: OutcomeCase
 ) -> JudgeQuestion:
-    """Step 7: return the question whether the task was accomplished."""
+    """Return the question whether the task was accomplished (step 7)."""
     digest = digest_picture(case.picture, world, case.selection)
     prompt = prompt_format.outcome(world, digest, case.task, case.plan, case.verification)
     if prompt_format.outcome_opening is None:
@@ -256,12 +256,12 @@ def ask_about_outcome(
 
 
 Start = Callable[[Coroutine[None, None, object]], object]
-"""Runs work beside the session."""
+"""Starts a coroutine that runs alongside the session."""
 
 
 @dataclass(frozen=True)
 class _Verification:
-    """The executed plan `attempt` of the mission of `context`, and what became of it."""
+    """The executed plan `attempt` of the mission of `context`, for a verdict on its outcome."""
 
     context: MissionContext
     attempt: int
@@ -269,16 +269,17 @@ class _Verification:
 
 
 class OutcomeVerdicts:
-    """Asks for the verdicts of a session one by one, the oldest first.
+    """The outstanding verdicts of a session, requested one by one, the oldest first.
 
-    A prompt of a mission interrupts the one that is being given; it is asked for again later.
+    A prompt of a mission interrupts the request in progress, which is then repeated later.
     """
 
     def __init__(self, start: Start, *, between_missions: bool) -> None:
-        """`start` runs work beside the session.
+        """Request verdicts by coroutines that `start` runs.
 
-        With `between_missions`, verdicts are requested between missions only. That is for runs in
-        which the world waits for the model, so that they do not add to the time of a mission.
+        With `between_missions`, verdicts are requested only between missions. This is for runs in
+        which the simulation waits for the model, so that verdicts do not add to the time of a
+        mission.
         """
         self._start, self._between_missions = start, between_missions
         self._waiting: deque[_Verification] = deque()
@@ -288,19 +289,19 @@ class OutcomeVerdicts:
         self.all_told.set()
 
     def ask(self, context: MissionContext, attempt: int, case: OutcomeCase) -> None:
-        """Ask the judge, when there is time, whether the executed plan `attempt` succeeded."""
+        """Queue the question to the judge whether the executed plan `attempt` succeeded."""
         self._waiting.append(_Verification(context, attempt, case))
         self.all_told.clear()
 
     def go_on(self) -> None:
-        """Ask for outstanding verdicts from now on: the mission does not need the model now."""
+        """Start to request outstanding verdicts; the mission does not need the model now."""
         if self._waiting and not self._between_missions and not self._turn.locked():
             self._start(self.work())
 
     async def work(self) -> bool:
-        """Ask for every outstanding verdict; False when a mission needed the model before the end.
+        """Request every outstanding verdict; return False if a mission needed the model meanwhile.
 
-        What is outstanding then waits for the next call.
+        The remaining ones then wait for the next call.
         """
         async with self._turn:
             while self._waiting:
@@ -312,7 +313,7 @@ class OutcomeVerdicts:
             return True
 
     def give_up(self, reason: str) -> None:
-        """Emit for every outstanding verdict why there is none."""
+        """Emit the reason why there is no verdict, for each outstanding one."""
         while self._waiting:
             self._tell(unjudged(self._waiting[0].attempt, reason))
 
@@ -324,7 +325,7 @@ class OutcomeVerdicts:
 
 
 async def _verdict_on(asked: _Verification) -> ev.OutcomeJudged:
-    """Return the verdict that was asked for, or why there is none."""
+    """Return the requested verdict, or the reason why there is none."""
     services = asked.context.services
 
     async def ask(model: RoleModel) -> Judgement:
@@ -341,5 +342,5 @@ async def _verdict_on(asked: _Verification) -> ev.OutcomeJudged:
 
 
 def unjudged(attempt: int, reason: str) -> ev.OutcomeJudged:
-    """Return the event for the outcome of `attempt` when there is no verdict on it."""
+    """Return the event that there is no verdict on the outcome of `attempt`."""
     return ev.OutcomeJudged(attempt=attempt, verdict=None, error=reason)

@@ -1,4 +1,4 @@
-"""A plan that waits for the operator: it is rehearsed again when what it stands on has changed."""
+"""A plan that waits for the operator, and is rehearsed again when the picture changes."""
 
 import asyncio
 from collections.abc import Iterable
@@ -16,16 +16,16 @@ from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture
 
 DRIFT_PCT = 3.0
-"""The change of an agent's charge that makes a rehearsal outdated."""
+"""The change of an agent's charge that makes a rehearsal outdated, percentage points."""
 DRIFT_M = 10.0
-"""The same for its place, metres."""
+"""The change of an agent's position that makes a rehearsal outdated, metres."""
 AT_ONCE_S, LEAST_S, MOST_S = 2.0, 5.0, 60.0
-"""Seconds between two rehearsals: after a sudden change, and after a drift of a young and of an
-old plan."""
+"""The shortest time between two rehearsals, seconds: after a sudden change, and after a drift of a
+young and of an old plan."""
 
 
 class _PlanChangedError(Exception):
-    """The safeguards now decide otherwise on the waiting plan."""
+    """A change of the broken rules of the waiting plan."""
 
     def __init__(self, found: Examination) -> None:
         super().__init__("; ".join(found.broken))
@@ -33,16 +33,16 @@ class _PlanChangedError(Exception):
 
 
 class WaitingPlan:
-    """Follows the picture while a plan waits, and examines the plan again where that matters."""
+    """A plan that waits for a decision, and is examined again if the picture changes enough."""
 
     def __init__(self, context: MissionContext, task: Mission, shown: Candidate) -> None:
-        """Follow the plan of `shown` for `task`."""
+        """Wait with the plan of `shown` for `task`."""
         self._context, self._task, self._shown = context, task, shown
         self.found = shown.examination
         """The last examination of the plan."""
         rehearsal = self.found.rehearsal
         self._known = rehearsal.before if rehearsal else context.services.fleet.picture()
-        """The picture that the last examination began with."""
+        """The picture at the start of the last examination."""
         self._since_s = self._known.time_s
         self._due = asyncio.Event()
 
@@ -52,16 +52,17 @@ class WaitingPlan:
             self._due.set()
 
     def _sudden(self, picture: Picture) -> bool:
-        """Return whether a gate, a visitor, the weather or the state of an agent has changed."""
+        """Return whether a gate, a track, the weather or the state of an agent has changed."""
         if picture.time_s - self._known.time_s < AT_ONCE_S:
             return False
         plan = self.found.plan
         return _stands_on(plan, picture) != _stands_on(plan, self._known)
 
     def _drifted(self, picture: Picture) -> bool:
-        """Return whether an agent has another charge or place than it was rehearsed with.
+        """Return whether an agent's charge or position has drifted from the rehearsed one.
 
-        The longer a plan waits, the rarer its drifts are rehearsed: each is logged.
+        The longer a plan waits, the less often its drifts are rehearsed, because each rehearsal is
+        logged.
         """
         waited_s = self._known.time_s - self._since_s
         if picture.time_s - self._known.time_s < min(LEAST_S + waited_s / 10, MOST_S):
@@ -79,14 +80,14 @@ class WaitingPlan:
     async def decided(
         self, planned: PlanForDecision, before: Readings, answer: Decide
     ) -> AdmissibleDecision | Examination:
-        """Return the decision on the plan, or a new examination that makes it another question."""
+        """Return the decision on the plan, or a new examination in which other rules are broken."""
         try:
             return await decide(self._context, planned, before, lambda: self._answered(answer))
         except _PlanChangedError as changed:
             return changed.found
 
     async def _answered(self, answer: Decide) -> Decision:
-        """Return the operator's answer; raises _PlanChangedError if the safeguards answer first."""
+        """Return the operator's answer; raises _PlanChangedError if the broken rules change."""
         deciding, watching = asyncio.ensure_future(answer()), asyncio.ensure_future(self._watch())
         both = deciding, watching
         try:
@@ -100,7 +101,7 @@ class WaitingPlan:
             await asyncio.gather(*both, return_exceptions=True)
 
     async def _watch(self) -> Examination:
-        """Keep the rehearsal fresh; return the examination that finds other rules broken."""
+        """Keep the rehearsal up to date; return the examination once the broken rules change."""
         while True:
             await self._due.wait()
             was = self.found
@@ -132,12 +133,12 @@ class WaitingPlan:
 
 
 def examined_again(planned: PlanForDecision, found: Examination) -> PlanForDecision:
-    """Return the same plan for decision with a newer examination of it."""
+    """Return `planned` with a newer examination of its plan."""
     return replace(planned, best=replace(planned.best, examination=found))
 
 
 def _stands_on(plan: Plan, picture: Picture) -> tuple[object, ...]:
-    """Return the facts of a picture whose change may change what a plan leads to."""
+    """Return the facts of a picture that may change the consequences of a plan."""
     agents = ((name, picture.assets.get(name)) for name in dict.fromkeys(plan.agents))
     return (
         tuple((n, a and (a.available, a.at, a.post, a.status, a.low_battery)) for n, a in agents),

@@ -1,1 +1,1 @@
-"""The canonical words of an order: its asks, their clauses, and the facts they may depend on."""
+"""The canonical words of an order: its asks, their clauses, and the facts of its conditions."""

@@ -1,8 +1,8 @@
-"""The clauses of the language of orders: one table of forms, each for a task.
+"""The clauses of canonical words: one table of forms, each for a task.
 
-Everything else follows from it: canonical words are written in these forms and read with them
-(`reading.py`), a model is held to them (`clause_grammar.py`), and people are told in other words
-what they mean (`reading.py`).
+Everything else is derived from it: canonical words are written and parsed in these forms
+(`reading.py`), the grammar of a model's answer is built from them (`clause_grammar.py`), and their
+plain forms are shown to people (`reading.py`).
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -14,44 +14,44 @@ from pa_console.language.canonical.word_form import WordForm
 from pa_console.schema.world import PLAIN_KINDS, AssetKind
 
 ASKED = "asked: "
-"""The beginning of a reason or a feedback with a reading."""
+"""The beginning of a reason or feedback that has a reading."""
 NOTHING = "nothing"
-"""Stands for the clauses of a case with nothing to do."""
+"""The words in place of clauses for a case with nothing to do."""
 OTHERS_STAY = "others stay"
-"""The end of a reading that lets no other asset move."""
+"""The end of a reading in which no other asset may move."""
 EXCEPT = "except "
-"""The beginning of the part of a reading that names what the order rules out."""
+"""The beginning of the part of a reading that lists what the order rules out."""
 NOWHERE = "unknown place"
-"""The name of a place that the world does not have."""
+"""The words for a place that the world does not have."""
 SOMEBODY = "somebody"
 TEAM = WordForm("({every}|{count} {kind}{plural})[ from {origin}]")
-"""The wording of assets without names; in plain words they come in the same order."""
+"""The form for assets without names; in plain words, its parts have the same order."""
 TEAM_SLOTS: Mapping[str, str] = {
     "every": "all|any",
     "count": "[0-9]+|all",
     "kind": "|".join(PLAIN_KINDS.values()),
     "plural": "s?",
 }
-"""The contents of its slots but for the origin, as regular expressions without groups."""
+"""The contents of the slots of `TEAM` except the origin, as regular expressions without groups."""
 MOST_NAMES = 12
-"""Assets that one clause can name."""
+"""The most assets that one clause can name."""
 MOST_EXCLUDED = 6
-"""Assets and places that an order can rule out."""
+"""The most assets and places that an order can rule out."""
 KIND_FORMS: Mapping[str, AssetKind] = {
     form: kind for kind, word in PLAIN_KINDS.items() for form in (word, f"{word}s")
 }
-"""Every form of the words for kinds of assets."""
+"""Each form of the words for kinds of assets, with the kind."""
 
 
 @dataclass(frozen=True)
 class Clause:
-    """The form of a task in canonical `words` and in plain words for people.
+    """The form of a task in canonical `words`, and in plain words for people.
 
-    The slots of `words` are: `who`, `place` (where an asset can be sent), `gate` (where something
-    can come, and a guard stand), `first` and `second` (assets), `massed` (a kind), `thing` and
-    `stranger` (vehicle or person), `track` (with where it is) and `guard` (with where it stands).
-    Those of `plain` are `who`, `place`, `first`, `second`, `massed`, `thing`, and the names in
-    `track` and `guard`: `track_id` and `leaving`.
+    The slots of `words` are: `who`, `place` (where an asset can be sent), `gate` (where a contact
+    can come and a guard can be), `first` and `second` (assets), `massed` (a kind), `thing` and
+    `stranger` (vehicle or person), `track` (with its place) and `guard` (with its place). Those of
+    `plain` are `who`, `place`, `first`, `second`, `massed`, `thing`, and the names in `track` and
+    `guard`: `track_id` and `leaving`.
     """
 
     task: Task
@@ -107,11 +107,11 @@ CLAUSES: tuple[Clause, ...] = (
     ),
     _clause("go", "{who} to {place}", "send {who} to {place}"),
 )
-"""Every form; a clause is read as the first one that it has."""
+"""All forms; a clause is read as the first form that matches."""
 
 
 class Aggravation(NamedTuple):
-    """The addition that turns any clause into one that no order may have done."""
+    """An addition that turns any clause into one that no order may have."""
 
     wrong: Wrong
     words: str
@@ -119,20 +119,20 @@ class Aggravation(NamedTuple):
 
 
 ASIDE = Aggravation("override", "set rules aside, ", " (setting rules aside)")
-"""Stands before a clause; in plain words, after it."""
+"""The addition before a clause; in plain words, after it."""
 UNLAWFUL: tuple[Aggravation, ...] = (
     Aggravation("skip_identification", " without identification", " without identification"),
     Aggravation("skip_warning", " without warning", " without warning"),
     Aggravation("noncombatants", " with noncombatants", " (though noncombatants are there)"),
 )
-"""Stand after a clause."""
+"""The additions after a clause."""
 _DEFAULTS: Mapping[str, str] = {"place": NOWHERE, "gate": NOWHERE, "who": SOMEBODY}
 
 
 def written(task: Task, said: Mapping[str, str], wrong: Wrong | None = None) -> str:
     """Return the clause for a task; `said` has the values of its slots.
 
-    `wrong` picks the form of a refused ask. A place that is needed and missing is unknown.
+    `wrong` selects the form of a refused ask. A required place that is missing becomes unknown.
     """
     forms = [clause.words for clause in CLAUSES if clause.task == task and clause.wrong == wrong]
     form = next((form for form in forms if form.fits(said)), forms[0])
@@ -140,13 +140,13 @@ def written(task: Task, said: Mapping[str, str], wrong: Wrong | None = None) -> 
 
 
 def counted(kind: AssetKind, count: int | str) -> dict[str, str]:
-    """Return a number of assets of a kind by the slots of `TEAM`."""
+    """Return the values of the slots of `TEAM` for a number of assets of a kind."""
     plural = "" if count == 1 else "s"
     return {"count": str(count), "kind": PLAIN_KINDS[kind], "plural": plural}
 
 
 class NamePatterns(NamedTuple):
-    """The possible names in clauses: a regular expression for each sort of them."""
+    """The possible names in clauses: a regular expression for each sort of name."""
 
     asset: str
     place: str
@@ -154,13 +154,13 @@ class NamePatterns(NamedTuple):
     gate: str
     """A place with an approach and a guard's post."""
     team: str
-    """Assets that are not named, with where they come from."""
+    """Assets without names, with their origin."""
     track: str
-    """A track with where it is: "T at G"."""
+    """A track with its place: "T at G"."""
     guard: str
-    """An asset to be relieved or lost, with its place: "A at G"."""
+    """An asset that is relieved or lost, with its place: "A at G"."""
     stranger: str = " vehicle| person"
-    """The unknown contact, with the blank before it."""
+    """The word for an unknown contact, with the space before it."""
 
 
 def _unnamed(_slot: str, pattern: str) -> str:
@@ -168,9 +168,9 @@ def _unnamed(_slot: str, pattern: str) -> str:
 
 
 def clause_pattern(names: NamePatterns) -> str:
-    """Return a regular expression, without named groups, for the clauses that can be read.
+    """Return a regular expression, without named groups, for all readable clauses.
 
-    `names` are without groups of their own.
+    The expressions in `names` must have no groups of their own.
     """
     forms = "|".join(pattern for _, pattern in clause_patterns(names, _unnamed))
     unlawful = "|".join(each.words.removeprefix(" ") for each in UNLAWFUL)
@@ -180,9 +180,9 @@ def clause_pattern(names: NamePatterns) -> str:
 def clause_patterns(
     names: NamePatterns, group: Callable[[str, str], str]
 ) -> Iterator[tuple[Clause, str]]:
-    """Yield every clause with its regular expression.
+    """Yield each clause with its regular expression.
 
-    `group` makes a group for a slot of that name with what can stand there.
+    `group` returns the group for a slot, from its name and the expression for its contents.
     """
     place, asset = f"{names.place}|{NOWHERE}", names.asset
     who = rf"{names.team}|{SOMEBODY}|{asset}(, {asset}){{0,{MOST_NAMES - 1}}}"

@@ -1,7 +1,6 @@
-"""Facts that conditions of orders depend on, as a digest has them.
+"""Facts of a digest on which the conditions of orders depend.
 
-Words for the facts of a digest are those of a trained planner's reading; a reason can state nothing
-else.
+The words for these facts are those in a trained planner's reading; a reason can state nothing else.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -13,6 +12,13 @@ from pa_console.schema.command import BUSY_TASKS
 from pa_console.schema.telemetry import AssetTelemetry, Digest, Picture, Track
 from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
 
+_TRACKS: tuple[TrackKind, ...] = ("", "vehicle", "person")
+_PRESENCE: tuple[Fact, ...] = ("track_at", "no_track_at")
+_KNOWN: tuple[Fact, ...] = ("authorized", "unauthorized", "hostile")
+_COVER: tuple[Fact, ...] = ("uncovered", "covered")
+_STATE: tuple[Fact, ...] = ("low", "not_low", "down", "up")
+_SPARE: tuple[Fact, ...] = ("free", "none_free")
+
 
 def is_free(asset: AssetTelemetry, sole_covers: Collection[str]) -> bool:
     """Return whether an asset may leave without uncovering a gate or giving up its task."""
@@ -21,13 +27,13 @@ def is_free(asset: AssetTelemetry, sole_covers: Collection[str]) -> bool:
 
 
 def sole_covers(picture: Picture) -> dict[str, str]:
-    """Return the gates that one asset alone covers, each with that asset."""
+    """Return the gates that only one asset covers, each with that asset."""
     return {gate: cover.by[0] for gate, cover in picture.gates.items() if len(cover.by) == 1}
 
 
 @dataclass(frozen=True)
 class DigestTrack:
-    """A track as in its line of the digest; `facts` follow the distance."""
+    """A track, from its line of the digest; `facts` are the words after the distance."""
 
     id: str
     kind: str
@@ -37,23 +43,23 @@ class DigestTrack:
 
     @property
     def here(self) -> bool:
-        """True if it does not leave."""
+        """True if the track is not leaving."""
         return self.status != "leaving"
 
     @property
     def identity(self) -> str:
-        """Return authorized or unauthorized, '' while it is unknown."""
+        """The identity, authorized or unauthorized; '' while it is unknown."""
         return next((one for one in ("authorized", "unauthorized") if one in self.facts), "")
 
     @property
     def intent(self) -> str:
-        """Return unknown, benign or hostile."""
+        """The intent: unknown, benign or hostile."""
         words = (fact.partition("intent ")[2] for fact in self.facts)
         return next(filter(None, words), "unknown")
 
     @property
     def step(self) -> str:
-        """Return in words how far the workflow has come with it (WF-01)."""
+        """The progress of the workflow with the track, in words (WF-01)."""
         if "not observed" in self.facts:
             return "not observed"
         if not self.identity:
@@ -64,14 +70,14 @@ class DigestTrack:
 
     @property
     def known(self) -> str:
-        """Return the known identity in words."""
+        """The known identity in words."""
         if self.identity:
             return f"{self.identity}, intent {self.intent}"
         return f"not identified{', intent hostile' if self.intent == 'hostile' else ''}"
 
 
 class Facts(Protocol):
-    """The facts that a condition can depend on, None if they are unknown."""
+    """The facts on which a condition can depend; None if a fact is unknown."""
 
     def tracks(self, gate: str) -> Sequence[Track | DigestTrack]:
         """Return the tracks at a gate that do not leave."""
@@ -95,7 +101,7 @@ class Facts(Protocol):
 
 
 def holds(condition: Condition, facts: Facts) -> bool | None:
-    """Return whether the condition is true, None if the facts do not decide it."""
+    """Return whether the condition is true; None if the facts do not decide it."""
     subject = condition.subject
     match condition.fact:
         case "track_at":
@@ -116,7 +122,7 @@ def holds(condition: Condition, facts: Facts) -> bool | None:
 
 
 def there(condition: Condition, facts: Facts) -> list[Track | DigestTrack]:
-    """Return the tracks that a condition is about."""
+    """Return the tracks that a condition concerns."""
     here = facts.tracks(condition.subject)
     return [track for track in here if condition.track in ("", track.kind)]
 
@@ -127,7 +133,7 @@ def decides(condition: Condition, track: Track | DigestTrack) -> bool:
 
 
 def tracks_of_digest(lines: Iterable[str]) -> list[DigestTrack]:
-    """Return the tracks of a digest, hostile ones first, else in their order."""
+    """Return the tracks of a digest, hostile ones first, otherwise in their order."""
     return sorted(_read(lines), key=lambda contact: contact.intent != "hostile")
 
 
@@ -141,7 +147,7 @@ def _read(lines: Iterable[str]) -> Iterator[DigestTrack]:
 
 
 def asset_state(digest: Digest, name: str) -> str:
-    """Return in a word or two whether an asset can be sent, as the compact picture has it."""
+    """Return in one or two words whether an asset can be sent, as in the compact picture."""
     if name in digest.down:
         return "down"
     guards = name in digest.sole_cover.values()
@@ -163,30 +169,22 @@ def standing(digest: Digest) -> dict[str, list[str]]:
 
 
 def stands_at(digest: Digest, name: str) -> str:
-    """Return the frame at which an asset stands, empty while it is on its way."""
+    """Return the frame where an asset is; '' while it is under way."""
     return digest.posts[name].partition(" at ")[2]
 
 
 def told_assets(world: World, digest: Digest) -> list[str]:
-    """Return the assets in `digest`: those of a large world that were selected."""
+    """Return the assets in `digest`; in a large world, only the selected ones."""
     if digest.selection is None:
         return list(world.assets)
     return [name for name in world.assets if name in digest.posts or name in digest.down]
 
 
 def told_frames(world: World, digest: Digest) -> Iterable[str]:
-    """Return the frames in `digest`: those of a large world that were selected."""
+    """Return the frames in `digest`; in a large world, only the selected ones."""
     if digest.selection is None:
         return world.frames
     return dict.fromkeys((*digest.covered, *digest.selection.frames))
-
-
-_TRACKS: tuple[TrackKind, ...] = ("", "vehicle", "person")
-_PRESENCE: tuple[Fact, ...] = ("track_at", "no_track_at")
-_KNOWN: tuple[Fact, ...] = ("authorized", "unauthorized", "hostile")
-_COVER: tuple[Fact, ...] = ("uncovered", "covered")
-_STATE: tuple[Fact, ...] = ("low", "not_low", "down", "up")
-_SPARE: tuple[Fact, ...] = ("free", "none_free")
 
 
 def conditions(world: World, digest: Digest) -> Iterator[Condition]:
@@ -207,7 +205,7 @@ def conditions(world: World, digest: Digest) -> Iterator[Condition]:
 
 @dataclass(frozen=True)
 class DigestFacts:
-    """The facts of a digest. The battery of an asset that is down is not told."""
+    """The facts of a digest; it has no battery state for an asset that is down."""
 
     digest: Digest
 
@@ -217,7 +215,7 @@ class DigestFacts:
         return [track for track in every if track.gate == gate and track.here]
 
     def is_covered(self, gate: str) -> bool | None:
-        """Return whether a gate has a guard, None for a place that is no gate here."""
+        """Return whether a gate has a guard; None for a place that is no gate of the digest."""
         return gate not in self.digest.uncovered if gate in self.digest.covered else None
 
     def is_low(self, asset: str) -> bool | None:
@@ -236,7 +234,7 @@ class DigestFacts:
 def evidence(condition: Condition, digest: Digest) -> str:
     """Return the facts in the compact picture that decide the condition.
 
-    The facts come before the conclusion: a small model reads a line again far better than it
+    The facts come before the conclusion, because a small model copies a line far better than it
     decides from memory.
     """
     subject, facts = condition.subject, DigestFacts(digest)
@@ -261,7 +259,7 @@ def evidence(condition: Condition, digest: Digest) -> str:
 
 
 def guard(gate: str, digest: Digest) -> str:
-    """Return the first guard at a gate, or that there is none."""
+    """Return the first guard at a gate, or *nobody*."""
     sole = digest.sole_cover.get(gate)
     return sole or next(iter(standing(digest).get(gate, ())), "nobody")
 

@@ -1,11 +1,12 @@
-"""The asks of an operator's order, and the condition that they may stand under.
+"""The asks of an operator's order, and the condition that it may have.
 
-A `Reading` is made of asks: a model's understanding of an order's words. Names may be wrong: an
-order can mention things that do not exist. A `Condition` has canonical and plain words; its truth
-is no matter of judgement, it is decided on facts (`facts.py`).
+A `Reading` consists of asks: a model's understanding of an order's words. Its names may be wrong,
+because an order can mention things that do not exist. A `Condition` has canonical and plain words;
+facts alone decide whether it is true (`facts.py`).
 
-Obstacles say why an ask cannot be carried out: the console uses them for readings, the teacher for
-drawn orders. Whether a gate can spare its guard is not decided here.
+An `Obstacle` is the reason why an ask cannot be carried out. The console uses obstacles for
+readings, and the teacher for generated orders. Whether a gate can spare its guard is not decided
+here.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -49,7 +50,7 @@ class Condition(StrictModel):
 
 
 class ConditionForm(NamedTuple):
-    """The form of a condition after an `if`, in canonical words and in plain words for people."""
+    """The form of a condition after *if*, in canonical words and in plain words for people."""
 
     words: WordForm
     plain: WordForm
@@ -60,7 +61,7 @@ def _form(words: str, plain: str) -> ConditionForm:
 
 
 def _known(fact: Fact) -> ConditionForm:
-    """Return the words for the known identity of a contact."""
+    """Return the form of a condition about the known identity of a contact."""
     return _form(
         f"({{track}}|track) at {{subject}} {fact}",
         f"(the {{track}} at {{subject}}|what is at {{subject}}) is {fact}",
@@ -85,7 +86,7 @@ CONDITIONS: Mapping[Fact, ConditionForm] = {
 
 
 def in_words(condition: Condition) -> str:
-    """Return the condition as a reason puts it after its `if`."""
+    """Return the condition in the words that follow *if* in a reason."""
     said = {"subject": condition.subject}
     if condition.track:
         said["track"] = condition.track
@@ -97,20 +98,20 @@ def in_words(condition: Condition) -> str:
 Task = Literal[
     "go",  # who moves to place
     "look",  # who (drones) observes place
-    "identify",  # who (robots) finds out who stands at place
-    "warn",  # who (robots) warns what stands at place
-    "block",  # who (vehicles) closes the lane of place
-    "respond",  # something unknown is at place: do what is due, nobody is named
-    "cover",  # place has no guard, or loses its own (`leaving`): somebody goes
+    "identify",  # who (robots) identifies the contact at place
+    "warn",  # who (robots) warns the contact at place
+    "block",  # who (vehicles) blocks the lane at place
+    "respond",  # an unknown contact is at place: take the next step; no asset is named
+    "cover",  # place has no guard, or loses its own (`leaving`): an asset goes there
     "relieve",  # who takes over place from `leaving`, which goes home
     "swap",  # the two named assets change places
     "home",  # who returns to the base
-    "stand_down",  # place is settled: whoever reinforces it goes home
+    "stand_down",  # place is settled: its reinforcements go home
     "mass",  # every free asset (of a kind) goes to place
     "report",  # who reports; a question
-    "hold",  # who stays where it is; nobody is to do anything else
-    "refused",  # only read: what no order may have done, whoever gives it (`wrong` says what)
-    "unreadable",  # only read: words that are none of the language
+    "hold",  # who stays where it is; no other command is given
+    "refused",  # only read: what no order may have, for the reason in `wrong`
+    "unreadable",  # only read: words that are not canonical
 ]
 """The tasks that an order can ask for."""
 TASK_OF: Mapping[Verb, Task] = {
@@ -125,11 +126,11 @@ Wrong = Literal[
     "override",  # set a rule aside (ROE-05)
     "chase",  # follow beyond the perimeter (ROE-06)
     "zone",  # enter a restricted zone (ROE-07)
-    "noncombatants",  # identify, warn or block where families are: only watching (ROE-08)
+    "noncombatants",  # identify, warn or block noncombatants, who are only watched (ROE-08)
     "strip",  # leave a gate without guard (WF-03)
     "unknown_place",  # a place that is no frame (CAP-06)
-    "unknown_asset",  # an asset that is not there
-    "down",  # a named asset that does not work
+    "unknown_asset",  # an asset that does not exist
+    "down",  # a named asset that is down
     "incapable",  # a kind that cannot do it: a drone warns, a robot flies (CAP-01..03)
     "none_left",  # a kind of which none is free
 ]
@@ -144,7 +145,7 @@ class Who:
     kind: AssetKind | None = None
     count: int | Literal["all"] = 1
     origin: str = ""
-    """A frame: only those that stand there."""
+    """The frame from which they come; '' for any."""
 
 
 ANYBODY = Who()
@@ -152,28 +153,28 @@ ANYBODY = Who()
 
 @dataclass(frozen=True, slots=True)
 class Ask:
-    """One task of an order; `wrong` is why it must not or cannot be done."""
+    """One task of an order; `wrong` is the reason why it must not or cannot be done."""
 
     task: Task
     who: Who = ANYBODY
     place: str = ""
-    """A frame, a zone, or a place that is not there."""
+    """A frame, a zone, or a place that does not exist."""
     leaving: str = ""
-    """The asset that goes, or has failed, at `place`."""
+    """The asset that leaves `place`, or has failed there."""
     track: Literal["vehicle", "person", ""] = ""
     track_id: str = ""
-    """The station's id of the track, when it is named."""
+    """The station's id of the track, if the order names it."""
     wrong: Wrong | None = None
     strict_who: bool = False
-    """It has to be these: nobody else will do. No words of the language say so."""
+    """True if no other assets will do; no canonical words express that."""
     words: str = ""
-    """The clause from which it was read."""
+    """The clause from which the ask was read."""
 
 
 class Reading(NamedTuple):
-    """A reading of the present asks of an order: under a condition, of the case that is true.
+    """A reading of an order's present asks; under a condition, those of the case that is true.
 
-    Parts that no order may have done are only read.
+    Parts that no order may have are read, but never carried out.
     """
 
     asks: tuple[Ask, ...]
@@ -190,11 +191,11 @@ class Reading(NamedTuple):
 VERB_FOR: Mapping[Task, Verb] = {
     TASK_OF[verb]: verb for verb, spec in COMMANDS.items() if len(spec.kinds) < len(KINDS)
 }
-"""The command that a task is carried out with, where only some kinds of assets have it."""
+"""The command for a task, if only some kinds of assets have that command."""
 KIND_FOR: Mapping[Task, AssetKind] = {
     task: kind for task, verb in VERB_FOR.items() for kind in COMMANDS[verb].kinds
 }
-"""The kind of assets that alone can do a task."""
+"""The kind of assets that a task requires."""
 PLACED: frozenset[Task] = frozenset(("go", "look", "identify", "warn", "block", "mass"))
 """The tasks that need a place."""
 
@@ -205,17 +206,17 @@ class Obstacle(NamedTuple):
     problem: Literal["closed", "no place", "no asset", "down", "low", "poor link", "wrong kind"]
     subject: str = ""
     kind: AssetKind | None = None
-    """The kind that has not the command; only of the wrong kind."""
+    """The kind without the command, for a wrong kind."""
 
 
 Find = Callable[[str], Obstacle | None]
-"""Returns the fault of an asset by name."""
+"""Returns the obstacle of the asset with that name."""
 
 
 def obstacle(ask: Ask, world: World, find: Find) -> Obstacle | None:
-    """Return why nothing of `ask` can be done, None when at least a part can.
+    """Return why no part of `ask` can be carried out; None if at least a part can.
 
-    Of those named, `find` returns what keeps one from its part.
+    `find` returns the obstacle that keeps a named asset from its part.
     """
     if ask.place in world.zones:
         return Obstacle("closed", ask.place)
@@ -234,7 +235,7 @@ def obstacle(ask: Ask, world: World, find: Find) -> Obstacle | None:
 
 
 def asset_obstacles(name: str, ask: Ask, world: World, picture: Picture) -> Iterator[Obstacle]:
-    """Yield everything that keeps the asset of that name from its part of `ask`."""
+    """Yield every obstacle that keeps the asset `name` from its part of `ask`."""
     asset = picture.assets.get(name)
     if name not in world.assets:
         yield Obstacle("no asset", name)

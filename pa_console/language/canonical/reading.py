@@ -1,10 +1,10 @@
-"""Readings of orders in canonical words: parsed, compared, and in plain words for people.
+"""Readings of orders in canonical words: parsed, compared, and written in plain words for people.
 
 A trained model's reason begins with its reading, clause by clause, in a fixed word order and with
-the world's own names (`clauses.py`), so that a small model first says what it has understood. A
-clause that is not one of these is kept as it is and means nothing to the console. What a plan does
-is written in the same words, so that both can be compared. Words that are not canonical, or plain
-already, stay as they are written.
+the names of the world (`clauses.py`), so that a small model first states what it has understood. A
+clause that is not one of these is kept as it is, without a meaning for the console. The content of
+a plan is written in the same words, so that both can be compared. Words that are not canonical are
+not changed.
 """
 
 import re
@@ -55,32 +55,63 @@ _ANY = NamePatterns(
     guard=rf"(?P<leaving>{NAME})( at (?P<place>{NAME}|{NOWHERE}))?",
     stranger="(?P<stranger> vehicle| person)",
 )
-"""Everything that can be read, whatever there is."""
+"""The patterns of all names that can be read, whether they exist or not."""
 _CLAUSES: tuple[tuple[Clause, re.Pattern[str]], ...] = tuple(
     (clause, re.compile(pattern))
     for clause, pattern in clause_patterns(_ANY, lambda slot, what: f"(?P<{slot}>{what})")
 )
 _SLOTS: Mapping[str, str] = {"at": "place", "stranger": "thing"}
-"""The groups of an expression that are not called as the slot for which they stand."""
+"""The groups of an expression whose names differ from their slots."""
 _TRACKS: Mapping[str, Literal["vehicle", "person"]] = {"vehicle": "vehicle", "person": "person"}
 _UNDER = re.compile(
     r"if [^:]+: (?P<then>[^:]+), else: (?P<otherwise>[^:]+); now: (?P<now>.+?), (?P<so>not so|so)"
     r"(; (?P<facts>.*))?"
 )
 _LIMITS = re.compile(rf"(({EXCEPT}{NAME}(, {NAME})*|{OTHERS_STAY})(; |$))*")
-"""The end of a reading: who is ruled out, and whether others may move."""
+"""The end of a reading: what is ruled out, and whether other assets may move."""
+
+MOST_NAMED = 4
+"""The most assets with one task that are named; more are only counted."""
+
+_KINDS: Mapping[AssetKind, str] = {
+    "uav": "drone", "ugv": "ground vehicle", "robot": "ground robot",
+}  # fmt: skip
+_EVERY = {"all": "everybody", "any": "somebody"}
+_CASE = re.compile(r"if (?P<condition>[^:]+): (?P<then>[^:]+), else: (?P<otherwise>[^:]+)")
+_STAY = f"; {OTHERS_STAY}"
+_CONDITIONS = tuple(
+    (
+        re.compile(
+            form.words.pattern(
+                {
+                    "subject": rf"(?P<subject>{NAME}|{NOWHERE})",
+                    "track": "(?P<track>vehicle|person)",
+                    "kind": f"(?P<kind>{'|'.join(PLAIN_KINDS.values())})",
+                }
+            )
+        ),
+        form.plain,
+    )
+    for form in CONDITIONS.values()
+)
+"""The patterns of conditions, with their plain forms; the state of a condition is not included."""
+
+_JOINED = re.compile(r"(?<=[a-z])(?=[A-Z])")
+
+_OPEN = ("another asset", "another one", "somebody", "somebody else")
+"""The plain words that leave open which asset does something."""
 
 
 def read_reason(reason: str) -> Reading | None:
-    """Return the reading in `reason`, None when it does not begin with one.
+    """Return the reading in `reason`; None if it does not begin with one.
 
-    A reason that goes on ends with the facts that decide, after the last semicolon.
+    The facts that decide come last in a longer reason, after the last semicolon.
     """
     return _read(reason, with_facts=True)
 
 
 def asked_words(reason: str) -> str:
-    """Return how `reason` begins: what was asked, up to the facts that decide; '' without that."""
+    """Return the beginning of `reason`, without the facts that decide; '' if it has no reading."""
     if read_reason(reason) is None:
         return ""
     case = _UNDER.fullmatch(reason.removeprefix(ASKED))
@@ -92,12 +123,12 @@ def asked_words(reason: str) -> str:
 
 
 def read_asked(words: str) -> Reading | None:
-    """Return the reading in `words`; no other words follow it."""
+    """Return the reading in `words`, which are nothing but a reading; None if there is none."""
     return _read(words, with_facts=False)
 
 
 def clause_of(words: str) -> tuple[Clause, Mapping[str, str]] | None:
-    """Return the form of a lawful clause and its slots, None if it is no clause.
+    """Return the form of a lawful clause and its slots; None if it is no clause.
 
     The slots are those of the plain form, and those of `TEAM` if no asset is named.
     """
@@ -109,7 +140,7 @@ def clause_of(words: str) -> tuple[Clause, Mapping[str, str]] | None:
 
 
 def _slots(found: re.Match[str]) -> Iterator[tuple[str, str]]:
-    """Yield the slots of a clause, with the names of every form."""
+    """Yield the slots of a clause, with the same names for every form."""
     for slot, said in found.groupdict().items():
         if said:
             yield _SLOTS.get(slot, slot), said.strip()
@@ -139,21 +170,21 @@ def parted(parts: Sequence[str]) -> tuple[str, list[str]]:
 
 
 def _limited(clauses: str, limits: Collection[str]) -> Reading:
-    """Return what `clauses` ask for, within the limits that the order sets."""
+    """Return the reading of `clauses` with the limits that the order sets."""
     excluded = (part.removeprefix(EXCEPT) for part in limits if part.startswith(EXCEPT))
     names = tuple(name for part in excluded for name in part.split(", "))
     return Reading(tuple(_clauses(clauses)), OTHERS_STAY in limits, names)
 
 
 def _clauses(words: str) -> Iterator[Ask]:
-    """Yield what the clauses of `words` ask for."""
+    """Yield the asks of the clauses in `words`."""
     if words != NOTHING:
         yield from map(_ask, words.split("; "))
 
 
 @lru_cache(maxsize=1024)
 def _ask(words: str) -> Ask:
-    """Return what one clause asks for; the same few are read over and over in a mission."""
+    """Return the ask of one clause; cached, because the same few clauses recur in a mission."""
     wrong = _aggravated(words)
     if wrong is not None:
         return Ask(task="refused", wrong=wrong, words=words)
@@ -174,7 +205,7 @@ def _ask(words: str) -> Ask:
 
 
 def _aggravated(words: str) -> Wrong | None:
-    """Return what makes of a clause, whatever it is, one that no order may have."""
+    """Return the addition that makes a clause one that no order may have; None without one."""
     if words.startswith(ASIDE.words) and words != ASIDE.words:
         return ASIDE.wrong
     for each in UNLAWFUL:
@@ -199,9 +230,10 @@ def _who(clause: Clause, said: Mapping[str, str]) -> Who:
 
 
 def distinct(own: str, others: Iterable[str], base: str = "") -> tuple[str, ...]:
-    """Return those of `others` that can be read and ask now for something else than `own`.
+    """Return the readings in `others` that are readable and ask now for something else than `own`.
 
-    Of those that ask for the same, the first. To send somebody to the `base` is to send them home.
+    Of readings that ask for the same, only the first is returned. To send an asset to the `base` is
+    to send it home.
     """
     known, kept = [_asks(own, base)], list[str]()
     for said in others:
@@ -213,15 +245,16 @@ def distinct(own: str, others: Iterable[str], base: str = "") -> tuple[str, ...]
 
 
 def agree(one: str, other: str, base: str = "") -> bool:
-    """Return whether both readings ask for the same; not if one is unreadable."""
+    """Return whether both readings ask for the same; False if one is unreadable."""
     first = _comparable(read_asked(one), base)
     return first is not None and first == _comparable(read_asked(other), base)
 
 
 def _asks(said: str, base: str) -> Reading | None:
-    """Return the asks for now, in any wording; None if asking back gains nothing.
+    """Return the present asks, whatever their wording; None if the reading is not worth offering.
 
-    That is so if they cannot be read, or may not be had at all, or send an asset to its own origin.
+    That is so if it cannot be read, if no order may have it, or if it sends an asset to its own
+    origin.
     """
     reading = read_asked(said)
     if reading is None or not reading.readable:
@@ -234,7 +267,7 @@ def _asks(said: str, base: str) -> Reading | None:
 
 
 def _comparable(reading: Reading | None, base: str) -> Reading | None:
-    """Return `reading` however it was put: asks, and the names in each, in one order."""
+    """Return `reading` in a form independent of its wording and of the order of its parts."""
     if reading is None or not reading.readable:
         return None
     asks = [each for ask in reading.asks for each in _one_by_one(_plainly(ask, base))]
@@ -244,9 +277,10 @@ def _comparable(reading: Reading | None, base: str) -> Reading | None:
 
 
 def _plainly(ask: Ask, base: str) -> Ask:
-    """Return `ask` however it was put: whoever a gate has lost, it is the gate that is covered.
+    """Return `ask` in a form that does not depend on its wording.
 
-    A track is known by its place, and what no order may have is refused whatever it is.
+    Which asset a gate has lost makes no difference to its cover. A track is identified by its
+    place. What no order may have is refused for whatever reason.
     """
     leaving = "" if ask.task == "cover" else ask.leaving
     ask = replace(ask, words="", leaving=leaving, track="", track_id="", wrong=None)
@@ -256,7 +290,7 @@ def _plainly(ask: Ask, base: str) -> Ask:
 
 
 def _one_by_one(ask: Ask) -> Iterator[Ask]:
-    """Yield the asks of each named asset; those that swap act together."""
+    """Yield one ask per named asset; assets that swap stay in one ask."""
     if ask.task == "swap":
         yield replace(ask, who=replace(ask.who, names=tuple(sorted(ask.who.names))))
     elif len(ask.who.names) > 1:
@@ -265,12 +299,8 @@ def _one_by_one(ask: Ask) -> Iterator[Ask]:
         yield ask
 
 
-MOST_NAMED = 4
-"""More assets than these with one task are only counted."""
-
-
 def planned(actions: Sequence[Action], world: World, *, by_name: bool) -> str:
-    """Return what the actions do, e.g. "1 drone to EastGate; Robot_T01 home" with names if asked.
+    """Return the actions in words: "1 drone to EastGate; 1 robot home", or with names if `by_name`.
 
     A plan in which one asset holds and nothing else happens is "hold".
     """
@@ -297,43 +327,16 @@ def _counted(names: Iterable[str], world: World) -> str:
     )
 
 
-_KINDS: Mapping[AssetKind, str] = {
-    "uav": "drone", "ugv": "ground vehicle", "robot": "ground robot",
-}  # fmt: skip
-_EVERY = {"all": "everybody", "any": "somebody"}
-_CASE = re.compile(r"if (?P<condition>[^:]+): (?P<then>[^:]+), else: (?P<otherwise>[^:]+)")
-_STAY = f"; {OTHERS_STAY}"
-_CONDITIONS = tuple(
-    (
-        re.compile(
-            form.words.pattern(
-                {
-                    "subject": rf"(?P<subject>{NAME}|{NOWHERE})",
-                    "track": "(?P<track>vehicle|person)",
-                    "kind": f"(?P<kind>{'|'.join(PLAIN_KINDS.values())})",
-                }
-            )
-        ),
-        form.plain,
-    )
-    for form in CONDITIONS.values()
-)
-"""The state of a condition is reported elsewhere; these patterns name the condition."""
-
-
-_JOINED = re.compile(r"(?<=[a-z])(?=[A-Z])")
-
-
 def place_words(name: str) -> str:
     """Return a frame's name as words: `EastGate` is *East Gate*."""
     return _JOINED.sub(" ", name)
 
 
 def plain_reading(asked: str) -> str:
-    """Return a reading of an order in plain words, without how its condition stands at the moment.
+    """Return a reading of an order in plain words, without the present state of its condition.
 
-    `asked: if EastGate uncovered: 1 drone to EastGate, else: nothing; now: ...` is *if EastGate
-    has no guard, send 1 drone to EastGate, otherwise do nothing*.
+    `asked: if EastGate uncovered: 1 drone to EastGate, else: nothing; now: ...` is *if EastGate has
+    no guard, send 1 drone to EastGate, otherwise do nothing*.
     """
     words, _, now = asked.removeprefix(ASKED).partition("; now: ")
     others = words.endswith(_STAY) or now.endswith(_STAY)
@@ -352,15 +355,11 @@ def plain_reading(asked: str) -> str:
     return f"{told}; all others stay" if others else told
 
 
-_OPEN = ("another asset", "another one", "somebody", "somebody else")
-"""The ways to leave open in plain words who does something."""
-
-
 def says_plainly(text: str, asked: str) -> bool:
-    """Return whether `text` is the one clause of the reading `asked` in plain words.
+    """Return whether `text` is the single clause of the reading `asked` in plain words.
 
-    Such words need no reader: they have one meaning. The place may be left out where an asset is
-    named that is there.
+    Such words have only one meaning, so no model needs to read them. The place may be left out if
+    the clause names an asset at that place.
     """
     found = clause_of(asked.removeprefix(ASKED).rstrip("; "))
     if found is None:
@@ -381,7 +380,7 @@ def _plain_clauses(words: str) -> str:
 
 
 def _clause(words: str) -> str:
-    """Return one clause in plain words, and last what makes it one that no order may have done."""
+    """Return one clause in plain words, with any unlawful addition at the end."""
     if words == NOTHING:
         return "do nothing"
     if words.startswith(ASIDE.words):
@@ -422,6 +421,6 @@ def _plain_words(said: Mapping[str, str]) -> dict[str, str]:
 
 
 def listed(parts: Sequence[str]) -> str:
-    """Return parts as a sentence has them: *A, B and C*."""
+    """Return parts as a list in a sentence: *A, B and C*."""
     *firsts, last = parts
     return f"{', '.join(firsts)} and {last}" if firsts else last

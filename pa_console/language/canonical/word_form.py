@@ -1,7 +1,7 @@
-"""Forms of words with slots: one notation that is written, read and turned into an expression.
+"""Forms of words with slots: one notation to write them, to read them, and to make expressions.
 
-`{who}` is a slot, `[ by {who}]` may be left out, and of `({who} relieves|relieve)` one is said. All
-else are words that stand as they are.
+`{who}` is a slot, `[ by {who}]` is optional, and `({who} relieves|relieve)` is a choice. All other
+words stand for themselves.
 """
 
 import re
@@ -15,14 +15,14 @@ NO_DEFAULTS: Mapping[str, str] = {}
 
 @dataclass(frozen=True)
 class _Slot:
-    """A variable place in a form."""
+    """A slot in a form, by its name."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class _Choice:
-    """An alternative of several continuations; with `optional`, none is required."""
+    """A choice between several ways; if it is `optional`, none is required."""
 
     ways: "tuple[_Parts, ...]"
     optional: bool
@@ -42,14 +42,14 @@ class WordForm:
         return _pattern(self._parts, slots)
 
     def fits(self, said: Mapping[str, str]) -> bool:
-        """Return True if `said` has every required slot of the form."""
+        """Return whether `said` has every required slot of the form."""
         return _fits(self._parts, said)
 
     def write(self, said: Mapping[str, str], defaults: Mapping[str, str] = NO_DEFAULTS) -> str:
         """Return the form with its slots filled by name from `said`.
 
-        Of several ways the one with most of it is taken. A required slot that is missing is taken
-        from `defaults`; if it is not there either, KeyError is raised.
+        Of several ways, the one with the most slots in `said` is used. A required slot that is
+        missing is filled from `defaults`. Raises KeyError if it is not there either.
         """
         return _written(self._parts, said, defaults)
 
@@ -61,7 +61,7 @@ class WordForm:
 
 
 def _ways(tokens: Iterator[re.Match[str]]) -> tuple[tuple[_Parts, ...], str]:
-    """Return the ways to go on up to a bracket that closes, and that bracket, '' at the end."""
+    """Return the ways up to a closing bracket, and that bracket; '' at the end."""
     ways: list[_Parts] = []
     parts: list[str | _Slot | _Choice] = []
     for token in tokens:
@@ -124,7 +124,7 @@ def _written(parts: _Parts, said: Mapping[str, str], defaults: Mapping[str, str]
 
 
 def _says(parts: _Parts, said: Mapping[str, str]) -> int:
-    """Return the number of slots in `parts` that `said` has a value for."""
+    """Return the number of slots in `parts` for which `said` has a value."""
     number = 0
     for part in parts:
         match part:

@@ -1,7 +1,7 @@
-"""Reads patrols: *patrol west and north with Drone_T04, twice*, *have a robot walk the gates*.
+"""The reading of patrols: *patrol west and north twice*, *have a robot walk the gates*.
 
-No model reads them. Every word has to have its part: what is over is asked back about, and so is a
-patrol without an end.
+No model reads them. Every word must have a part in the patrol. The operator is asked about words
+that are left over, and about a patrol without an end.
 """
 
 import math
@@ -26,7 +26,7 @@ _TIMES = {"once": 1, "twice": 2, "thrice": 3}
 
 @dataclass(frozen=True)
 class PatrolLimits:
-    """The limits of patrols: the stay at each place, seconds, unless said; the most laps."""
+    """The limits of patrols: the default stay at each place in seconds, and the most laps."""
 
     stay_s: float = 10.0
     most_laps: int = 10
@@ -38,16 +38,16 @@ USUAL = PatrolLimits()
 
 @dataclass(frozen=True)
 class Patrol:
-    """A round over places: who goes, where to in which order, how often, and the stay at each."""
+    """A patrol: its places in order, the number of laps, the stay at each place, and the asset."""
 
     places: tuple[str, ...]
     laps: int
     stay_s: float
     who: str = ""
-    """The asset by name; '' for anybody of the `kind`."""
+    """The name of the asset; '' for any asset of the `kind`."""
     kind: AssetKind | None = None
     any_order: bool = False
-    """True if the nearest place comes first."""
+    """True if the asset goes to the nearest place first."""
 
     @property
     def words(self) -> str:
@@ -60,7 +60,7 @@ class Patrol:
 
 
 def read_patrol(scene: ReferenceScene, text: str, limits: PatrolLimits) -> Patrol | Unclear | None:
-    """Return the patrol in `text`, what to ask about it, or None for an order that is none."""
+    """Return the patrol in `text`, a question about it, or None if it is no patrol."""
     found = _Reading(scene, text)
     found.read()
     if not found.goes or len({*found.places}) < 2:
@@ -70,13 +70,13 @@ def read_patrol(scene: ReferenceScene, text: str, limits: PatrolLimits) -> Patro
 
 
 class _Reading:
-    """Reads one text from its first word to its last."""
+    """The reading of one text, from its first word to its last."""
 
     def __init__(self, scene: ReferenceScene, text: str) -> None:
         self._scene = scene
         self._reader = Reader(read_tokens(link_names(scene.world, text)))
         self.goes = self.certain = False
-        """`certain` where no other order is put so."""
+        """`certain` is True if the words can only be a patrol."""
         self.places: list[str] = []
         self._names: list[str] = []
         self._kinds: list[AssetKind] = []
@@ -85,7 +85,7 @@ class _Reading:
         self._endless, self._left = "", list[str]()
 
     def read(self) -> None:
-        """Read everything."""
+        """Read the whole text."""
         reader = self._reader
         ways = (
             self._takes_laps, self._takes_dwell, self._takes_way, self._takes_going,
@@ -163,7 +163,7 @@ class _Reading:
             return True
         if not reader.take(*_WORDS["walk"]) or reader.word() in _WORDS["ways"]:
             return False
-        # The places named before tell who walks: *the robot at the base*.
+        # The places before the verb describe the asset: *the robot at the base*.
         self.goes, self.places = True, []
         return True
 
@@ -195,7 +195,7 @@ class _Reading:
         return True
 
     def patrol(self, limits: PatrolLimits) -> Patrol | Unclear:
-        """Return the patrol that was read, or the question about it."""
+        """Return the patrol, or the question about it."""
         if self._endless:
             asked = f"“{self._endless}”: a patrol ends after a number of laps, at most"
             return Unclear("", f"{asked} {limits.most_laps} (patrol_laps). How many?")
@@ -217,7 +217,7 @@ class _Reading:
         return Patrol(places, self._laps or 1, stay_s, name, kind, self._any_order)
 
     def _in_order(self) -> tuple[str, ...]:
-        """Return the places in the order in which they are gone to, each once a lap."""
+        """Return the places in the order of the visits, each once per lap."""
         places = list(dict.fromkeys(self.places))
         if self._turn:
             places.sort(key=self._angle, reverse=self._turn > 0)
@@ -229,7 +229,7 @@ class _Reading:
         return tuple(places)
 
     def _angle(self, place: str) -> float:
-        """Return the direction of a place from the middle of all gates, from the south on."""
+        """Return the direction of a place from the middle of all gates, counted from the south."""
         spots = [self._scene.spot(gate) for gate in self._scene.gates]
         x, y = (sum(each) / len(spots) for each in zip(*spots, strict=True))
         at = self._scene.spot(place)
@@ -237,7 +237,7 @@ class _Reading:
 
 
 def legs_of(patrol: Patrol, scene: ReferenceScene, agent: str) -> tuple[str, ...]:
-    """Return the places of all laps in turn, from where `agent` is."""
+    """Return the places of all laps in order; with `any_order`, the nearest to `agent` first."""
     order = list(patrol.places)
     if patrol.any_order:
         order, left, here = [], list(patrol.places), agent
@@ -255,7 +255,7 @@ def _apart_m(scene: ReferenceScene, one: str, other: str) -> float:
 
 
 def least_s(patrol: Patrol, scene: ReferenceScene) -> float:
-    """Return the seconds that a patrol takes at least: straight ways at full speed, and stays."""
+    """Return the least time of a patrol: straight ways at full speed, and stays, seconds."""
     world = scene.world
     kinds = {world.assets[patrol.who].kind} if patrol.who in world.assets else {patrol.kind}
     speeds = [p.speed_mps for kind, p in world.platforms.items() if kinds & {kind, None}]

@@ -1,10 +1,12 @@
-"""Separates standing orders from orders for now, and reads their parts.
+"""The recognition of standing orders, and the reading of their parts.
 
-*Whenever CONDITION, ORDER*, also *each time*, *every time*, *if ... ever ...*, or the order first.
-In the order, *it*, *that drone*, *its gate* and *there* stand for the subject of the condition.
-Unclear words are asked back about; none are guessed. A condition is one of many assets, tracks or
-gates and what must be so of it: *a drone at the east gate is below 20 %* becomes CEL. Its grammar
-is read from left to right; one unknown word makes the whole condition one that is not understood.
+The form is *Whenever CONDITION, ORDER*, also with *each time*, *every time*, *if ... ever ...*, or
+with the order first. In the order, *it*, *that drone*, *its gate* and *there* mean the subject of
+the condition. The operator is asked about unclear words; none are guessed.
+
+A condition consists of a subject, among many assets, tracks or gates, and its state: *a drone at
+the east gate is below 20 %* becomes CEL. The grammar reads from left to right. One unknown word
+makes the whole condition unreadable.
 """
 
 import re
@@ -50,10 +52,50 @@ _FAILS = "it.status == 'failed'", "has failed"
 _UNHEARD = "(it.comms == 'lost' || it.stale)", "is not heard"
 _STAYS = "it.status != 'leaving'"
 
+EXAMPLES = (
+    "a drone is below 20 %", "an asset has failed", "a gate has no guard",
+    "an unknown vehicle comes to a gate", "a vehicle ignores a warning",
+)  # fmt: skip
+"""Examples of conditions."""
+
+_OPENING = re.compile(
+    r"\s*(?:(?:please|ok|okay|from now on|as a standing order|standing order)\b[\s,:]*)*"
+    r"(?:whenever|each time|every time|any ?time)\b[\s,]*"
+    r"(?:(?:you|we) (?:see|notice|hear|find)\b\s*)?(?:that\b\s*)?",
+    re.IGNORECASE,
+)
+_IF_EVER = re.compile(r"\s*(?:please[\s,]+)?if\b(?P<before>[^,]*?)\bever\b", re.IGNORECASE)
+_TALK = re.compile(r"\b(?:i|me|my|would|were|could|might)\b", re.IGNORECASE)
+"""Words before *ever* that show talk, not a condition: *if it were up to me nothing would ever*."""
+_WITHIN = re.compile(r"\b(?:whenever|each time|every time|if ever)\b", re.IGNORECASE)
+_NO_CONDITION = re.compile(
+    r"\s*(?:i|i'm|i'd|we|you|he|she|they|people|it suits|possible|convenient|ready"
+    r"|it(?:'s| is| gets) (?:ready|convenient|possible|free|time))\b",
+    re.IGNORECASE,
+)
+"""Words after *whenever* in talk and polite phrases, which state no fact of a picture."""
+_UNASKED = re.compile(
+    r",?\s*\bwithout asking(?: (?:me|us|anybody|anyone|first|again|me first))?\b", re.IGNORECASE
+)
+_LIMIT = re.compile(
+    r",?\s*(?:\bbut\b\s*)?\b(?:at most|no more than|not more than) (\w+)(?: times?)?"
+    r" (?:an|per|each|every) hour\b",
+    re.IGNORECASE,
+)
+_TIMES = {"once": 1, "one": 1, "two": 2, "twice": 2, "three": 3, "four": 4, "five": 5, "six": 6,
+          "ten": 10, "twelve": 12}  # fmt: skip
+_MOST_LIMIT = 60
+
+_SUBJECTS = word_lists("standing_subjects")
+_PLACES = word_lists("standing_places")
+_THERE = _WORDS["there"]
+_LEADS = frozenset(_WORDS["leads"])
+_STRAY = frozenset(_WORDS["stray"])
+
 
 @dataclass(frozen=True)
 class ReadCondition:
-    """A condition as it was read: of which subjects, in CEL, and in plain words."""
+    """A condition: the kind of its subjects, and its form in CEL and in plain words."""
 
     each: SubjectKind
     cel: str
@@ -62,7 +104,7 @@ class ReadCondition:
 
 @dataclass
 class _ConditionParts:
-    """The parts read so far: the subject in words, its kind and its state, in CEL."""
+    """The parts read so far: the kind of the subject, its words, and the terms in CEL."""
 
     each: SubjectKind = "asset"
     who: str = ""
@@ -71,7 +113,7 @@ class _ConditionParts:
 
 
 def read_condition(scene: ReferenceScene, tokens: Sequence[WordToken]) -> ReadCondition | None:
-    """Return the condition in `tokens`, None if a word of them is not understood."""
+    """Return the condition in `tokens`; None if one of the words is not understood."""
     reader = Reader(tokens)
     there_is = bool(reader.take("there is", "there are", "there 's"))
     said = _subject(scene, reader)
@@ -94,7 +136,7 @@ def read_condition(scene: ReferenceScene, tokens: Sequence[WordToken]) -> ReadCo
 
 
 def _subject(scene: ReferenceScene, reader: Reader) -> _ConditionParts | None:
-    """Read the subject; None if it is not understood."""
+    """Read the subject; return None if it is not understood."""
     charge_of = bool(reader.take("the battery of", "the charge of"))
     name = asset_at(scene, reader)
     if name:
@@ -113,7 +155,7 @@ def _subject(scene: ReferenceScene, reader: Reader) -> _ConditionParts | None:
 
 
 def _asset_noun(scene: ReferenceScene, reader: Reader, *, article: bool) -> _ConditionParts | None:
-    """Read *drone*, *ground vehicle*, *scout*, *asset*; a bare *vehicle* comes to a gate."""
+    """Read *drone*, *ground vehicle*, *scout* or *asset*; *vehicle* alone is a contact."""
     ground = bool(reader.take("ground"))
     word = reader.word()
     single = word.removesuffix("s")
@@ -137,7 +179,7 @@ def _asset_noun(scene: ReferenceScene, reader: Reader, *, article: bool) -> _Con
 
 
 def _other_noun(reader: Reader) -> _ConditionParts | None:
-    """Read *gate*, and *unknown vehicle* with its known identity."""
+    """Read *gate*, or a contact with its known identity: *unknown vehicle*."""
     if reader.take("gate", "gates", "post", "entrance"):
         return _ConditionParts("gate", "a gate")
     said = _ConditionParts("track")
@@ -172,11 +214,11 @@ def _place(scene: ReferenceScene, reader: Reader, said: _ConditionParts) -> None
     said.terms.append(at)
 
 
-# ------------------------------------------------------------------ what is so of it
+# ------------------------------------------------------------------ the state of the subject
 
 
 def _of_asset(scene: ReferenceScene, reader: Reader, said: _ConditionParts) -> str:
-    """Read the state of an asset, and return it in words; '' if it is not understood."""
+    """Read the state of an asset and return it in words; '' if it is not understood."""
     start = reader.at
     if reader.take("'s") and not reader.take_in(words.CHARGE):
         reader.at = start
@@ -198,7 +240,7 @@ def _of_asset(scene: ReferenceScene, reader: Reader, said: _ConditionParts) -> s
 
 
 def _state(reader: Reader, said: _ConditionParts) -> str:
-    """Read a state of an asset after *is*; '' where none is here."""
+    """Read a state of an asset after *is* and return it in words; '' if there is none."""
     if reader.take("low", "flat", "nearly empty", "almost empty", "out of battery"):
         if reader.take("on", "of"):
             reader.take_in(words.CHARGE)
@@ -220,7 +262,7 @@ def _arrives(scene: ReferenceScene, reader: Reader, said: _ConditionParts) -> st
 
 
 def _charge(reader: Reader, *, has: bool) -> tuple[str, float] | None:
-    """Read *below 20 %*, *less than 20 percent battery left*; None where that is not here."""
+    """Read *below 20 %* or *less than 20 percent battery left*; return None if there is none."""
     start = reader.at
     below = bool(reader.take(*_BELOW))
     if not below and not reader.take(*_ABOVE):
@@ -241,7 +283,7 @@ def _charge(reader: Reader, *, has: bool) -> tuple[str, float] | None:
 
 
 def _of_gate(_: ReferenceScene, reader: Reader, said: _ConditionParts) -> str:
-    """Read how a gate is guarded, and return it in words; '' where it is not understood."""
+    """Read the cover of a gate and return it in words; '' if it is not understood."""
     bare = "!it.covered && size(it.unsure) == 0"
     if reader.take("has no", "has not a", "is without a", "is without", "loses its last",
                    "loses its only", "loses its", "has lost its"):  # fmt: skip
@@ -259,7 +301,7 @@ def _of_gate(_: ReferenceScene, reader: Reader, said: _ConditionParts) -> str:
 
 
 def _of_track(scene: ReferenceScene, reader: Reader, said: _ConditionParts) -> str:
-    """Read what a track does, and return it in words; '' where it is not understood."""
+    """Read the behaviour of a track and return it in words; '' if it is not understood."""
     if reader.take("ignores", "defies", "disregards"):
         reader.take("a", "the", "its", "our")
         ignored = bool(reader.take("warning", "warnings"))
@@ -280,7 +322,7 @@ def _of_track(scene: ReferenceScene, reader: Reader, said: _ConditionParts) -> s
 
 
 def _comes(scene: ReferenceScene, reader: Reader, said: _ConditionParts) -> str:
-    """Read to where, and return it in words."""
+    """Read the destination of a track and return its movement in words."""
     target = _target(scene, reader, said, "to")
     return _so(said, _STAYS, f"comes{target or (' to a gate' if not said.where else '')}")
 
@@ -301,7 +343,7 @@ def _is_track(scene: ReferenceScene, reader: Reader, said: _ConditionParts) -> s
 
 
 def _target(scene: ReferenceScene, reader: Reader, said: _ConditionParts, joint: str) -> str:
-    """Read the destination of a contact: *to the east gate*, *at any gate*; '' for none."""
+    """Read the destination of a contact: *to the east gate*, *at any gate*; return '' if none."""
     start = reader.at
     reader.take("to", "at", "towards", "toward", "for", "in front of", "near", "outside")
     if not said.where and (place := place_at(scene, reader)) in scene.gates:
@@ -324,55 +366,13 @@ def _gate(place: str) -> str:
 
 
 def _text(text: str) -> str:
-    """Return a name, which has no quotes in it, as CEL writes it."""
+    """Return a name, which contains no quotes, as a CEL string."""
     return f"'{text}'"
-
-
-EXAMPLES = (
-    "a drone is below 20 %", "an asset has failed", "a gate has no guard",
-    "an unknown vehicle comes to a gate", "a vehicle ignores a warning",
-)  # fmt: skip
-"""Examples of conditions of standing orders."""
-
-
-_OPENING = re.compile(
-    r"\s*(?:(?:please|ok|okay|from now on|as a standing order|standing order)\b[\s,:]*)*"
-    r"(?:whenever|each time|every time|any ?time)\b[\s,]*"
-    r"(?:(?:you|we) (?:see|notice|hear|find)\b\s*)?(?:that\b\s*)?",
-    re.IGNORECASE,
-)
-_IF_EVER = re.compile(r"\s*(?:please[\s,]+)?if\b(?P<before>[^,]*?)\bever\b", re.IGNORECASE)
-_TALK = re.compile(r"\b(?:i|me|my|would|were|could|might)\b", re.IGNORECASE)
-"""The words before an *ever* that is no condition: *if it were up to me nothing would ever*."""
-_WITHIN = re.compile(r"\b(?:whenever|each time|every time|if ever)\b", re.IGNORECASE)
-_NO_CONDITION = re.compile(
-    r"\s*(?:i|i'm|i'd|we|you|he|she|they|people|it suits|possible|convenient|ready"
-    r"|it(?:'s| is| gets) (?:ready|convenient|possible|free|time))\b",
-    re.IGNORECASE,
-)
-"""The words after *whenever* in talk and politeness: no fact of a picture."""
-_UNASKED = re.compile(
-    r",?\s*\bwithout asking(?: (?:me|us|anybody|anyone|first|again|me first))?\b", re.IGNORECASE
-)
-_LIMIT = re.compile(
-    r",?\s*(?:\bbut\b\s*)?\b(?:at most|no more than|not more than) (\w+)(?: times?)?"
-    r" (?:an|per|each|every) hour\b",
-    re.IGNORECASE,
-)
-_TIMES = {"once": 1, "one": 1, "two": 2, "twice": 2, "three": 3, "four": 4, "five": 5, "six": 6,
-          "ten": 10, "twelve": 12}  # fmt: skip
-_MOST_LIMIT = 60
-
-_SUBJECTS = word_lists("standing_subjects")
-_PLACES = word_lists("standing_places")
-_THERE = _WORDS["there"]
-_LEADS = frozenset(_WORDS["leads"])
-_STRAY = frozenset(_WORDS["stray"])
 
 
 @dataclass(frozen=True)
 class ReadStanding:
-    """The parts of a standing order as they were read; `order` has slots for the subject."""
+    """The parts of a standing order; `order` has slots for the subject."""
 
     condition: ReadCondition
     order: str
@@ -381,12 +381,12 @@ class ReadStanding:
 
 
 def asks_nobody(text: str) -> tuple[str, bool]:
-    """Return an order without *without asking*, and whether it has these words."""
+    """Return an order without the words *without asking*, and whether it had them."""
     return _UNASKED.sub("", text), _UNASKED.search(text) is not None
 
 
 def read_standing(scene: ReferenceScene, text: str) -> ReadStanding | Unclear | None:
-    """Return a standing order, the question about one, or None for a text that is none."""
+    """Return a standing order, a question about one, or None if the text is none."""
     linked = link_names(scene.world, text)
     said, unasked = asks_nobody(linked)
     limit = _LIMIT.search(said)
@@ -414,7 +414,7 @@ def read_standing(scene: ReferenceScene, text: str) -> ReadStanding | Unclear | 
 
 
 def _parts(text: str) -> list[tuple[str, str]] | None:
-    """Return the ways to part a text into condition and order, None for no standing order."""
+    """Return the ways to split a text into condition and order; None for no standing order."""
     opening = _OPENING.match(text)
     if opening is not None:
         rest = text[opening.end() :]
@@ -432,14 +432,14 @@ def _parts(text: str) -> list[tuple[str, str]] | None:
 
 
 def _first_condition(text: str) -> Iterator[tuple[str, str]]:
-    """Yield the ways to part *CONDITION, ORDER*: at a comma, at *then*, at a colon."""
+    """Yield the ways to split *CONDITION, ORDER*: at a comma, *then*, a colon or a dash."""
     for found in re.finditer(r",\s*(?:then\b\s*)?|:\s*|\s+then\s+|\s+[-–—]\s+", text):
         if order := text[found.end() :].strip():
             yield text[: found.start()], order
 
 
 def _with_slots(each: SubjectKind, order: str) -> str | Unclear:
-    """Return an order with slots for the subject and its gate."""
+    """Return an order with slots for the subject and its gate, or a question about it."""
     if "{" in order or "}" in order:
         return Unclear("", "braces mean nothing in an order. What is to be done?")
     tokens = read_tokens(order)
@@ -460,7 +460,7 @@ def _with_slots(each: SubjectKind, order: str) -> str | Unclear:
 
 
 def _slot(each: SubjectKind, reader: Reader, tokens: tuple[WordToken, ...], at: int) -> str:
-    """Read words that stand for the subject or its gate; '' where none are here."""
+    """Read words that mean the subject or its gate, and return the slot; '' if there are none."""
     if reader.take(*_PLACES.get(each, ())):
         return PLACE
     if reader.take(*_SUBJECTS[each]):

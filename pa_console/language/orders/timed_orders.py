@@ -1,8 +1,9 @@
-"""Reads the times of an order: a moment, an interval, an end, a stay; the rest is the order.
+"""The times of an order: a moment, an interval, an end, a stay; the remaining text is the order.
 
-*At 16:45*, *in five minutes*, *every full hour until 18:00*, *for ten minutes and then back*. Times
-are those of the station's clock and zone. Each phrase is cut out of the text; what is left is read
-like any order. A time that can mean two moments is asked back about, and so is one in the past.
+Examples are *at 16:45*, *in five minutes*, *every full hour until 18:00*, and *for ten minutes and
+then back*. Times are those of the station's clock and time zone. Each phrase is cut out of the
+text, and the remaining text is read like any order. The operator is asked about a time that can
+mean two moments, and about one in the past.
 """
 
 import re
@@ -35,11 +36,11 @@ from pa_console.schema.mission import DAY_S, Schedule
 from pa_console.schema.world import World
 
 SHORTEST_S = 60.0
-"""The shortest interval of a recurring order, unless a setting says otherwise."""
+"""The shortest interval of a repeating order, seconds, unless a setting changes it."""
 MOST_AHEAD = timedelta(days=31)
-"""The farthest moment for which an order is taken."""
+"""How far ahead an order may begin."""
 JUST_S = 1.0
-"""A clock time that passed so little ago is the present moment."""
+"""How long a clock time that has passed still means the present moment, seconds."""
 
 _FREQUENT = {"hourly": 3600.0, "half-hourly": 1800.0, "quarter-hourly": 900.0, "daily": DAY_S}
 _TO_BASE = frozenset(("base", "home", "rtb", "return", "returns"))
@@ -51,7 +52,7 @@ _ON_THE = (("on the full hour", 0), ("on the hour", 0), ("on the half hour", 30)
 
 @dataclass(frozen=True)
 class ReadTimed:
-    """An order with its moments, and the order that each of them starts."""
+    """A timed order: its moments, and the order that each of them starts."""
 
     schedule: Schedule
     order: str
@@ -67,17 +68,17 @@ class _Said:
     )
     every_s: float = 0.0
     minute: int | None = None
-    """The minute of the hour with which the moments are aligned."""
+    """The minute of the hour at which the moments are."""
     until: tuple[str, ClockTime] | None = None
     during_s: float = 0.0
     times: int = 0
     to_base: bool = False
-    """True if the staying asset then goes to the base instead of its former place."""
+    """True if the asset goes to the base after its stay, instead of its former place."""
     day: date | None = None
     half: str = ""
-    """The half of the day in which the moments are: 'am', 'pm', or '' where that is not said."""
+    """The half of the day in which the moments are: 'am', 'pm', or '' if it is not given."""
     vague: str = ""
-    """Words of time that name no moment: *in a few minutes*."""
+    """Words of time that define no moment: *in a few minutes*."""
     cut: list[tuple[int, int]] = field(default_factory=list[tuple[int, int]])
 
     @property
@@ -116,9 +117,9 @@ def read_timed(
 
 
 def _second_clock(world: World, order: str) -> str:
-    """Return a time of the clock that is left in an order whose moments were read; '' for none.
+    """Return a clock time that remains in an order after its times were read; '' for none.
 
-    A duration may be a part of what is to be done: *one minute at each gate*.
+    A duration may belong to the task: *one minute at each gate*.
     """
     for words in unread_times(world, order):
         reader = Reader(read_tokens(words))
@@ -128,9 +129,9 @@ def _second_clock(world: World, order: str) -> str:
 
 
 def _phrases(world: World, text: str, tokens: tuple[WordToken, ...], now: datetime) -> _Said | None:
-    """Return the times, intervals and ends in the words, None if they have none.
+    """Return the times, intervals and ends in the text; None if it has none.
 
-    The time of something else, *the storm will hit in an hour*, is none of an order's.
+    A time of something else, such as *the storm will hit in an hour*, is not a time of the order.
     """
     spans, at = list[tuple[int, int]](), 0
     while at < len(tokens):
@@ -152,14 +153,14 @@ def _phrases(world: World, text: str, tokens: tuple[WordToken, ...], now: dateti
 
 
 def _before(tokens: tuple[WordToken, ...], at: int) -> int:
-    """Return where a phrase begins, with the joints before it: *and then every ten minutes*."""
+    """Return where a phrase begins, with the joining words before it: *and then every hour*."""
     while at > 0 and tokens[at - 1].word in ("and", "then", ",", "but", "once"):
         at -= 1
     return tokens[at].start
 
 
 def _phrase(reader: Reader, said: _Said, now: datetime) -> bool:
-    """Read one phrase of time from here; False if there is none."""
+    """Read one phrase of time here; return False if there is none."""
     start = reader.at
     for read in (_read_every, _read_window, _read_until, _read_start, _read_during, _read_vague):
         if read(reader, said, now):
@@ -171,7 +172,7 @@ def _phrase(reader: Reader, said: _Said, now: datetime) -> bool:
 
 
 def _cut_later(tokens: tuple[WordToken, ...], said: _Said, name: str) -> None:
-    """Read what only counts beside a time: *four times*, and *then back* at the end."""
+    """Read a phrase that counts only beside a time: *four times*, or *then back* at the end."""
     for at in range(len(tokens)):
         reader = Reader(tokens, at)
         if any(first <= tokens[at].start < last for first, last in said.cut):
@@ -190,7 +191,7 @@ def _cut_later(tokens: tuple[WordToken, ...], said: _Said, name: str) -> None:
 
 
 def _way_back(reader: Reader) -> set[str]:
-    """Read *and then back*, *after that it returns to base* at the end; nothing for no such."""
+    """Read *and then back* or *after that it returns to base* at the end; return the words."""
     reader.take(",")
     if not reader.take(*TIME_WORDS["then"]):
         return set()
@@ -305,7 +306,7 @@ def _read_window(reader: Reader, said: _Said, now: datetime) -> bool:
 
 
 def _read_vague(reader: Reader, said: _Said, now: datetime) -> bool:
-    """Read *in a few minutes*, *by 16:45*, *at 25:00*: no moment to begin, and not to be lost."""
+    """Read a time that defines no moment: *in a few minutes*, *by 16:45*, *at 25:00*."""
     first = reader.at
     if reader.take("by", "before"):
         latest = read_clock(reader, now, led=True)
@@ -320,7 +321,7 @@ def _read_vague(reader: Reader, said: _Said, now: datetime) -> bool:
     led = bool(reader.take("in", "for", "every"))
     found = led and bool(reader.take(*TIME_WORDS["vague"], "0", "zero")) and read_unit(reader) > 0.0
     if not found and (reader.take(*TIME_WORDS["at"]) or first == 0):
-        # Digits of a clock that no clock shows: *at 25:00* must not become an order for now.
+        # An invalid clock time: *at 25:00* must not become an order for now.
         parts = reader.word(), reader.word(1), reader.word(2)
         found = parts[1] == ":" and parts[0].isdecimal() and parts[2].isdecimal()
         reader.at += 3 * found
@@ -336,7 +337,7 @@ def _read_start(reader: Reader, said: _Said, now: datetime) -> bool:
         said.starts.append(("now", now))
         return True
     if way := reader.take(*TIME_WORDS["after"]):
-        # Within an order, *wait ten minutes* is a part of what is to be done.
+        # In the middle of an order, *wait ten minutes* is part of the task.
         seconds = read_duration(reader) if first == 0 or not way.startswith("wait") else 0.0
         if not seconds and way in ("in", "t plus", "t +"):
             seconds = _bare_minutes(reader, ends=way == "in")
@@ -375,15 +376,15 @@ def _read_start(reader: Reader, said: _Said, now: datetime) -> bool:
 
 
 def _bare_minutes(reader: Reader, *, ends: bool) -> float:
-    """Read a number that is one of minutes: *in 5* at the end of a clause, *T+15*; in seconds."""
+    """Read a number of minutes, *in 5* at the end of a clause or *T+15*; return seconds."""
     number = read_number(reader) if reader.word().isdecimal() else -1.0
     return 60.0 * number if number > 0 and not (ends and reader.word() not in STOPS) else 0.0
 
 
 def _stands_alone(reader: Reader, now: datetime) -> str:
-    """Return "at" if a time stands here that needs no such word: *RTB 2130*, *midnite: ...*.
+    """Return "at" if there is a time here that needs no such word: *RTB 2130*, *midnite: ...*.
 
-    It is one of four digits, *16 30*, noon or midnight, and begins or ends a clause.
+    Such a time has four digits, is *16 30*, noon or midnight, and begins or ends a clause.
     """
     digits = FOUR_DIGITS.fullmatch(reader.word()) or (
         re.fullmatch(r"[012]\d", reader.word()) and re.fullmatch(r"[0-5]\d", reader.word(1))
@@ -416,13 +417,13 @@ def _words_from(said: _Said, reader: Reader, first: int) -> str:
     return said.text[reader.tokens[first].start : reader.tokens[reader.at - 1].end]
 
 
-# ------------------------------------------------------------------ what it comes to
+# ------------------------------------------------------------------ the schedule
 
 
 def _schedule(  # noqa: PLR0911 - one line for each thing that can be wrong
     said: _Said, now: datetime, shortest_s: float
 ) -> Schedule | Unclear:
-    """Return the moments named in the order, or the reason why they cannot be used."""
+    """Return the schedule of the order, or the question why its times cannot be used."""
     latest = said.until is not None and not said.every_s and said.until[0].lower()
     if latest and latest.startswith(TIME_WORDS["last_at"]):
         said.vague = said.until[0] if said.until else ""
@@ -473,13 +474,13 @@ def _first(said: _Said, now: datetime) -> datetime | Unclear:
 
 
 def _aligned(now: datetime, minute: int) -> datetime:
-    """Return the next moment at that minute of an hour."""
+    """Return the next moment at this minute of an hour."""
     at = now.replace(minute=minute, second=0, microsecond=0)
     return at if at >= now else at + timedelta(hours=1)
 
 
 def _moment(words: str, clock: ClockTime, said: _Said, now: datetime) -> datetime | Unclear:
-    """Return the moment of a clock time, or a question if it has passed or can mean two."""
+    """Return the moment of a clock time, or a question if it has passed or can mean two moments."""
     day = clock.day or said.day
     at = _on(day or now.date(), clock.at, now, utc=clock.utc)
     if not clock.settled:
@@ -517,7 +518,7 @@ def _end(said: _Said, start: datetime, now: datetime) -> datetime | Unclear | No
 
 
 def _on(day: date, at: time, now: datetime, *, utc: bool) -> datetime:
-    """Return a time of day on `day`, in the zone of `now`, as the zone is at that moment."""
+    """Return a time of day on `day` in the zone of `now`, with the offset of that day."""
     if utc:
         return datetime.combine(day, at, UTC).astimezone(now.tzinfo)
     if now.tzinfo is UTC:
@@ -533,7 +534,7 @@ def _as_said(at: datetime, now: datetime) -> str:
 
 
 def schedule_words(schedule: Schedule, now: datetime) -> str:
-    """Return the moments of a schedule in words: *every 10 minutes from 15:00 until 18:00*."""
+    """Return a schedule in words: *every 10 minutes from 15:00 until 18:00*."""
     begins = "now" if schedule.at_once else _as_said(schedule.start, now)
     if schedule.every_s:
         words = f"every {duration_words(schedule.every_s)} from {begins.removeprefix('at ')}"
@@ -548,7 +549,7 @@ def schedule_words(schedule: Schedule, now: datetime) -> str:
 
 
 def _rest(text: str, cut: list[tuple[int, int]]) -> str:
-    """Return the text without the phrases of time, and without the stops that belonged to them."""
+    """Return the text without the time phrases and the punctuation around them."""
     parts, done = list[str](), 0
     for first, last in sorted(cut):
         if first >= done:

@@ -1,6 +1,6 @@
-"""Questions with an order under them: *Is anybody at the gate? If not, send one* is a condition.
+"""Questions that are followed by an order: *Is anybody at the gate? If not, send one*.
 
-Such an order depends on the picture. It is written as one condition and what is to be done then.
+Such an order depends on the picture. It is rewritten as an order under a condition.
 """
 
 from collections.abc import Sequence
@@ -41,11 +41,11 @@ class AskedCondition:
 
     condition: Condition
     subject: str
-    """The gate or asset that *it* is in what follows; the kind where one is asked for."""
+    """The gate or asset that *it* means in the order; the kind if the question is about one."""
 
 
 def conditional_order(scene: ReferenceScene, text: str) -> str:
-    """Return a question with an order under it as an order under a condition; '' for none."""
+    """Return a question and the order after it as an order under a condition; '' for none."""
     question, mark, rest = text.partition("?")
     if not mark or not rest.strip():
         return ""
@@ -142,7 +142,7 @@ def _plain(condition: Condition) -> str:
 def _order(
     scene: ReferenceScene, rest: str, tokens: Sequence[WordToken], asked: AskedCondition
 ) -> str:
-    """Return the action, with names for *it*, *its gate* and *there*."""
+    """Return the order, with names for *it*, *its gate* and *there*."""
     subject = asked.subject
     is_gate, is_asset = subject in scene.gates, subject in scene.world.assets
     gate = subject if is_gate else scene.guarded_by(subject) if is_asset else ""

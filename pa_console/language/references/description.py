@@ -1,8 +1,8 @@
-"""Definite descriptions with their traits, and the sets of assets or gates that an order makes.
+"""Definite descriptions with their traits, and the sets of assets or gates in an order.
 
-*Of the two robots, the one with more battery goes north, the other one stays*: a set is a list of
-names or a plural noun; *the one that*, *whichever*, *the latter*, *the other one* pick from the
-set that was introduced last.
+An example is *of the two robots, the one with more battery goes north, the other one stays*. A set
+is a list of names or a plural noun. *The one that*, *whichever*, *the latter* and *the other one*
+pick from the set that was introduced last.
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -16,28 +16,39 @@ from pa_console.language.references.scene import ReferenceScene
 
 Sort = Literal["gate", "asset"]
 Trait = Callable[[ReferenceScene, str], bool]
-"""Returns whether a thing of that name has the trait."""
+"""Returns whether the asset or gate of that name has the trait."""
 By = Literal["near", "far", "full", "flat"]
-"""The measure of a superlative: distance to a place, or from it, or the battery."""
+"""The measure of a superlative: distance to a place, distance from it, or battery."""
 _TIE: dict[By, float] = {"near": 3.0, "far": 3.0, "full": 1.0, "flat": 1.0}
-"""Two that are so little apart, in metres or percent, answer to a superlative equally well."""
+"""The difference, in metres or percent, within which two members fit a superlative equally well."""
+
+_WORDS = word_lists("groups")
+OF = _WORDS["of"]
+"""The words before a set: *of the two robots*."""
+DETERMINERS = _WORDS["determiners"]
+_ONE_OF = _WORDS["one_of"]
+_JOINTS = (*_WORDS["joints"], ",", "/", "&")
+_ORDINALS = {word: place for place, word in enumerate(_WORDS["ordinals"])}
+_MEMORY = 2
+"""The number of past missions to which *the drone* can refer."""
+_CLAUSE = frozenset(_WORDS["clause"])
 
 
 @dataclass(frozen=True)
 class Superlative:
-    """A superlative: of those that fit, the one that comes first is meant."""
+    """A superlative: of those that fit, the first by its measure is meant."""
 
     by: By
     place: str = ""
-    """The origin of distances: a frame or an asset; '' if it is not given."""
+    """The origin of distances, a frame or an asset; '' if it is not given."""
 
     @property
     def distance(self) -> bool:
-        """True if it is about distances."""
+        """True if the measure is a distance."""
         return self.by in ("near", "far")
 
     def measure(self, scene: ReferenceScene, name: str) -> float:
-        """Return the smaller the better how a thing answers to it, metres or percent."""
+        """Return the measure of an asset or gate, in metres or percent; the smallest fits best."""
         match self.by:
             case "near":
                 return scene.distance_m(self.place, name)
@@ -61,24 +72,24 @@ class Group:
     start: int = 0
     end: int = 0
     leading: bool = False
-    """True if it begins a clause: *of the two robots,* is left out once something is picked."""
+    """True if it begins a clause: *of the two robots,* is left out once a member is picked."""
     choice: bool = False
-    """True if any one of it will do: *Drone_T04 or Ugv_T02*, *a robot*."""
+    """True if any member will do: *Drone_T04 or Ugv_T02*, *a robot*."""
     clear: bool = True
-    """False if its number does not fit the picture: *the two drones* where there are four."""
+    """False if its number does not match the picture: *the two drones*, if there are four."""
     spoken: bool = True
-    """False for the assets that moved last, which the order does not speak of."""
+    """False for the assets that moved last and that the order does not mention."""
     picked: set[str] = field(default_factory=set[str])
     bound: bool = False
-    """True if a description has picked from it."""
+    """True if a description has picked from the set."""
 
 
 @dataclass(frozen=True)
 class Description:
-    """Words from the character `start` up to `end` that describe gates or assets.
+    """The characters from `start` to `end` of an order, which describe gates or assets.
 
-    So many are meant as `number` says: 0 for all that fit. Of several that fit, `any_will_do`.
-    `place` is named inside of it. Without a noun of its own it picks from `group`.
+    `number` is how many are meant; 0 means all that fit. With `any_will_do`, any of those that fit
+    will do. `place` is a frame named in the words. A description without a noun picks from `group`.
     """
 
     start: int
@@ -96,10 +107,10 @@ class Description:
 
 
 def fitting(scene: ReferenceScene, description: Description) -> tuple[str, ...]:
-    """Return the names of what fits, in the order of the world; a superlative leaves the best.
+    """Return the names that fit, in the order of the world; with a superlative, only the best.
 
-    Of several that are equally good all are returned. What picks from a group that the order does
-    not speak of may fit none of it, and then means any.
+    If several are equally good, all of them are returned. If the description picks from a group
+    that the order does not mention, and no member fits, other assets may fit.
     """
     names: Sequence[str] = (
         scene.gates if description.sort == "gate" else tuple(scene.picture.assets)
@@ -117,7 +128,7 @@ def fitting(scene: ReferenceScene, description: Description) -> tuple[str, ...]:
 
 @dataclass
 class PartialDescription:
-    """The traits of a description so far, while it is read."""
+    """A description while it is read, with its traits so far."""
 
     scene: ReferenceScene
     reader: Reader
@@ -125,31 +136,32 @@ class PartialDescription:
     traits: list[Trait] = field(default_factory=list[Trait])
     ranking: Superlative | None = None
     place: str = ""
-    """A frame that is named inside of it."""
+    """A frame named in the description."""
     describes: bool = False
-    """True if the words are more than a bare noun."""
+    """True if the words are more than a noun."""
     past: bool = False
-    """True if it refers to an earlier order."""
+    """True if the description refers to an earlier order."""
     of_assets: bool = False
-    """True if a trait is one of assets alone."""
+    """True if a trait applies only to assets."""
     put: bool = False
-    """True after *put* and the like: *at the south gate* is where to, unless a place follows."""
+    """True after *put* and similar verbs: *at the south gate* is the destination, unless a place
+    follows."""
     bare_location: bool = False
-    """True if a place is named without a word that an asset is there: *everybody at the hub*."""
+    """True if a place is named without *is* or a similar word: *everybody at the hub*."""
 
     def say(self, trait: Trait, *, no: bool = False) -> bool:
-        """Add a trait, or with `no` its opposite; returns True."""
+        """Add a trait, or with `no` its opposite; return True."""
         self.traits.append((lambda scene, name: not trait(scene, name)) if no else trait)
         self.describes = True
         return True
 
     def rank(self, ranking: Superlative) -> bool:
-        """Add a superlative; returns True."""
+        """Add a superlative; return True."""
         self.ranking, self.describes = ranking, True
         return True
 
     def by_distance(self) -> bool:
-        """Read *nearest to the base*, *furthest away*; False where neither is here."""
+        """Read *nearest to the base* or *furthest away*; return False if there is neither."""
         reader = self.reader
         near = bool(reader.take_in(words.NEAR))
         if not near and not reader.take_in(words.FAR):
@@ -159,7 +171,7 @@ class PartialDescription:
         return True
 
     def from_where(self) -> None:
-        """Read the origin of a distance: *to the base*, *away from Drone_T01*, or nothing."""
+        """Read the origin of a distance, if there is one: *to the base*, *away from Drone_T01*."""
         reader, scene, ranking = self.reader, self.scene, self.ranking
         if ranking is None or not ranking.distance or ranking.place:
             return
@@ -200,18 +212,18 @@ class PartialDescription:
         return False
 
     def _among(self) -> None:
-        """Read the group of one asset: *among the drones*."""
+        """Read the group to choose from: *among the drones*."""
         if team := self.scene.members(self.reader.word()):
             self.reader.at += 1
             self.traits.append(lambda _, name: name in team)
 
 
 Way = Callable[[], bool]
-"""Reads one trait, and returns whether it was there."""
+"""Reads one trait and returns whether there was one."""
 
 
 def works(scene: ReferenceScene, name: str) -> bool:
-    """Return whether an asset is in order."""
+    """Return whether an asset is available."""
     return scene.asset(name).available
 
 
@@ -242,7 +254,7 @@ def is_silent(scene: ReferenceScene, name: str) -> bool:
 
 
 def is_guard(scene: ReferenceScene, name: str) -> bool:
-    """Return whether an asset belongs to a gate."""
+    """Return whether an asset has its post at a gate."""
     return bool(scene.guarded_by(name))
 
 
@@ -251,34 +263,23 @@ def is_bare(scene: ReferenceScene, gate: str) -> bool:
     return not scene.guards(gate)
 
 
-_WORDS = word_lists("groups")
-OF = _WORDS["of"]
-"""The words that lead to a set: *of the two robots*."""
-DETERMINERS = _WORDS["determiners"]
-_ONE_OF = _WORDS["one_of"]
-_JOINTS = (*_WORDS["joints"], ",", "/", "&")
-_ORDINALS = {word: place for place, word in enumerate(_WORDS["ordinals"])}
-_MEMORY = 2
-"""The number of past missions that *the drone* can refer to."""
-_CLAUSE = frozenset(_WORDS["clause"])
-
-
 class ReadSet(NamedTuple):
-    """A set as it is read, up to the token `end`; not `clear` if its number does not fit."""
+    """A set up to the token `end`; `clear` is False if its number does not match the picture."""
 
     members: tuple[str, ...]
     sort: Sort
     end: int
     clear: bool = True
     choice: bool = False
-    """True if any one of it will do: *Drone_T04 or Ugv_T02*, *a robot*."""
+    """True if any member will do: *Drone_T04 or Ugv_T02*, *a robot*."""
 
 
 @dataclass
 class SentenceGroups:
-    """The sets of an order, and the assets that it has mentioned, up to the place that is read.
+    """The sets and mentioned assets of an order, up to the token that is read.
 
-    An order that has introduced no set picks from those that the last mission moved, if several.
+    If the order has introduced no set, descriptions pick from the assets that the last mission
+    moved, if there were several.
     """
 
     scene: ReferenceScene
@@ -287,7 +288,7 @@ class SentenceGroups:
     opened: list[Group] = field(default_factory=list[Group])
     """All sets that the order has introduced."""
     latest: tuple[str, ...] = ()
-    """The assets mentioned last; before any, those that the last mission moved."""
+    """The assets mentioned last; at the start, those that the last mission moved."""
     named: set[str] = field(default_factory=set[str])
     """The assets mentioned in the order so far."""
 
@@ -307,12 +308,12 @@ class SentenceGroups:
 
     @property
     def rest(self) -> Group | None:
-        """The last set with some members picked and some left."""
+        """The last set of which some members are picked and some are left."""
         picked = (g for g in reversed(self.opened) if 0 < len(g.picked) < len(g.members))
         return next(picked, None)
 
     def spoken_of(self, team: Collection[str]) -> frozenset[str]:
-        """Return who of a `team` was spoken of last: in the order, or in the last two missions."""
+        """Return the assets of `team` mentioned last: in the order, or in the last two missions."""
         past = [mission for mission in self.scene.past if not mission.undid]
         turns = [{move.agent for move in mission.moves} for mission in past[: -_MEMORY - 1 : -1]]
         found = (frozenset(team) & turn for turn in (self.named, *turns))
@@ -324,9 +325,9 @@ class SentenceGroups:
         return not before[0].isalnum() or before in _CLAUSE
 
     def in_order(self, word: str) -> str:
-        """Return which member of the set an ordinal means: *the former*, *the second*; '' for none.
+        """Return the member of the set that an ordinal means: *the former*, *the second*; or ''.
 
-        *The first* is of the set only beside *the second*, *the other*.
+        *The first* refers to the set only if *the second* or *the other* is there, too.
         """
         group = self.current
         if group is None or word not in (*_ORDINALS, "former", "latter"):
@@ -339,7 +340,7 @@ class SentenceGroups:
         return "" if alone or place >= len(group.members) else group.members[place]
 
     def introduce(self, found: ReadSet, first: int) -> None:
-        """Begin a set whose words are the tokens from `first` up to the end of `found`."""
+        """Begin a set; its words are the tokens from `first` to the end of `found`."""
         leading = self.begins_clause(first) and bool(Reader(self.tokens, first).take(*OF))
         end = found.end
         stop, then = ([token.word for token in self.tokens[end : end + 2]] + ["", ""])[:2]
@@ -367,7 +368,7 @@ class SentenceGroups:
         return reader.at if at >= 0 and reader.take(*_ONE_OF) else -1
 
     def mention(self, one: Description, names: Sequence[str]) -> None:
-        """Note that the description `one` means `names`."""
+        """Record that the description `one` means `names`."""
         if one.group is not None:
             one.group.bound = True
         if self.current is not None and one.group is None and len(names) > 1:
@@ -385,14 +386,14 @@ class SentenceGroups:
         self.named.update(self.latest)
 
     def read_name(self, at: int) -> int:
-        """Read the name of an asset at token `at`; returns the next token."""
+        """Read the name of an asset at token `at`, if there is one; return the next token."""
         reader = Reader(self.tokens, at)
         if name := asset_at(self.scene, reader):
             self._pick((name,))
         return at + 1
 
     def read_names(self, at: int) -> ReadSet | None:
-        """Read a list of two or more asset names at token `at`, None where there is none."""
+        """Read a list of two or more asset names at token `at`; return None if there is none."""
         reader, end = Reader(self.tokens, at), at
         names = list[str]()
         choice = False

@@ -1,8 +1,8 @@
-"""Reads definite descriptions out of an order: *the gate with only one guard*, *both robots*.
+"""A grammar for definite descriptions: *the gate with only one guard*, *both robots*.
 
-A description is a determiner, adjectives, a noun, and what is said after it: with what, where, who
-guards it, how near it is. The grammar is written by hand and read from left to right; words that it
-does not know end a description, and are never passed over.
+A description consists of a determiner, adjectives, a noun, and clauses after it, such as its
+equipment, place, guards or distance. The grammar is written by hand and reads from left to right.
+An unknown word ends a description; it is never skipped.
 """
 
 from collections.abc import Iterator, Sequence
@@ -36,7 +36,7 @@ from pa_console.language.references.trait_clauses import AssetClauses, GateClaus
 
 _DEALT_WITH = frozenset(("warn", "identify", "stop", "block", "unknown", "check", "approaching"))
 _MOST = 20
-"""More things than these are not counted out in words."""
+"""The largest number that is read as a count in words."""
 
 
 def find_descriptions(
@@ -47,7 +47,8 @@ def find_descriptions(
 ) -> Iterator[Description]:
     """Yield the descriptions in `text`, whose words are `tokens`, from left to right.
 
-    What a description means has to be noted in `groups` before the next one is read.
+    The caller has to record the meaning of each description in `groups` before the next one is
+    read.
     """
     groups = SentenceGroups(scene, tokens) if groups is None else groups
     at = 0
@@ -69,12 +70,12 @@ def find_descriptions(
 
 
 def _set_at(groups: SentenceGroups, text: str, at: int) -> ReadSet | None:
-    """Read a set at token `at`, names or a plural noun; None where there is none."""
+    """Read a set of names or a plural noun at token `at`; return None if there is none."""
     return groups.read_names(at) or _DescriptionParser(groups, text, at).plural()
 
 
 class _DescriptionParser:
-    """Reads one description from one place of an order, after the sets in `groups`."""
+    """A parser for one description from token `at`, after the sets in `groups`."""
 
     def __init__(self, groups: SentenceGroups, text: str, at: int) -> None:
         self._scene, self._groups, self._text, self._first = groups.scene, groups, text, at
@@ -87,24 +88,24 @@ class _DescriptionParser:
         self._bare = False
         """True if there is no determiner."""
         self._vague = False
-        """True if the noun is *one*, which may be a visitor as well as an asset."""
+        """True if the noun is *one*, which may mean a contact as well as an asset."""
         self._nameless = False
-        """True if the noun is *one*, or left out."""
+        """True if the noun is *one* or is left out."""
         self._demonstrative = False
         """True if its determiner is *the*, *this* or *that*."""
         self._team: frozenset[str] = frozenset()
-        """The assets of the kind that its noun is."""
+        """The assets of the kind or team of its noun."""
         self._every = False
-        """True if its determiner is *every*, *each of the* and the like."""
+        """True if its determiner is *every*, *each of the* or similar."""
         self._ordinal = False
-        """True if it is *the former*, *the second one*, which no clause after it limits."""
+        """True for *the former* or *the second one*, which no later clause limits."""
         self._other = False
-        """True if it excludes what was picked or mentioned before."""
+        """True if it excludes the assets or gates that were picked or mentioned before."""
         self._group: Group | None = None
         """The set that it picks from; None if it has a noun of its own."""
 
     def description(self) -> Description | None:
-        """Return the description that begins here, None where none does."""
+        """Return the description that begins here; None if there is none."""
         told = self._told
         ways = (self._possessive, self._pronoun, self._one_of_two, self._noun_phrase)
         if not any(way() for way in ways):
@@ -114,13 +115,13 @@ class _DescriptionParser:
         if not self._definite and told.ranking is None:
             return None
         if self._idle_only and (self._number == 0 or self._bare):
-            return None  # who is free is the planner's to choose
+            return None  # the planner chooses among the free assets
         if self._vague and any(track.gate == told.place for track in self._scene.visitors()):
             return None
         return self._whole()
 
     def plural(self) -> ReadSet | None:
-        """Return the set that a plural noun begins here: *the two robots*, *our drones*."""
+        """Return the set that begins here with a plural noun: *the two robots*, *our drones*."""
         reader, told = self.reader, self._told
         choice = any(token.word == "whichever" for token in reader.tokens) and bool(
             reader.take("a", "an", "any", "either")
@@ -164,7 +165,7 @@ class _DescriptionParser:
 
     @property
     def _selects(self) -> bool:
-        """True for *Drone_T04 or Ugv_T02, whichever is nearer*: it selects one of those named."""
+        """True if it selects one of those before: *Drone_T04 or Ugv_T02, whichever is nearer*."""
         reader = Reader(self.reader.tokens, self._first)
         after = reader.word(-1) in (",", "-", "–", "(") and reader.word() == "whichever"
         return after and self._group is not None and self._group.choice and not self._group.leading
@@ -172,17 +173,17 @@ class _DescriptionParser:
     def _spoken_of(self) -> bool:
         """Read *the drone* as the one mentioned in the order, or else in the last two missions.
 
-        Returns False if none was mentioned: then any drone will do.
+        Returns False if none was mentioned, so that any drone will do.
         """
         if not self._demonstrative or self._number != 1 or not self._team:
             return False
         if not self._stands_alone():
-            return False  # *the aircraft carrier* is none of them
+            return False  # the noun belongs to a longer one: *the aircraft carrier*
         about = self._groups.spoken_of(self._team)
         return bool(about) and self._told.say(lambda _, name: name in about)
 
     def _one_at_each(self) -> bool:
-        """Return whether the words ask for one asset at every gate: *a robot at every gate*."""
+        """Return whether the words ask for one asset at each gate: *a robot at every gate*."""
         before = [token.word for token in self.reader.tokens[: self._first]][-3:]
         if not self._every or self._told.sort != "gate" or len(before) < 3:
             return False
@@ -252,7 +253,7 @@ class _DescriptionParser:
         return False
 
     def _of_set(self) -> bool:
-        """Read the set to pick from, *of the two robots*; False where there is none."""
+        """Read the set to pick from, *of the two robots*; return False if there is none."""
         start = self.reader.at
         if self.reader.take(*OF):
             found = _set_at(self._groups, self._text, self.reader.at)
@@ -264,7 +265,7 @@ class _DescriptionParser:
         return False
 
     def _one_of_two(self) -> bool:
-        """Read *one* before *the other*: any of a set that the order has introduced."""
+        """Read *one* before *the other*: any member of a set that the order has introduced."""
         reader, group = self.reader, self._groups.open
         if group is None or reader.word() != "one" or reader.word(-1) in words.DETERMINED:
             return False
@@ -277,7 +278,7 @@ class _DescriptionParser:
         return self._told.say(lambda _, name: name not in group.picked)
 
     def _stands_alone(self, ahead: int = 0) -> bool:
-        """Return whether no noun is the word `ahead`: a verb, a stop, a place, or *to*."""
+        """Return whether the word `ahead` is no noun, but a verb, a stop, a place or the like."""
         word = self.reader.word(ahead)
         if not word or not word[0].isalnum() or word in words.BESIDE:
             return True
@@ -302,7 +303,7 @@ class _DescriptionParser:
         return True
 
     def noun_traits(self) -> list[Trait]:
-        """Read a noun phrase and return its traits; none if there is none here."""
+        """Read a noun phrase and return its traits; empty if there is no noun phrase."""
         return self._told.traits if self._noun_phrase() else []
 
     def _determiner(self) -> None:
@@ -325,7 +326,7 @@ class _DescriptionParser:
             self._definite = self._bare = not before or not before[0].isalnum()
 
     def _count(self) -> None:
-        """Read how many are meant: *the two*, *all three*; *the one* is only the one."""
+        """Read how many are meant: *the two*, *all three*; in *the one*, *one* is the noun."""
         number = number_of(self.reader.word())
         following = self.reader.word(1)
         if not 1 <= number <= _MOST or following in ("", ","):
@@ -335,7 +336,7 @@ class _DescriptionParser:
             self._number = number
 
     def _adjective(self) -> bool:
-        """Read one adjective; False where none is here."""
+        """Read one adjective; return False if there is none."""
         reader, told = self.reader, self._told
         if reader.word() in words.NEAR | words.FAR:
             told.rank(Superlative("near" if reader.take_in(words.NEAR) else "far"))
@@ -414,7 +415,7 @@ class _DescriptionParser:
         return True
 
     def _gate(self, word: str) -> bool:
-        """Read the noun *gate*; *that gate* may be the one to which something is coming."""
+        """Read the noun *gate*; *that gate* may be the one that a contact approaches."""
         reader, scene = self.reader, self._scene
         if self._told.of_assets:
             return False
@@ -431,12 +432,12 @@ class _DescriptionParser:
         return True
 
     def _means_contact(self) -> bool:
-        """Return whether the vehicle here comes to a gate: one is there, or is dealt with."""
+        """Return whether *vehicle* means a contact: one is in sight, or the order meets one."""
         before = self.reader.word(-2) if self._definite else self.reader.word(-1)
         return before in _DEALT_WITH or bool(self._scene.visitors("vehicle"))
 
     def _headless(self) -> bool:
-        """Read no noun: *the other* goes north, *the nearer* of the two robots."""
+        """Read a phrase without a noun: *the other* goes north, *the nearer* of the two robots."""
         told = self._told
         if not self._definite or self._bare or told.sort == "gate" or not self._stands_alone():
             return False
@@ -446,7 +447,7 @@ class _DescriptionParser:
         return self._group is not None or (self._other and bool(self._groups.latest))
 
     def _from_open(self) -> bool:
-        """Pick from the set that the order has introduced; False without one."""
+        """Pick from the set that the order has introduced; return False if there is none."""
         group = self._groups.open
         self._group = group if group is not None and group.spoken else None
         return self._group is not None
@@ -454,7 +455,7 @@ class _DescriptionParser:
     def _leave_out(self) -> None:
         """Add the trait of *the other*: not picked from its set, not named, not moved last.
 
-        If two gates were mentioned, the other one is one of these two.
+        If two gates were mentioned, *the other* is one of these two.
         """
         told, scene, last = self._told, self._scene, self._scene.last
         rest = self._groups.rest
@@ -480,7 +481,7 @@ class _DescriptionParser:
         told.say(lambda _, name: name not in out)
 
     def _fits_one_of(self, rest: Group) -> bool:
-        """Return whether something that is left of a set has the traits read so far."""
+        """Return whether a remaining member of a set has the traits read so far."""
         told = self._told
         return rest.sort == told.sort and any(
             all(trait(self._scene, name) for trait in told.traits)

@@ -1,6 +1,6 @@
-"""The referents of words: the present picture, and earlier orders.
+"""The possible referents of words: the present picture and earlier orders.
 
-Every fact that a description needs is asked here: guards, free assets, distances.
+It provides every fact that a description needs: guards, free assets, distances.
 """
 
 import math
@@ -17,12 +17,14 @@ from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
 from pa_console.schema.world import AssetKind, World
 
 MOST_COMMANDS = 6
-"""The number of an order's commands that a prompt quotes."""
+"""The number of an earlier order's commands that a prompt quotes."""
+
+_NOBODY: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
 class Move:
-    """The order of one asset, and the frame at which it was `before`; '' for none."""
+    """The order of one asset, and its frame `before`; '' for none."""
 
     agent: str
     verb: Verb
@@ -32,16 +34,16 @@ class Move:
 
 @dataclass(frozen=True)
 class PastMission:
-    """A mission that was carried out: its words as they were read, and what was ordered for it."""
+    """A past mission: its text with resolved references, and what was ordered for it."""
 
     text: str
     moves: tuple[Move, ...]
     undid: bool = False
-    """True if it took back the order before it."""
+    """True if the mission took back the order before it."""
 
     @property
     def commands(self) -> str:
-        """Its commands in one line: *Drone_T04 move_to EastGate from Base; Robot_T01 report*."""
+        """The commands in one line: *Drone_T04 move_to EastGate from Base; Robot_T01 report*."""
         return "; ".join(
             f"{move.agent} {move.verb} {move.target}".rstrip()
             + (f" from {move.before}" if move.before not in ("", move.target) else "")
@@ -51,9 +53,9 @@ class PastMission:
 
 @dataclass(frozen=True)
 class ReferenceScene:
-    """A world, its picture now, and the missions that were carried out, the latest last.
+    """A world, its present picture, and the past missions, the latest last.
 
-    `pointer` is what the operator has marked on the screen; '' for nothing.
+    `pointer` is the asset, gate or track that the operator has marked on the screen; '' for none.
     """
 
     world: World
@@ -63,7 +65,7 @@ class ReferenceScene:
 
     @cached_property
     def names(self) -> WorldNames:
-        """The names of the world by what operators call them."""
+        """The names of the world, by the words that operators use for them."""
         return WorldNames.of(self.world)
 
     @cached_property
@@ -82,7 +84,7 @@ class ReferenceScene:
         return {name.lower(): name for name in self.world.assets}
 
     def members(self, word: str) -> frozenset[str]:
-        """Return the assets of the kind or team that `word` is, singular or plural; else none."""
+        """Return the assets of the kind or team `word`, singular or plural; else an empty set."""
         single = f"{word[:-3]}y" if word.endswith("ies") else word.removesuffix("s")
         assets = tuple((name, spec.kind) for name, spec in self.world.assets.items())
         teams, kinds = _teams(assets)
@@ -95,20 +97,20 @@ class ReferenceScene:
         return self.world.gates
 
     def asset(self, name: str) -> AssetTelemetry:
-        """Return the known facts of an asset; raises KeyError for an unknown one."""
+        """Return the telemetry of an asset; raises KeyError for an unknown one."""
         return self.picture.assets[name]
 
     def place_of(self, name: str) -> str:
-        """Return the frame that an asset belongs to or stands at; '' for neither."""
+        """Return the post of an asset, or else the frame where it is; '' for neither."""
         asset = self.picture.assets.get(name)
         return "" if asset is None else asset.post or asset.at or ""
 
     def at(self, place: str) -> list[str]:
-        """Return the assets that belong to a frame and work."""
+        """Return the available assets that are posted at a frame or are there."""
         return [n for n, a in self.picture.assets.items() if a.available and self._is_at(a, place)]
 
     def stationed(self, place: str) -> list[str]:
-        """Return the assets that belong to a frame, whether they work or not."""
+        """Return the assets that are posted at a frame or are there, available or not."""
         return [n for n, a in self.picture.assets.items() if self._is_at(a, place)]
 
     def guards(self, gate: str) -> tuple[str, ...]:
@@ -126,22 +128,22 @@ class ReferenceScene:
         return is_free(self.asset(name), self.sole)
 
     def spot(self, name: str) -> tuple[float, float]:
-        """Return where a frame or an asset is, metres; raises KeyError for neither."""
+        """Return the position of a frame or an asset, metres; raises KeyError for another name."""
         frame = self.world.frames.get(name)
         return frame.at if frame is not None else self.asset(name).position
 
     def distance_m(self, one: str, other: str) -> float:
-        """Return how far two frames or assets are apart."""
+        """Return the distance between two frames or assets, metres."""
         return math.dist(self.spot(one), self.spot(other))
 
     def visitors(self, kind: str = "") -> list[Track]:
-        """Return the tracks that do not leave, of `kind` if given."""
+        """Return the tracks that are not leaving, of `kind` if given."""
         tracks = self.picture.tracks.values()
         return [t for t in tracks if t.status != "leaving" and kind in ("", t.kind)]
 
     @property
     def moved(self) -> list[Move]:
-        """The orders so far that move an asset, the latest last, without withdrawals."""
+        """The orders so far that moved an asset, the latest last, without withdrawals."""
         done = (mission.moves for mission in self.past if not mission.undid)
         return [move for moves in done for move in moves if move.verb not in STILL]
 
@@ -153,7 +155,7 @@ class ReferenceScene:
 
     @property
     def asked_about(self) -> str:
-        """The one asset that the latest mission asked about and moved no other; '' for none."""
+        """The asset that the latest mission asked for a report, as its only order; '' for none."""
         moves = self.past[-1].moves if self.past else ()
         return moves[0].agent if len(moves) == 1 and moves[0].verb == "report" else ""
 
@@ -165,9 +167,6 @@ class ReferenceScene:
     @staticmethod
     def _is_at(asset: AssetTelemetry, place: str) -> bool:
         return place in (asset.post or asset.at, asset.at if asset.post is None else asset.post)
-
-
-_NOBODY: frozenset[str] = frozenset()
 
 
 @lru_cache(maxsize=8)
@@ -189,10 +188,10 @@ def _teams(
 
 
 def after(past: Sequence[PastMission], mission: PastMission, *, corrects: bool) -> PastMission:
-    """Return `mission` as it is remembered after those before it.
+    """Return `mission` as it is remembered after the `past` ones.
 
-    One that `corrects` the last one takes its place: who was moved by both stood before where he
-    stood before the first, and who is only sent back was not sent by it.
+    A mission that `corrects` the last one replaces it. An asset that both moved keeps its place
+    before the first. An asset that is only sent back counts as not moved.
     """
     last = next((each for each in reversed(past) if not each.undid), None)
     if not corrects or last is None:

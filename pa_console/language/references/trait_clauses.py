@@ -19,11 +19,13 @@ from pa_console.language.references.description import (
 from pa_console.language.references.reader import asset_at, number_of, place_at
 
 NounTraits = Callable[[], list[Trait]]
-"""Reads another noun phrase and returns its traits; none if there is none here."""
+"""Reads another noun phrase and returns its traits; empty if there is none."""
+
+_ON_IT = ("on it", "there", "at all", "looking after it", "watching it")
 
 
 class AssetClauses:
-    """Reads clauses in sequence and collects their facts in `told`."""
+    """A reader of successive clauses that collects their traits in `told`."""
 
     def __init__(self, told: PartialDescription, noun_traits: NounTraits) -> None:
         self._told, self._noun_traits = told, noun_traits
@@ -32,7 +34,7 @@ class AssetClauses:
         self._start = 0
 
     def read(self) -> bool:
-        """Read one clause; False where none is here, or none that is understood."""
+        """Read one clause; return False if there is none that is understood."""
         reader, told = self._reader, self._told
         self._start, self._no = reader.at, False
         if reader.take(*words.BUT):
@@ -121,7 +123,7 @@ class AssetClauses:
         return False
 
     def _company(self) -> bool:
-        """Read who stands beside: *a drone at its gate*, *somebody*, *Drone_T01*."""
+        """Read the assets at the same place: *a drone at its gate*, *somebody*, *Drone_T01*."""
         reader, start = self._reader, self._reader.at
         if reader.take("somebody", "someone", "another", "anybody"):
             return self._told.say(lambda s, n: is_guard(s, n) and len(s.at(s.place_of(n))) > 1)
@@ -157,7 +159,7 @@ class AssetClauses:
         return self._say(lambda s, n: s.place_of(n) == place)
 
     def _state(self) -> bool:
-        """Read the state of an asset, after *that* or *not*: *that is low*, *not answering*."""
+        """Read the state of an asset after *that* or *not*: *that is low*, *not answering*."""
         if not self._related and not self._no:
             return False
         reader = self._reader
@@ -193,7 +195,7 @@ class AssetClauses:
 
 
 def sent(told: PartialDescription, place: str = "", *, early: bool) -> None:
-    """Choose the asset sent last, or first, to `place` if given."""
+    """Add the trait that an asset was sent last, or first, to `place` if given."""
     told.past = told.of_assets = True
     moves = [move for move in told.scene.moved if place in ("", move.target)]
     last = told.scene.last
@@ -203,18 +205,15 @@ def sent(told: PartialDescription, place: str = "", *, early: bool) -> None:
     told.say(lambda _, name: name in meant)
 
 
-_ON_IT = ("on it", "there", "at all", "looking after it", "watching it")
-
-
 class GateClauses:
-    """Reads clauses in sequence and collects their facts in `told`."""
+    """A reader of successive clauses that collects their traits in `told`."""
 
     def __init__(self, told: PartialDescription) -> None:
         self._told = told
         self._scene, self._reader = told.scene, told.reader
 
     def read(self) -> bool:
-        """Read one clause; False where none is here, or none that is understood."""
+        """Read one clause; return False if there is none that is understood."""
         reader = self._reader
         if self._told.ranked():
             return True
@@ -258,7 +257,7 @@ class GateClauses:
         return bool(self._reader.take("with", "has", "have", "having")) and self._by()
 
     def _by(self) -> bool:
-        """Read who guards a gate: *only one guard*, *nobody*, *a robot and a drone*."""
+        """Read the guards of a gate: *only one guard*, *nobody*, *a robot and a drone*."""
         reader, told = self._reader, self._told
         start = reader.at
         if reader.take("nobody", "no one", "no guard", "no guards", "no cover", "none"):
@@ -284,7 +283,7 @@ class GateClauses:
         return True
 
     def _how_many(self) -> int:
-        """Read a number, an article or *a single*; -1 where the number is left open."""
+        """Read a number, an article or *a single*; return -1 if the number is open."""
         reader = self._reader
         if reader.take("a single", "the single", "single"):
             return 1
@@ -295,7 +294,7 @@ class GateClauses:
         return -1
 
     def _teams(self) -> tuple[frozenset[str], ...]:
-        """Read kinds, or names: *a robot and a drone*, *Drone_T01*."""
+        """Read kinds or names: *a robot and a drone*, *Drone_T01*."""
         reader, found = self._reader, list[frozenset[str]]()
         while True:
             name = asset_at(self._scene, reader)
@@ -336,7 +335,7 @@ class GateClauses:
         return self._visited()
 
     def _visited(self) -> bool:
-        """Read what comes to a gate: *the truck is*, *the stranger is walking towards*."""
+        """Read the contact at a gate: *the truck is*, *the stranger is walking towards*."""
         reader, start = self._reader, self._reader.at
         reader.take("the", "a", "that", "this", "an")
         reader.take("unknown", "strange", "suspicious")
@@ -349,7 +348,7 @@ class GateClauses:
         return self._told.say(lambda s, g: any(t.gate == g for t in s.visitors(kind)))
 
     def _of_guard(self) -> bool:
-        """Read how the guard of a gate is: *is low on battery*, *has failed*, *is silent*."""
+        """Read the state of a gate's guard: *is low on battery*, *has failed*, *is silent*."""
         reader = self._reader
         reader.skip(("is", "are", "'s", "has", "runs", "running", "gone"))
         no = bool(reader.take("not"))

@@ -1,1 +1,1 @@
-"""Execution: the premises of a running plan, dispatch and resends, assets under manual control."""
+"""Execution: the premises of a running plan, dispatch and resends, and manual control."""

@@ -1,4 +1,4 @@
-"""Step 7: follows commands from acknowledgement to their end; resends, asks again, gives up."""
+"""Step 7: commands under way, from acknowledgement to their end: resends, repeats and time-outs."""
 
 import asyncio
 from collections.abc import AsyncIterator, Generator, Iterable, Iterator, Sequence
@@ -9,20 +9,34 @@ from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand
 
 Step = tuple[int, tuple[CommandReply, ...]]
 
+ACKNOWLEDGE_S = 8.0
+"""How long a command without any reply is resent before it is given up, seconds."""
+RESEND_S = 1.0
+"""The wait before the first resend of a command without a reply, seconds."""
+RESEND_GROWTH = 1.2
+"""The factor by which this wait grows with each resend."""
+MOST_GROWTH = 10
+"""The number of times that the wait for the next resend grows, up to about ASK_AGAIN_S."""
+
+ASK_AGAIN_S = 6.5
+"""The wait before a command is resent to a device that has fallen silent, seconds."""
+TIMED_OUT = "timed out"
+"""The beginning of the detail of a reply that reports a time-out; no device sent that reply."""
+
 
 class StepFeed:
-    """One producer (the station's clock), any number of followers; none misses a step."""
+    """A feed of steps from the station's clock to any number of followers; none misses a step."""
 
     def __init__(self) -> None:
         self._followers: list[asyncio.Queue[Step]] = []
 
     @property
     def wanted(self) -> bool:
-        """True while a follower has taken in every step and waits for the next."""
+        """True while a follower has processed every step and waits for the next."""
         return any(queue.empty() for queue in self._followers)
 
     def publish(self, tick: int, replies: Sequence[CommandReply]) -> None:
-        """Hand out one step."""
+        """Publish one step to all followers."""
         for queue in self._followers:
             queue.put_nowait((tick, tuple(replies)))
 
@@ -42,20 +56,9 @@ async def _drain(queue: asyncio.Queue[Step]) -> AsyncIterator[Step]:
         yield await queue.get()
 
 
-ACKNOWLEDGE_S = 8.0
-RESEND_S = 1.0
-RESEND_GROWTH = 1.2
-MOST_GROWTH = 10
-"""The number of times that the wait for the next resend grows; then it stays, about ASK_AGAIN_S."""
-
-ASK_AGAIN_S = 6.5
-TIMED_OUT = "timed out"
-"""The beginning of a reply's detail that reports a time-out and comes from no device."""
-
-
 @dataclass
 class _OpenCommand:
-    """A command under way; `sent` and `heard` are the ticks of sending and of the last reply."""
+    """A command under way; `sent` and `heard` are the ticks of its last sending and last reply."""
 
     command: DeviceCommand
     sent: int
@@ -79,7 +82,7 @@ class Dispatch:
         limit_s: float,
         acknowledge_s: float = ACKNOWLEDGE_S,
     ) -> None:
-        """Register commands first sent at `tick`; each must end within `limit_s`.
+        """Follow commands that were first sent at `tick`; each must end within `limit_s`.
 
         A command without any reply within `acknowledge_s` is given up.
         """
@@ -105,13 +108,14 @@ class Dispatch:
         return tuple(entry.command for entry in self._open.values())
 
     def forget(self, command: DeviceCommand) -> None:
-        """Stop following `command`: its device got another one."""
+        """Stop following `command`, because its device has another one."""
         self._open.pop(command.command_id, None)
 
     def advance(self, tick: int, replies: Iterable[CommandReply]) -> Iterator[CommandReply]:
-        """Take in the replies of `tick`; yield what is new for this plan, time-outs included.
+        """Process the replies of `tick`; yield the new ones for this plan, time-outs included.
 
-        A repeated answer, or one that a later answer overtook, shows that the device lives.
+        A repeated answer, or one that a later answer overtook, still shows that the device is
+        alive.
         """
         for reply in replies:
             entry = self._open.get(reply.command_id)
@@ -131,10 +135,11 @@ class Dispatch:
                 yield self._give_up(entry, tick, f"not done within {self._limit_s:.0f} s")
 
     def resends(self, tick: int) -> list[tuple[DeviceCommand, int]]:
-        """Return the commands due again at `tick`, each with the number of times it was resent.
+        """Return the commands to resend at `tick`, each with its number of resends.
 
-        A command without any answer is due after RESEND_S, then ever later; one whose device has
-        fallen silent is due after ASK_AGAIN_S. Asking twice for one tick gives nothing twice.
+        A command without any answer is due after RESEND_S, then at growing intervals. A command
+        whose device has fallen silent is due after ASK_AGAIN_S. A second call for the same tick
+        returns nothing.
         """
         due: list[tuple[DeviceCommand, int]] = []
         for entry in self._open.values():

@@ -9,7 +9,7 @@ from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 
 UNFINISHED: frozenset[MissionStatus] = frozenset(("held", "unverified", "failed", "refused"))
-"""The endings of a mission that awaits its assets; an operator has decided the others."""
+"""The statuses with which a mission awaits its assets; an operator has decided the others."""
 
 
 @dataclass(frozen=True)
@@ -32,17 +32,17 @@ class ManualControl:
 
     @property
     def assets(self) -> frozenset[str]:
-        """The assets under manual control, by the operator's words or their own report."""
+        """The assets under manual control, as taken by an operator or reported by the asset."""
         return self._reported.union(self.taken)
 
     def refusal(self, asset: str) -> str:
-        """Return the reason against a command to `asset`, '' without manual control."""
+        """Return why `asset` cannot have a command; '' if it is not under manual control."""
         if asset in self.taken:
             return f"{asset} is under manual control, taken by {self.taken[asset]}"
         return f"{asset} reports manual control" if asset in self._reported else ""
 
     def take(self, asset: str, by: str) -> None:
-        """Note that `by` has taken `asset`; ValueError for an unknown one, or one that is taken."""
+        """Record that `by` has taken `asset`; ValueError if it is unknown or already taken."""
         if problem := self.objection(asset, take=True):
             raise ValueError(problem)
         self.taken[asset] = by
@@ -54,7 +54,7 @@ class ManualControl:
         del self.taken[asset]
 
     def objection(self, asset: str, *, take: bool) -> str:
-        """Return why `asset` cannot be taken, or given back, '' where it can."""
+        """Return why `asset` cannot be taken, or returned; '' if it can."""
         if asset not in self._world.assets:
             return f"there is no asset {asset!r}; known: {', '.join(self._world.assets)}"
         if take:
@@ -67,7 +67,7 @@ class ManualControl:
         return f"{asset} is not under manual control; taken here: {taken}"
 
     def see(self, picture: Picture) -> frozenset[str]:
-        """Take in the reports of a picture; return the assets that are newly under control."""
+        """Process the reports of a picture; return the assets newly under manual control."""
         before = self.assets
         manual = (name for name, asset in picture.assets.items() if asset.manual)
         self._reported = frozenset(manual).difference(self.taken)
@@ -80,8 +80,8 @@ class ManualControl:
     ) -> tuple[str, ...]:
         """Record an ended mission that needs assets under manual control; return those assets.
 
-        It needs the `agents` that its plan ordered and those that its text names. Alarms and
-        standing orders start their missions again themselves.
+        A mission needs the `agents` that its plan ordered and the assets that its text names.
+        Alarms and standing orders start their missions again themselves.
         """
         given = mission.source in ("operator", "agent")
         if status not in UNFINISHED or not given or not self.assets:
@@ -92,19 +92,19 @@ class ManualControl:
         return tuple(sorted(needed))
 
     def take_up(self, awaiting: Iterable[tuple[Mission, Collection[str]]]) -> None:
-        """Go on with the missions that awaited assets when a session ended."""
+        """Continue with the missions that awaited assets when a session ended."""
         for mission, assets in awaiting:
             self._awaiting[mission.id] = AwaitingMission(mission, frozenset(assets))
 
     def come_back(self) -> list[AwaitingMission]:
-        """Return and forget the missions whose assets are all back, in the order of their ends."""
+        """Remove and return the missions whose assets are all back, in the order of their ends."""
         back = [each for each in self._awaiting.values() if not each.assets & self.assets]
         for each in back:
             del self._awaiting[each.mission.id]
         return back
 
     def forget(self) -> None:
-        """Let no mission await an asset any more: everything was stopped."""
+        """Forget all awaiting missions, because everything was stopped."""
         self._awaiting.clear()
 
     @property

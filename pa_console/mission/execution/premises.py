@@ -1,4 +1,4 @@
-"""The premises of a running plan, and the way to stop it safely when one breaks (WF-01)."""
+"""The premises of a running plan, and the safe way to stop it if one breaks (WF-01)."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from pa_console.schema.world import World
 
 @dataclass(frozen=True)
 class Premises:
-    """The picture and the rehearsal on which a plan was approved."""
+    """The picture and the rehearsal on which the approval of a plan is based."""
 
     world: World
     plan: Plan
@@ -29,7 +29,7 @@ class Premises:
         return tuple(gate for gate in self.world.gates if gate in named)
 
     def broken(self, picture: Picture, open_agents: Sequence[str]) -> tuple[str, ...]:
-        """Return in words every premise that `picture` contradicts."""
+        """Return in words each premise that `picture` contradicts."""
         return (
             *self._lost_agents(picture, open_agents),
             *self._lost_gates(picture),
@@ -45,7 +45,7 @@ class Premises:
                 yield f"{agent} {why} on its way"
 
     def _lost_gates(self, picture: Picture) -> Iterator[str]:
-        """Yield the gates that are without known cover for longer than was rehearsed and allowed.
+        """Yield the gates that are without known cover for longer than rehearsed and allowed.
 
         A gate that had no cover when the plan was approved cannot lose it.
         """
@@ -84,19 +84,19 @@ class Premises:
                 yield f"{track.id} at {track.gate} is {track.identity}, intent {track.intent}"
 
     def _waits_for_nobody_else(self, track: Track, picture: Picture) -> bool:
-        """Return True if a block of its gate would affect the track alone (ROE-02).
+        """Return whether a block of its gate would affect this track alone (ROE-02).
 
-        A block that was planned for an empty gate must not meet a later arrival, whose
-        identity is unknown. If a threat is already there, the track waits behind it.
+        A block that was planned for an empty gate must not meet a later arrival, whose identity is
+        unknown. If a threat is already there, the track waits behind it.
         """
         others = (other for other in picture.tracks.values() if other.id != track.id)
         threat = any(o.gate == track.gate and o.intent == "hostile" and o.warned for o in others)
         return track.status != "leaving" and not threat
 
     def _would_be_warned_unknown(self, track: Track, picture: Picture) -> bool:
-        """Return True if a warning at its gate would address the unidentified track (WF-01).
+        """Return whether a warning at its gate would address this unidentified track (WF-01).
 
-        It does not while an identified track there is yet to be warned.
+        It would not while an identified track there has yet to be warned.
         """
         if track.identity != "unknown" or track.status == "leaving":
             return False
@@ -105,7 +105,7 @@ class Premises:
 
 
 def way_to_safety(plan: Plan, world: World, picture: Picture) -> tuple[Action, ...]:
-    """Return the command of each agent of `plan` if the plan is halted: back to its gate, or hold.
+    """Return the command of each agent if `plan` is halted: back to its gate, or hold.
 
     An agent that covers a gate in `picture`, and is sent away from it, goes back there.
     """
@@ -119,8 +119,7 @@ def way_to_safety(plan: Plan, world: World, picture: Picture) -> tuple[Action, .
 def ways_to_safety(plan: Plan, world: World, before: Sequence[Picture]) -> tuple[Action, ...]:
     """Return the way to safety of each action of a plan in steps, in the order of its actions.
 
-    `before` has the picture at the start of each step that was rehearsed; agents of later steps
-    hold.
+    `before` has the picture at the start of each rehearsed step; agents of later steps hold.
     """
     found = [Action(agent=action.agent, command="hold") for action in plan.actions]
     for numbers, picture in zip(plan.steps, before, strict=False):
@@ -131,9 +130,9 @@ def ways_to_safety(plan: Plan, world: World, before: Sequence[Picture]) -> tuple
 
 
 def _left_gate(action: Action, plan: Plan, world: World, picture: Picture) -> str:
-    """Return the gate that the agent of `action` leaves, '' if it leaves none.
+    """Return the gate that the agent of `action` leaves; '' if it leaves none.
 
-    If it covers several, prefer one that no asset outside the plan covers.
+    If it covers several gates, one that no asset outside the plan covers is preferred.
     """
     goal = goes_to(action, world)
     left = [gate for gate, cover in picture.gates.items() if action.agent in cover.by]
@@ -165,7 +164,8 @@ def safe_state(
 def why_lost(asset: AssetTelemetry, picture: Picture) -> str:
     """Return in words why `asset` is no longer available to the plan; '' if it is.
 
-    A report that is only late is not a reason: on a lossy link, every plan would be halted.
+    A report that is only late is not a reason; otherwise, every plan on a lossy link would be
+    halted.
     """
     if asset.status == "failed":
         return "failed"

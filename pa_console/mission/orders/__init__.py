@@ -1,1 +1,1 @@
-"""Orders before a plan: their spelling, and the orders that wait for a state or a moment."""
+"""Standing orders: those that wait for a state of the picture, and those that wait for a time."""

@@ -1,8 +1,8 @@
-"""The moments of timed orders: next, due, late, missed and skipped ones, and returns to a place.
+"""The moments of timed orders: next, due, late, missed and skipped ones, and the return of assets.
 
-Every moment of an order is taken once, in turn, and each one ends in a mission or in a reason why
-there is none. A clock that goes back repeats nothing; one that jumps ahead, or a machine that
-slept, starts a mission late only within the grace period, and an event says how late.
+Every moment of an order is taken once, in turn, and ends in a mission or in a reason why there is
+none. A clock that is set back repeats nothing. After a jump of the clock, or a sleep of the
+machine, a mission starts late only within the grace period, and an event reports the delay.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -24,7 +24,8 @@ STOPPED = "everything is stopped"
 class TimingLimits:
     """The limits of timed orders and patrols.
 
-    `grace_s` is how late a mission may start, `shortest_s` the shortest interval, in seconds.
+    `grace_s` is the most seconds by which a mission may start late; `shortest_s` is the shortest
+    interval, in seconds.
     """
 
     grace_s: float = 60.0
@@ -37,10 +38,10 @@ def _wall() -> datetime:
 
 
 class StationTime:
-    """The clock of the station, by which timed orders go.
+    """The station's clock for timed orders.
 
-    It is the wall clock in the machine's zone. A simulation that runs faster moves it ahead by what
-    it has gained; one that only goes on when asked moves it by its own seconds alone.
+    It is the wall clock in the machine's time zone. A simulation that runs faster moves it ahead by
+    the time gained. A simulation that advances only on request moves it by simulated seconds alone.
     """
 
     def __init__(self, wall: Callable[[], datetime] = _wall) -> None:
@@ -52,7 +53,7 @@ class StationTime:
         """The present time."""
 
     def take(self, time_s: float, rate: float = 1.0, *, stepped: bool = False) -> None:
-        """Record the fleet's time, which runs at `rate` seconds a second.
+        """Record the fleet's time, which advances by `rate` seconds per second.
 
         A `stepped` fleet advances only while a caller waits for it.
         """
@@ -65,7 +66,7 @@ class StationTime:
             return
         before, before_s = self._last
         if rate > 1.0:
-            # At the pace of the wall clock a simulation that was held up only catches up.
+            # At a rate of 1, a simulation that was delayed only catches up, so it gains no time.
             gained = timedelta(seconds=time_s - before_s) - (wall - before)
             self._ahead += max(gained, timedelta())
         self._last = wall, time_s
@@ -74,7 +75,7 @@ class StationTime:
 
 @dataclass(frozen=True)
 class MomentResult:
-    """A moment that has come: the order to start, and how late; or the reason why not."""
+    """The result of a moment: the order to start and its delay, or the reason why none starts."""
 
     order: str = ""
     late_s: float = 0.0
@@ -88,19 +89,19 @@ class Agenda:
     order: StandingOrder
     paused: bool = False
     _number: int = 0
-    """The number of moments that were taken."""
+    """The number of moments that have been taken."""
     _back_at: datetime | None = None
     _back: str = ""
     _open: set[str] = field(default_factory=set[str])
-    """The missions of it that are not over."""
+    """The order's missions that are not over."""
     _returned: bool = False
-    """True once the way back of those it has sent was settled."""
+    """True once the return of the assets that it sent has been settled."""
     _starting: bool = False
     """True from a moment that is due until its mission is known."""
 
     @property
     def next(self) -> datetime | None:
-        """The next moment at which it starts something, None if there is none."""
+        """The next moment at which a mission starts; None if there is none."""
         schedule = self.order.schedule
         moment = schedule.moment(self._number) if schedule is not None else None
         both = [at for at in (moment, self._back_at) if at is not None]
@@ -108,18 +109,18 @@ class Agenda:
 
     @property
     def over(self) -> bool:
-        """True if nothing is to come of it any more."""
+        """True if the order has no moment left and no mission under way."""
         return self.next is None and not self._open and not self._starting
 
     def begin(self, now: datetime) -> None:
-        """Let an order that was to begin at once begin now: it has just been approved."""
+        """Set the start to `now`, when the order is approved, if it is to begin at once."""
         schedule = self.order.schedule
         if schedule is not None and schedule.at_once:
             begins = schedule.model_copy(update={"start": now})
             self.order = self.order.model_copy(update={"schedule": begins})
 
     def too_late(self, now: datetime, grace_s: float) -> bool:
-        """Return whether no moment is left that could start anything."""
+        """Return whether no moment is left that could start a mission."""
         schedule, number = self.order.schedule, self._number
         if schedule is None or schedule.at_once:
             return False
@@ -129,7 +130,7 @@ class Agenda:
         return at is None or at < now - timedelta(seconds=grace_s)
 
     def skip(self) -> datetime:
-        """Leave out the next moment and return it; raises ValueError without one."""
+        """Skip the next moment and return it; raises ValueError if there is none to skip."""
         at = self.next
         if at is None:
             raise ValueError(f"{self.order.id} has no moment left to skip")
@@ -139,7 +140,7 @@ class Agenda:
         return at
 
     def look(self, now: datetime, grace_s: float, *, stopped: bool) -> Iterable[MomentResult]:
-        """Take every moment that has come, and yield what becomes of it."""
+        """Take every moment that has come, and yield its result."""
         if self._back_at is not None and now >= self._back_at:
             at, order = self._back_at, self._back
             self._back_at, self._back = None, ""
@@ -178,12 +179,12 @@ class Agenda:
         return MomentResult(order, late_s)
 
     def started(self, mission: str) -> None:
-        """Note the mission that a moment has started."""
+        """Record the mission that a moment has started."""
         self._open.add(mission)
         self._starting = False
 
     def ended(self, mission: str, moves: Sequence[Move], base: str, now: datetime) -> str:
-        """Record the end of a mission that made `moves`; return the events to emit."""
+        """Record the end of a mission that made `moves`; return a remark on the way back, or ''."""
         self._open.discard(mission)
         schedule = self.order.schedule
         if schedule is None or not schedule.stays or self._back_at is not None or self._returned:
@@ -197,7 +198,7 @@ class Agenda:
 
 
 def way_back(moves: Sequence[Move], base: str, *, to_base: bool = False) -> str:
-    """Return the order that brings all assets back to their previous places; '' for none."""
+    """Return the order that brings moved assets back to their previous places; '' for none."""
     homes: dict[str, list[str]] = {}
     for agent, before in {move.agent: move.before for move in reversed(moves)}.items():
         went = {move.target for move in moves if move.agent == agent and move.verb not in STILL}

@@ -1,11 +1,13 @@
 """The standing orders in force: when each starts a mission, and when it must not.
 
-An order waits for a state of the picture or for a moment of the clock (`agenda`). Of the former, a
-start needs an occurrence: the condition begins to hold of a subject, and has held for SETTLE_S.
-One occurrence starts one mission. It is over once the condition has not held for REST_S, and only
-after that can there be another of the same subject. Nothing is started by what the orders have
-brought about themselves, while everything is stopped, or beyond an order's number of starts an
-hour. All times but moments are simulated seconds, and only the picture is looked at.
+An order waits for a state of the picture, or for a moment of the clock (`agenda`). An order that
+waits for a state starts a mission for an occurrence: its condition begins to hold for a subject,
+and has held for SETTLE_S. One occurrence starts one mission. It is over once the condition has not
+held for REST_S; only then can there be another for the same subject.
+
+Nothing is started by an effect of the orders themselves, while everything is stopped, or beyond an
+order's limit of starts per hour. All times except moments are simulated seconds. Conditions are
+evaluated on the picture alone.
 """
 
 from collections import deque
@@ -22,12 +24,12 @@ from pa_console.schema.mission import PLACE, StandingOrder, StandingStart
 from pa_console.schema.telemetry import Picture
 
 SETTLE_S = 1.0
-"""A condition that holds for less than this is noise."""
+"""The time that a condition must hold, seconds; a shorter change is noise."""
 REST_S = 30.0
-"""An occurrence is over when its condition has not held for so long."""
+"""The time after which an occurrence is over, if its condition has not held meanwhile, seconds."""
 HOUR_S = 3600.0
 AGAIN_S = 2.0
-"""The next moment of an order is emitted anew if its countdown is off by so much."""
+"""The error of an order's countdown, seconds, at which its next moment is emitted again."""
 MOST_ORDERS = 20
 """The largest number of standing orders in force."""
 
@@ -45,7 +47,7 @@ class Due:
 
 @dataclass(frozen=True)
 class Withheld:
-    """An occurrence for which nothing is started, and why."""
+    """An occurrence or moment for which no mission starts, and the reason."""
 
     order: StandingOrder
     subject: str
@@ -54,29 +56,29 @@ class Withheld:
 
 @dataclass(frozen=True)
 class Ended:
-    """An order that is in force no more: nothing is left to come of it."""
+    """An order that is no longer in force, because it can start nothing more."""
 
     order: StandingOrder
 
 
 Found = Due | Withheld | Ended | StandingOrderScheduled
-"""The results of a look, for the station to act on and to emit."""
+"""The results of `StandingOrders.look`, for the station to act on and to emit."""
 
 
 @dataclass
 class _Occurrence:
-    """Since when the condition has held of a subject, and when it last did."""
+    """When the condition of an occurrence began to hold for its subject, and when it last held."""
 
     since_s: float
     seen_s: float
     handled: bool = False
     effect_of: str = ""
-    """The mission of a standing order by which it came about."""
+    """The mission of a standing order that caused the occurrence; '' for none."""
 
 
 @dataclass(frozen=True)
 class StandingBan:
-    """A standing order that starts nothing: no plan may contain a movement that it bans."""
+    """A standing order that starts nothing, but bans movements from plans."""
 
     order: StandingOrder
 
@@ -91,11 +93,11 @@ class _InForce:
     trigger: Trigger
     paused: bool = False
     told: StandingOrderScheduled | None = None
-    """Its next moment as it was emitted last."""
+    """Its next moment, as last emitted."""
     occurrences: dict[str, _Occurrence] = field(default_factory=dict[str, _Occurrence])
     starts_s: deque[float] = field(default_factory=deque[float])
     problem: str = ""
-    """The reason why its condition could not be evaluated last; '' when it could."""
+    """The reason why its condition could not be evaluated last; '' if it could."""
 
     @property
     def order(self) -> StandingOrder:
@@ -104,7 +106,7 @@ class _InForce:
 
 @dataclass
 class _Own:
-    """A mission started by a standing order, with the assets and places that it has moved."""
+    """A mission started by a standing order, with the assets and places of its moves."""
 
     order: str
     subject: str
@@ -114,7 +116,7 @@ class _Own:
 
 
 class StandingOrders:
-    """Everything that is in force in one session; nothing is before an operator has approved it."""
+    """The standing orders in force in one session; each was approved by an operator."""
 
     def __init__(self, time: StationTime | None = None) -> None:
         self.time, self.limits = time or StationTime(), TimingLimits()
@@ -122,15 +124,15 @@ class StandingOrders:
         self._own: dict[str, _Own] = {}
         self._count = 0
 
-    # What is in force
+    # The orders in force
 
     def new_id(self) -> str:
-        """Return the id of one more standing order."""
+        """Return the id for a new standing order."""
         self._count += 1
         return f"S{self._count}"
 
     def skip_ids(self, used: Iterable[str]) -> None:
-        """Give none of these ids again: they were used earlier in the session."""
+        """Exclude these ids from new orders, because they were used earlier in the session."""
         self._count = max([self._count, *(int(name.removeprefix("S")) for name in used)])
 
     @property
@@ -139,7 +141,7 @@ class StandingOrders:
         return tuple(entry.order for entry in self._in_force.values())
 
     def find(self, order_id: str) -> StandingOrder | None:
-        """Return the order of that id, None when it is not in force."""
+        """Return the order with that id; None if it is not in force."""
         entry = self._in_force.get(order_id)
         return entry.order if entry is not None else None
 
@@ -152,7 +154,7 @@ class StandingOrders:
         return None
 
     def refusal(self, order: StandingOrder) -> str:
-        """Return why `order` cannot come into force beside the others, '' when it can."""
+        """Return why `order` cannot come into force beside the others; '' if it can."""
         if Agenda(order).too_late(self.time.now, self.limits.grace_s):
             return f"its moment, {order.words}, has passed: it is {self.time.now:%H:%M:%S}"
         if len(self._in_force) >= MOST_ORDERS:
@@ -161,7 +163,7 @@ class StandingOrders:
         return f"{known} says the same and is in force" if (known := next(same, "")) else ""
 
     def approve(self, trigger: Trigger) -> StandingOrder:
-        """Put an order in force that an operator has approved; ValueError where it cannot be."""
+        """Put an approved order in force and return it; raises ValueError if it cannot be."""
         order = trigger.order
         if problem := self.refusal(order):
             raise ValueError(problem)
@@ -178,7 +180,7 @@ class StandingOrders:
         return self._in_force.pop(order_id).order
 
     def pause(self, order_id: str, *, paused: bool) -> None:
-        """Let an order start nothing for a while, or let it go on; ValueError if that is so."""
+        """Pause or resume an order; raises ValueError if that changes nothing."""
         entry = self._known(order_id)
         if entry.paused == paused:
             raise ValueError(f"{order_id} {'is paused already' if paused else 'is not paused'}")
@@ -187,7 +189,7 @@ class StandingOrders:
             entry.trigger.paused = paused
 
     def skip(self, order_id: str) -> datetime:
-        """Leave out the next moment of an order and return it; ValueError where it has none."""
+        """Skip the next moment of an order and return it; raises ValueError if it has none."""
         entry = self._known(order_id)
         if not isinstance(entry.trigger, Agenda):
             raise ValueError(f"{order_id} waits for a state, not for a moment: nothing to skip")
@@ -196,7 +198,7 @@ class StandingOrders:
     def scheduled(
         self, order_id: str, change: Literal["paused", "resumed", "skipped"], by: str, time_s: float
     ) -> StandingOrderScheduled:
-        """Return the next moment of an order that `by` has changed at a time of the fleet."""
+        """Return the next moment of an order that `by` has changed at `time_s` of the fleet."""
         entry = self._known(order_id)
         entry.told = self._following(entry, time_s)
         return entry.told.model_copy(update={"change": change, "by": by})
@@ -207,16 +209,17 @@ class StandingOrders:
             raise ValueError(f"no standing order {order_id!r} is in force; in force: {known}")
         return self._in_force[order_id]
 
-    # What they start
+    # The missions that they start
 
     def look(
         self, picture: Picture, busy: Collection[str] = (), *, stopped: bool = False
     ) -> list[Found]:
-        """Take in a new picture; return the missions to start, and what is not started, with why.
+        """Process a new picture; return the missions to start and those withheld, with the reasons.
 
-        Each mission that is returned counts as started. What is `busy`, because a mission about it
-        waits or is under way, gets no other one. While everything is `stopped` what begins is
-        noted, so that it starts nothing after the stop either.
+        Each mission that is returned counts as started. No mission starts about a subject in
+        `busy`, about which another mission waits or is under way. Occurrences that begin while
+        everything is `stopped` are recorded as handled, so that they start nothing after the stop
+        either.
         """
         self._forget(picture.time_s)
         found: list[Found] = []
@@ -230,7 +233,7 @@ class StandingOrders:
             taken = {*busy, *(each.subject for each in found if isinstance(each, Due))}
             try:
                 holding = condition.holding(picture)
-            except Exception as error:  # whatever CEL runs into: nothing is decided
+            except Exception as error:  # any error of CEL: nothing is decided
                 found += self._undecided(entry, f"{type(error).__name__}: {error}")
                 continue
             entry.problem = ""
@@ -241,7 +244,7 @@ class StandingOrders:
     def _keep(
         self, entry: _InForce, agenda: Agenda, time_s: float, *, stopped: bool
     ) -> Iterator[Found]:
-        """Take the moments of an order that have come, and yield its next one if it is another."""
+        """Take the moments of an order that have come; yield its next moment if it has changed."""
         now = self.time.now
         for moment in agenda.look(now, self.limits.grace_s, stopped=stopped):
             if moment.reason:
@@ -259,7 +262,7 @@ class StandingOrders:
             yield following
 
     def _following(self, entry: _InForce, time_s: float) -> StandingOrderScheduled:
-        """Return the next moment of an order, None for one that waits for a state."""
+        """Return the event with an order's next moment, which is None if it waits for a state."""
         at = entry.trigger.next if isinstance(entry.trigger, Agenda) else None
         ahead_s = (at - self.time.now).total_seconds() if at is not None else 0.0
         return StandingOrderScheduled(
@@ -270,20 +273,20 @@ class StandingOrders:
         )
 
     def started(self, mission: str, due: Due) -> None:
-        """Note `mission` as due."""
+        """Record `mission` as the one started for `due`."""
         self._own[mission] = _Own(due.order.id, due.subject)
         if (agenda := self._agenda(due.order.id)) is not None:
             agenda.started(mission)
 
     def starter(self, mission: str) -> str:
-        """Return the id of the order that started `mission`, '' for none."""
+        """Return the id of the order that started `mission`; '' for none."""
         own = self._own.get(mission)
         return own.order if own is not None else ""
 
     def moves(self, mission: str, names: Collection[str], moves: Sequence[Move] = ()) -> None:
-        """Record the assets and places of `mission`: changes there are its own effect.
+        """Record the assets and places of `mission`, so that changes there count as its own effect.
 
-        Its `moves` show the previous places of its assets.
+        Its `moves` have the previous places of its assets.
         """
         own = self._own.get(mission)
         if own is not None:
@@ -293,9 +296,9 @@ class StandingOrders:
     def ended(
         self, mission: str, time_s: float, base: str = ""
     ) -> tuple[StandingOrder, str] | None:
-        """Note that `mission` is over; return the order in force that started it, and a remark.
+        """Record the end of `mission`; return the order that started it, and a remark.
 
-        None for a mission that no order in force has started.
+        Returns None if no order in force started the mission.
         """
         own = self._own.get(mission)
         if own is None or own.ended_s is not None:
@@ -309,7 +312,7 @@ class StandingOrders:
         entry = self._in_force.get(order_id)
         return entry.trigger if entry is not None and isinstance(entry.trigger, Agenda) else None
 
-    # One look at one order
+    # The occurrences of one order
 
     def _watch(
         self,
@@ -367,7 +370,7 @@ class StandingOrders:
         return Due(order, start, subject, _gate(order, subject, picture) or None)
 
     def _cause(self, subject: str) -> str:
-        """Return the mission of a standing order that moves, or has just moved, `subject`."""
+        """Return a standing order's mission that moves, or just moved, `subject`; '' for none."""
         return next((name for name, own in self._own.items() if subject in own.moved), "")
 
     def _undecided(self, entry: _InForce, problem: str) -> Sequence[Withheld]:
@@ -377,14 +380,14 @@ class StandingOrders:
         return (Withheld(entry.order, "", f"its condition cannot be looked up: {problem}"),)
 
     def _forget(self, now_s: float) -> None:
-        """Forget missions that have been over for so long that nothing is their effect any more."""
+        """Forget the missions that ended so long ago that nothing can be their effect."""
         for name, own in list(self._own.items()):
             if own.ended_s is not None and now_s - own.ended_s >= REST_S:
                 del self._own[name]
 
 
 def start_for(order: StandingOrder, subject: str, picture: Picture) -> StandingStart | None:
-    """Return what `order` starts for `subject`; None if its gate is unknown."""
+    """Return the mission that `order` starts for `subject`; None if its gate is unknown."""
     place = _gate(order, subject, picture)
     if PLACE in order.order and not place:
         return None
@@ -394,7 +397,7 @@ def start_for(order: StandingOrder, subject: str, picture: Picture) -> StandingS
 
 
 def example_subject(order: StandingOrder, picture: Picture) -> tuple[str, str]:
-    """Return a subject that `order` may be started for, and its gate, in words for an order."""
+    """Return an example subject of `order` and its gate, in the words of an order."""
     gate = next(iter(picture.gates), "")
     match order.each:
         case "gate":
@@ -408,9 +411,9 @@ def example_subject(order: StandingOrder, picture: Picture) -> tuple[str, str]:
 
 
 def starts_now(condition: StandingCondition, picture: Picture) -> tuple[StandingStart, ...]:
-    """Return what an order would start at once if it were in force.
+    """Return the missions that an order would start at once if it were in force.
 
-    Raises ValueError where its condition cannot be looked up.
+    Raises ValueError if its condition cannot be evaluated.
     """
     try:
         holding = condition.holding(picture)
@@ -421,7 +424,7 @@ def starts_now(condition: StandingCondition, picture: Picture) -> tuple[Standing
 
 
 def _gate(order: StandingOrder, subject: str, picture: Picture) -> str:
-    """Return the gate that a subject is at or belongs to, '' for none."""
+    """Return the gate of a subject; '' for none."""
     if order.each == "gate":
         return subject
     if order.each == "track":
@@ -432,7 +435,7 @@ def _gate(order: StandingOrder, subject: str, picture: Picture) -> str:
 
 
 def _apart(told_s: float | None, at_s: float | None) -> bool:
-    """Return whether a countdown is off: the clock has jumped."""
+    """Return whether a countdown is wrong, because the clock has jumped."""
     return told_s is not None and at_s is not None and abs(told_s - at_s) >= AGAIN_S
 
 

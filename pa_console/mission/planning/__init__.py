@@ -1,1 +1,1 @@
-"""Planning: the planner's prompt, the commands that serve an order, how far a plan fulfils it."""
+"""Planning: the planner's prompt, the commands that serve an order, and how a plan fulfils it."""

@@ -1,9 +1,9 @@
-"""The commands of plans that serve an order, and the candidates for each.
+"""The commands of plans that serve an order, and the candidate agents for each command.
 
-Recon from the air comes first, then identification, then a warning, then a block of a contact that
-is hostile and was warned; noncombatants are only watched (ROE-08). The workflow goes on by itself
-later. This is the other side of `fulfilment.py`: there a plan is compared with a reading, here
-commands are made from one.
+Observation from the air comes first, then identification, then a warning, then a block of a contact
+that is hostile and was warned; noncombatants are only watched (ROE-08). The workflow continues by
+itself later. This module is the counterpart of `fulfilment.py`: that one compares a plan with a
+reading, and this one makes commands from a reading.
 """
 
 import math
@@ -27,22 +27,36 @@ from pa_console.schema.plan import MAX_ACTIONS, Action, Plan
 from pa_console.schema.telemetry import Picture, Track
 from pa_console.schema.world import AssetKind, World
 
+_MOST_RELIEFS = 3
+"""The number of candidates that are tried for the takeover of one gate, the soonest first."""
+
+_DETOUR = 1.2
+"""The assumed length of a way, as a multiple of the straight one."""
+
+_NOTHING = Plan(reason="nothing yet", actions=())
+_TRIED = 100
+"""The number of assignments of agents that are tried for one part of an order."""
+_WAYS = 12
+"""The number of assignments, with every gate covered, that the model may choose from."""
+_PARTS = 40
+"""The number of parts of an order that are tried, the largest first."""
+
 
 class NotInPictureError(Exception):
-    """The plan for an ask depends on more than the picture shows."""
+    """The plan for an ask depends on facts that the picture does not show."""
 
 
 class CommandUnit(NamedTuple):
-    """Commands that serve a part of an order, all of them or none."""
+    """Commands that serve a part of an order, and are given together or not at all."""
 
     slots: tuple[CommandSlot, ...]
     ahead: bool = False
-    """A look at a place without a known contact: given up before any other part."""
+    """True for an observation of a place without a known contact, which is given up first."""
 
 
 @dataclass(frozen=True)
 class StandingAssets(PlanMoves):
-    """The places of all assets before a plan for an order that names those in `named`."""
+    """The posts of all assets before a plan; `named` are the assets that the order names."""
 
     named: frozenset[str] = frozenset()
 
@@ -61,7 +75,7 @@ class StandingAssets(PlanMoves):
 
 
 def units_of_one(slots: Iterable[CommandSlot]) -> Iterator[CommandUnit]:
-    """Yield every slot as a unit of its own."""
+    """Yield each slot as a unit of its own."""
     yield from (CommandUnit((slot,)) for slot in slots)
 
 
@@ -71,13 +85,8 @@ def one_unit(slots: Iterable[CommandSlot]) -> Iterator[CommandUnit]:
         yield CommandUnit(every)
 
 
-_MOST_RELIEFS = 3
-"""Ways in which one gate is taken over that are looked at, the soonest first."""
-
-_DETOUR = 1.2
-"""The allowed length of a way, as a multiple of the straight one."""
 Moves = Mapping[str, str]
-"""Destinations by agent: agent -> frame."""
+"""Destinations by agent, each the name of a frame."""
 Commands = tuple[tuple[str, str], ...]
 """Agents with their commands."""
 
@@ -85,7 +94,7 @@ Commands = tuple[tuple[str, str], ...]
 def backfill_commands(
     stands: StandingAssets, goals: Moves, *, others_stay: bool, late: bool
 ) -> Iterator[Commands]:
-    """Yield the commands that keep every gate covered and unknown tracks seen first, best first.
+    """Yield the further commands that keep gates covered and unknown tracks observed, best first.
 
     With `late`, the asset that arrives first may take over a gate even after its grace time.
     Nothing is yielded if that is impossible, or if it would need assets that the order keeps in
@@ -116,7 +125,7 @@ def _came(
 def _helpers(
     stands: StandingAssets, goals: Moves, place: str, *, late: bool
 ) -> tuple[str, list[str]]:
-    """Return the command for the asset that comes to `place`, and the candidates for it."""
+    """Return the command for an asset to go to `place`, and the candidates for it."""
     spare = [n for n in stands.free() if n not in goals and not _is_last(stands, n, goals)]
     if _is_unseen(stands, goals, place):
         return f"observe {place}", [name for name in spare if stands.kind(name) == "uav"]
@@ -136,7 +145,7 @@ def _bare(stands: StandingAssets, goals: Moves, *, late: bool) -> Iterator[str]:
 
 
 def _unseen(stands: StandingAssets, goals: Moves) -> Iterator[str]:
-    """Yield each place to which only ground assets go although an unseen track is there."""
+    """Yield each place to which only ground assets go although an unobserved track is there."""
     yield from (p for p in dict.fromkeys(goals.values()) if _is_unseen(stands, goals, p))
 
 
@@ -149,7 +158,7 @@ def _is_unseen(stands: StandingAssets, goals: Moves, place: str) -> bool:
 
 
 def bare_s(stands: StandingAssets, goals: Moves) -> float:
-    """Return how long the gates that all their guards leave wait for a new guard, in seconds."""
+    """Return the total time that deserted gates wait for a new guard, in seconds."""
     left = (
         [_way_s(stands, name, gate) for name, goal in goals.items() if goal == gate]
         for gate in stands.world.gates
@@ -170,30 +179,30 @@ def but_guards(stands: StandingAssets, names: Sequence[str], place: str) -> Iter
 
 
 def _is_last(stands: StandingAssets, name: str, goals: Moves) -> bool:
-    """Return whether all other guards of the gate that `name` covers go away."""
+    """Return whether all other guards of the gate that `name` covers leave it."""
     gate = stands.post(name)
     guards = stands.guards(gate)
     return name in guards and all(goals.get(g, gate) != gate for g in guards if g != name)
 
 
 def _is_in_time(stands: StandingAssets, name: str, gate: str) -> bool:
-    """Return whether an asset can reach `gate` within its grace time, with a detour."""
+    """Return whether an asset can reach `gate` within the grace time, with a detour."""
     return _DETOUR * _way_s(stands, name, gate) <= stands.world.coverage_grace_s
 
 
 def _way_s(stands: StandingAssets, name: str, gate: str) -> float:
-    """Return how long an asset needs at least to be at a gate, in seconds."""
+    """Return the least time that an asset needs to reach a gate, in seconds."""
     way = math.dist(stands.before.assets[name].position, stands.world.frames[gate].at)
     return way / stands.world.platforms[stands.kind(name)].speed_mps
 
 
 def identify_units(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
-    """Yield the commands that identify a contact; a drone looks first if none was seen (WF-02)."""
+    """Yield the identification of a contact; a drone observes it first if none has (WF-02)."""
     yield _only_looked_at(stands, ask.place) or _identified(stands, ask)
 
 
 def encounter_units(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
-    """Yield the next command about a contact, or a drone's look if there is no known one."""
+    """Yield the next command for a contact; a drone observes if none is known."""
     tracks = stands.tracks(ask.place)
     if look := _only_looked_at(stands, ask.place):
         yield look
@@ -207,7 +216,7 @@ def encounter_units(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
 
 
 def block_units(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
-    """Yield the asset that closes a lane; tracks there go through the workflow first (WF-01)."""
+    """Yield the block of a lane, or the next command for tracks there that come first (WF-01)."""
     if all(map(_may_block, stands.tracks(ask.place))):
         if ask.who.names:
             yield from (
@@ -236,7 +245,7 @@ def _identified(stands: StandingAssets, ask: Ask) -> CommandUnit:
 
 
 def _only_looked_at(stands: StandingAssets, place: str) -> CommandUnit | None:
-    """Return the look that suffices without a known contact, or with noncombatants."""
+    """Return the observation that suffices without a known contact, or with noncombatants."""
     tracks = stands.tracks(place)
     if tracks and not any(track.noncombatants for track in tracks):
         return None
@@ -244,19 +253,19 @@ def _only_looked_at(stands: StandingAssets, place: str) -> CommandUnit | None:
 
 
 def _look(stands: StandingAssets, place: str) -> tuple[CommandSlot, ...]:
-    """Return that a drone looks at a place."""
+    """Return the command for a drone to observe a place."""
     return (CommandSlot(stands.near(place, "uav"), f"observe {place}"),)
 
 
 def _robots(stands: StandingAssets, ask: Ask) -> tuple[str, ...]:
-    """Return the robots for an encounter: the ones that `ask` names, or any."""
+    """Return the candidate robots for an encounter: those that `ask` names, or any."""
     return tuple(stands.fit(ask)) or stands.near(ask.place, "robot")
 
 
 def units(stands: StandingAssets, ask: Ask) -> list[CommandUnit]:
-    """Return the commands that serve `ask`, none if no asset has to act.
+    """Return the commands that serve `ask`; empty if no asset has to act, or none can.
 
-    Raises UntoldError if the console cannot determine them.
+    Raises NotInPictureError if the console cannot determine them.
     """
     found = list(_SERVES[ask.task](stands, ask))
     if not all(slot.agents for unit in found for slot in unit.slots):
@@ -267,7 +276,8 @@ def units(stands: StandingAssets, ask: Ask) -> list[CommandUnit]:
 def _sent(stands: StandingAssets, ask: Ask, command: str, place: str) -> Iterator[CommandUnit]:
     """Yield `command` for the named assets, or for the requested number of available ones.
 
-    A gate may need each named asset that covers it alone.
+    Named assets share one unit, except those that cover a gate alone, because the gate may need
+    them.
     """
     team = ask.who
     if team.names:
@@ -309,7 +319,7 @@ def _looked(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
 
 
 def _taken_over(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
-    """Yield leaving and arriving assets; none arrives if all candidates are there already."""
+    """Yield commands for leaving and arriving assets; none arrives if all candidates are there."""
     place = ask.place or (stands.post(ask.leaving) if ask.leaving else "")
     leaves: tuple[CommandSlot, ...] = ()
     if ask.task == "relieve" and stands.before.assets[ask.leaving].available:
@@ -334,7 +344,7 @@ def _guards(stands: StandingAssets, ask: Ask, place: str) -> list[str]:
 
 
 def _stand_there(stands: StandingAssets, ask: Ask, place: str) -> bool:
-    """Return whether a free asset that could guard a place stands there."""
+    """Return whether a free asset that could guard a place is already there."""
     free = (name for name in stands.free(ask.who.kind) if is_of(stands, name, ask))
     return any(stands.post(name) == place for name in free)
 
@@ -348,7 +358,7 @@ def _swapped(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
 
 
 def _stood_down(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
-    """Send all but one asset at a place home, those with a low battery first."""
+    """Yield commands to send all but one asset of a place home; one without low battery stays."""
     assets = stands.before.assets
     there = [n for n, a in assets.items() if a.available and a.post == ask.place]
     stays = sorted(there, key=lambda n: assets[n].low_battery)[:1]
@@ -397,14 +407,6 @@ _SERVES: Mapping[Task, Callable[[StandingAssets, Ask], Iterator[CommandUnit]]] =
 }
 
 
-_NOTHING = Plan(reason="nothing yet", actions=())
-_TRIED = 100
-"""Ways to give the commands of a part of an order to assets that are looked at."""
-_WAYS = 12
-"""The number of assignments, with every gate covered, that the model may choose from."""
-_PARTS = 40
-"""Parts of an order that are looked at, the largest first."""
-
 Way = tuple[Action, ...]
 
 
@@ -413,10 +415,11 @@ def commands_serving(
 ) -> Iterator[tuple[CommandSlot, ...]]:
     """Yield the commands of plans for `reading`, each with its possible agents, best first.
 
-    Plans that do everything come first, then plans that do as much as possible: preparatory parts
-    are dropped first, then the tasks asked last. For each part, the model's choice comes before the
-    console's own. Commands that cover a gate come first (WF-03). The last plan, or the only one if
-    nothing can be done, is a hold. Nothing is yielded if the console has no plan for the order.
+    Plans that do everything come first, then plans that do as much as possible: observations of
+    places without a known contact are dropped first, then the tasks asked last. For each part, the
+    model's choice comes before the console's own. Commands that cover a gate come first (WF-03).
+    The last plan, or the only one if nothing can be done, is a hold. Nothing is yielded if the
+    console has no plan for the order.
     """
     reading = within_capability(reading, world)
     named = (n for ask in reading.asks for n in (*ask.who.names, ask.leaving) if n)
@@ -439,7 +442,7 @@ def commands_serving(
 
 
 def _parts(found: Sequence[CommandUnit]) -> list[list[CommandUnit]]:
-    """Return parts of what serves an order, the largest first, and at first all of it."""
+    """Return the parts of the units `found` that are tried: all of them, then smaller parts."""
     number = len(found)
     left_out = (
         sorted(
@@ -453,7 +456,7 @@ def _parts(found: Sequence[CommandUnit]) -> list[list[CommandUnit]]:
 
 
 def _chosen(ways: Sequence[Way]) -> Iterator[tuple[CommandSlot, ...]]:
-    """Yield what `ways` leave open to choice, and then the first of them as it is."""
+    """Yield the choices among `ways` for the same commands, and then the first way as it is."""
     first = ways[0]
     commands = [action.command for action in first]
     alike = [way for way in ways if [action.command for action in way] == commands]
@@ -471,7 +474,7 @@ def _ways(
     others_stay: bool,
     late: bool,
 ) -> Iterator[Way]:
-    """Yield plans in which each asset has one command at most and no gate is left.
+    """Yield plans in which each asset has at most one command and no gate is deserted.
 
     The assets in `called` report if they have nothing else to do. With `late`, gates may wait for
     their new guard.
@@ -487,20 +490,20 @@ def _ways(
 
 
 def _goals(stands: StandingAssets, actions: Sequence[Action]) -> dict[str, str]:
-    """Return the place of each commanded asset once its command is carried out."""
+    """Return the place of each commanded asset after its command."""
     ends = ((action.agent, goes_to(action, stands.world)) for action in actions)
     return {name: goal or stands.post(name) for name, goal in ends}
 
 
 def _late_s(stands: StandingAssets, way: Way) -> float:
-    """Return how long the gates that their guards leave wait for others at least, in seconds."""
+    """Return the total time that gates wait for a new guard, in seconds."""
     return bare_s(stands, _goals(stands, way))
 
 
 def _given(
     slots: Sequence[CommandSlot], had: tuple[Action, ...] = ()
 ) -> Iterator[tuple[Action, ...]]:
-    """Yield the ways to give each of `slots` to an asset without a command."""
+    """Yield the ways to give each of `slots` to an asset without a command; `had` comes first."""
     number = len(had)
     if number == len(slots):
         yield had

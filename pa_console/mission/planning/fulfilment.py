@@ -1,7 +1,7 @@
-"""The comparison of a plan with a reading: it does all of it, and nothing else.
+"""The comparison of a plan with a reading: the plan should do all of it, and nothing else.
 
-Reading the order is the model's part (`language/canonical/reading.py`). Parts that cannot be done
-do not count, nor do additions that the rules ask for: takeovers of gates, and a first look.
+A model has read the order (`language/canonical/reading.py`). Parts that cannot be carried out do
+not count, nor do additions that the rules require: takeovers of gates, and a first observation.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -20,9 +20,11 @@ from pa_console.schema.command import ENCOUNTERS, STILL, Verb
 from pa_console.schema.telemetry import Picture, Track
 from pa_console.schema.world import PLAIN_KINDS, AssetKind
 
+_MEETS: frozenset[Task] = frozenset(("identify", "warn", "block", "respond"))
+
 
 def reporters(ask: Ask, picture: Picture) -> tuple[str, ...]:
-    """Return the working assets that a report may be asked of, in the picture's order."""
+    """Return the available assets that `ask` may want a report of, in the picture's order."""
     team = ask.who
     return tuple(
         name
@@ -33,7 +35,7 @@ def reporters(ask: Ask, picture: Picture) -> tuple[str, ...]:
 
 
 def of_everyone(ask: Ask) -> bool:
-    """True if each of them is asked: of a place, of all of a kind, or of none in particular."""
+    """Return whether every asset of a place, of a kind, or of the whole team is to report."""
     team = ask.who
     if ask.task != "report" or team.names:
         return False
@@ -41,7 +43,7 @@ def of_everyone(ask: Ask) -> bool:
 
 
 def _there(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Yield in words where the assets that are sent differ from those that were requested."""
+    """Yield in words how the assets sent differ from those requested."""
     place, team = case.moves.world.base if ask.task == "home" else ask.place, ask.who
     yield from _absent(case, ask, place)
     there = [n for n, goal in case.moves.goals.items() if goal == place == case.moves.post(n)]
@@ -68,14 +70,14 @@ def _there(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _may_be_looking(case: PlanForOrder, ask: Ask) -> bool:
-    """Return whether one drone more may go to the place of `ask` for another reason (WF-02)."""
+    """Return whether one more drone may go to the place of `ask` for another reason (WF-02)."""
     flies = ask.who.kind == "uav" and not case.others_stay
     besides = any(other.place == ask.place for other in case.due if other != ask)
     return flies and (besides or bool(case.moves.tracks(ask.place)))
 
 
 def _needless(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Yield in words each last guard that leaves its gate for `ask` though an asset is free."""
+    """Yield in words each last guard that leaves its gate for `ask` although an asset is free."""
     if ask.who.names or ask.task not in ("go", "look", "cover", "relieve"):
         return
     moves, place = case.moves, post_of(case.moves, ask)
@@ -102,7 +104,7 @@ def _is_left(moves: PlanMoves, name: str) -> bool:
 
 
 def _absent(case: PlanForOrder, ask: Ask, place: str) -> Iterator[str]:
-    """Yield in words each named asset that is not sent, unless a gate needs it."""
+    """Yield in words each named asset that is not sent, unless it covers a gate alone."""
     relief = case.spare(ask) and not case.others_stay
     for name in _fit(case, ask):
         if case.moves.ends(name) != place and (relief or name not in case.moves.alone):
@@ -121,7 +123,7 @@ def _looked(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _identified(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Yield the named assets that do not go to the track, or that no asset identifies it."""
+    """Yield in words that named assets do not go to the track, or that a step is left out."""
     names = _fit(case, ask)
     if names and case.moves.tracks(ask.place):
         if all(name in case.moves.alone for name in names) and not case.spare(ask):
@@ -133,10 +135,10 @@ def _identified(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _step_left_out(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Yield the steps left out at a place: to identify a contact, and then to warn it (WF-01).
+    """Yield in words the missing step at a place: to identify a contact, then to warn it (WF-01).
 
-    An unseen contact is looked at first, in the same plan (WF-02); noncombatants are only watched
-    (ROE-08).
+    An unobserved contact is observed first, in the same plan (WF-02); noncombatants are only
+    watched (ROE-08).
     """
     moves = case.moves
     tracks = [track for track in moves.tracks(ask.place) if track.status != "leaving"]
@@ -152,20 +154,20 @@ def _step_left_out(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _can(case: PlanForOrder, ask: Ask, tracks: Sequence[Track]) -> bool:
-    """Return whether a robot is available for `tracks`, and a drone if one has to look first."""
+    """Return whether a robot is available for `tracks`, and a drone if it has to observe first."""
     seen = all(track.observed for track in tracks)
     kinds: tuple[AssetKind, ...] = ("robot",) if seen else ("robot", "uav")
     return all(case.moves.there(ask.place, kind) or case.spare(ask, kind) for kind in kinds)
 
 
 def is_to_be_warned(track: Track) -> bool:
-    """Return whether a warning is due: the contact is identified and not warned yet."""
+    """Return whether a warning is due: the contact is identified and not yet warned."""
     known = track.identity == "unauthorized" and not track.noncombatants
     return known and not track.warned
 
 
 def _blocked(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Yield that a lane is not closed, unless its contact has to be met first (WF-01)."""
+    """Yield in words that a lane is not blocked, unless its contact has to be met first (WF-01)."""
     due = all(track.intent == "hostile" and track.warned for track in case.moves.tracks(ask.place))
     moves, fit = case.moves, _fit(case, ask)
     can = fit or case.spare(ask, "ugv") or moves.there(ask.place, "ugv")
@@ -194,7 +196,7 @@ def _swapped(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _stood_down(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Yield that more or fewer than one guard stays, or that none of several goes home."""
+    """Yield in words that not exactly one guard stays, or that none of several goes home."""
     there = {*case.moves.guards(ask.place), *case.moves.sent(ask.place)}
     left = [name for name in there if case.moves.ends(name) == ask.place]
     if ask.place in case.moves.world.gates and len(left) != 1:
@@ -204,7 +206,7 @@ def _stood_down(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _reported(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Yield the missing reports, except of assets that act when all are asked."""
+    """Yield in words the missing reports; of all assets, those that act need not report."""
     actions = case.moves.plan.actions
     told = {action.agent for action in actions if action.verb == "report"}
     if ask.who.names:
@@ -224,7 +226,7 @@ def _held(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _nothing(_case: PlanForOrder, _ask: Ask) -> Iterator[str]:
-    """Yield nothing: the track's own workflow decides what is due, or the ask is unreadable."""
+    """Yield nothing: the track's own workflow decides the next step, or the ask is unreadable."""
     yield from ()
 
 
@@ -253,9 +255,6 @@ FIND_GAPS: Mapping[Task, Callable[[PlanForOrder, Ask], Iterator[str]]] = {
 }
 
 
-_MEETS: frozenset[Task] = frozenset(("identify", "warn", "block", "respond"))
-
-
 def gaps(moves: PlanMoves, reading: Reading) -> tuple[str, ...]:
     """Return in words the parts of `reading` that the plan lacks, then its unrequested parts."""
     due = [ask for ask in reading.asks if not obstacle_to(ask, moves.world, moves.before)]
@@ -273,7 +272,7 @@ def gaps(moves: PlanMoves, reading: Reading) -> tuple[str, ...]:
 
 
 def _unasked(case: PlanForOrder) -> Iterator[str]:
-    """Yield what the plan does beyond the asks that are due and what the rules ask for."""
+    """Yield in words the parts of the plan that neither the asks nor the rules require."""
     moves, due = case.moves, case.due
     moving = [ask for ask in due if ask.task not in ("report", "hold")]
     if not moving:
@@ -295,9 +294,9 @@ def _unasked(case: PlanForOrder) -> Iterator[str]:
 
 
 def _watches(case: PlanForOrder, name: str) -> bool:
-    """Return whether a drone looks at a contact that cannot be dealt with as requested.
+    """Return whether a drone observes a contact that cannot be dealt with as requested.
 
-    If one stands there already, no other one has to.
+    If another drone is already there, this one is not needed.
     """
     goal, flies = case.moves.ends(name), case.moves.kind(name) == "uav"
     seen = goal in case.watched and bool(case.moves.tracks(goal))
@@ -306,7 +305,7 @@ def _watches(case: PlanForOrder, name: str) -> bool:
 
 
 def _besides(case: PlanForOrder, name: str, served: Sequence[Ask]) -> bool:
-    """True if `name` takes over a gate (WF-03), looks first (WF-02) or meets a track (WF-01)."""
+    """Return whether `name` relieves (WF-03), observes first (WF-02) or meets a track (WF-01)."""
     moves, goal = case.moves, case.moves.ends(name)
     if moves.takes_over(name) and not case.others_stay:
         return True

@@ -1,7 +1,6 @@
-"""A plan's moves: agents and destinations, assets that stay, and alternatives.
+"""A plan's moves: its agents and destinations, the assets that stay, and alternatives.
 
-It follows from the picture that the plan was made from and from its commands; no simulation is
-needed.
+They follow from the plan's commands and the picture before it, without a simulation.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,7 +17,7 @@ from pa_console.schema.world import AssetKind, World
 
 @dataclass(frozen=True)
 class PlanMoves:
-    """`plan` in the picture `before` it; every agent of it is an asset of `world`."""
+    """The moves of `plan` in the picture `before` it; every agent is an asset of `world`."""
 
     world: World
     before: Picture
@@ -41,15 +40,15 @@ class PlanMoves:
         return {*sole_covers(self.before).values()}
 
     def kind(self, name: str) -> AssetKind:
-        """Return what kind of asset it is."""
+        """Return the kind of an asset."""
         return self.world.assets[name].kind
 
     def post(self, name: str) -> str:
-        """Return where an asset is posted before the plan, '' for nowhere."""
+        """Return the post of an asset before the plan; '' for none."""
         return self.before.assets[name].post or ""
 
     def ends(self, name: str) -> str:
-        """Return where an asset is posted once the plan has run, '' for nowhere."""
+        """Return the post of an asset after the plan; '' for none."""
         return self.goals.get(name) or self.post(name)
 
     def free(self, kind: AssetKind | None = None) -> list[str]:
@@ -89,7 +88,7 @@ class PlanMoves:
     def commands(
         self, place: str, verbs: Sequence[Verb] = ENCOUNTERS, names: Sequence[str] = ()
     ) -> list[Action]:
-        """Return the commands of these kinds at a place, by `names` if there are any."""
+        """Return the commands with `verbs` at a place, only those of agents in `names` if given."""
         return [
             action
             for action in self.plan.actions
@@ -98,6 +97,6 @@ class PlanMoves:
         ]
 
     def dealt_with(self, place: str) -> bool:
-        """Return whether an asset looks at a place, or deals with a contact there."""
+        """Return whether an asset observes a place or deals with a contact there."""
         drones = (a.target for a in self.plan.actions if self.kind(a.agent) == "uav")
         return bool(self.commands(place)) or place in drones

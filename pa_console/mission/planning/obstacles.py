@@ -1,6 +1,6 @@
-"""The parts of an order that cannot be carried out now, or need not be, and the movable assets.
+"""Parts of an order that cannot or need not be carried out now, and the assets that may move.
 
-A part that could be done but is not planned is not listed: the judge objects to it
+A part that could be carried out but is not planned is not included: the judge objects to it
 (`fulfilment.py`).
 """
 
@@ -25,9 +25,21 @@ from pa_console.schema.command import COMMANDS, STILL
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
 
+_LOOKS: frozenset[Task] = frozenset(("look", "identify", "warn", "respond"))
+"""The tasks that begin with a drone's observation (WF-02)."""
+_GOES: frozenset[Task] = frozenset((*_LOOKS, "go", "mass", "home", "block", "cover", "relieve"))
+
+_MEETS: frozenset[Task] = frozenset(("identify", "warn", "respond"))
+"""The tasks that need a contact at the place."""
+_ONLY_FREE = re.compile(
+    r"\b(?:free|spared?|available|idle|unassigned|surplus|extra|needed|can|could|possible|rest"
+    r"|others?|remaining)\b"
+)
+"""Words, in lower case, that limit *all* to the available assets."""
+
 
 def obstacle_to(ask: Ask, world: World, picture: Picture) -> str:
-    """Return why nothing of `ask` can be done, empty when at least a part can."""
+    """Return why no part of `ask` can be carried out; '' if at least a part can."""
     if ask.task == "refused":
         return "no order may have that"
     found = obstacle(
@@ -39,13 +51,13 @@ def obstacle_to(ask: Ask, world: World, picture: Picture) -> str:
 
 
 def unfit(name: str, ask: Ask, world: World, picture: Picture) -> str:
-    """Return why the asset of that name cannot do its part of `ask`, empty when it can."""
+    """Return why the asset `name` cannot do its part of `ask`; '' if it can."""
     found = next(asset_obstacles(name, ask, world, picture), None)
     return "" if found is None else _told(found, ask.task, picture)
 
 
 def _told(found: Obstacle, task: Task, picture: Picture) -> str:
-    """Return an obstacle in words, with its rule where there is one."""
+    """Return an obstacle in words, with its rule if there is one."""
     match found.problem:
         case "closed":
             return f"{found.subject} is closed (ROE-07)"
@@ -67,7 +79,7 @@ def _told(found: Obstacle, task: Task, picture: Picture) -> str:
 
 
 def _nobody(ask: Ask, picture: Picture) -> str:
-    """Return that every asset which could do it is down."""
+    """Return in words that every asset that could do it is down; '' if one is not."""
     kind, verb = ask.who.kind, VERB_FOR.get(ask.task)
     kinds = (kind,) if kind is not None else COMMANDS[verb].kinds if verb is not None else ()
     up = {asset.kind for asset in picture.assets.values() if asset.available}
@@ -77,15 +89,16 @@ def _nobody(ask: Ask, picture: Picture) -> str:
 def within_capability(reading: Reading, world: World) -> Reading:
     """Return `reading` with each infeasible task in a form that its assets can carry out.
 
-    A drone that is to identify or warn observes, and a robot does the task. A robot that is to
-    observe goes there. Another kind blocks. If no other asset may move, none replaces it.
+    A drone that is to identify or warn observes instead, and a robot does the task. A robot that is
+    to observe goes there. An asset of another kind blocks. If no other asset may move, none
+    replaces it.
     """
     asks = (one for ask in reading.asks for one in _capable(ask, world, reading.others_stay))
     return reading._replace(asks=tuple(asks))
 
 
 def _capable(ask: Ask, world: World, others_stay: bool) -> Iterator[Ask]:
-    """Yield `ask`, or what serves it if it is for assets of a kind that has not its command."""
+    """Yield `ask`, or its replacement if the assets of its kind do not have its command."""
     who = ask.who
     kinds: set[AssetKind] = {world.assets[n].kind for n in who.names if n in world.assets}
     if who.kind is not None:
@@ -102,7 +115,7 @@ def _capable(ask: Ask, world: World, others_stay: bool) -> Iterator[Ask]:
 
 
 def post_of(moves: PlanMoves, ask: Ask) -> str:
-    """Return the place to take over: the named one, or that of the asset that leaves."""
+    """Return the place to take over: the named place, or that of the leaving asset."""
     return ask.place or (moves.post(ask.leaving) if ask.leaving else "")
 
 
@@ -114,13 +127,13 @@ class PlanForOrder:
     due: tuple[Ask, ...]
     others_stay: bool
     watched: frozenset[str] = frozenset()
-    """The places of asks that no asset can carry out: a look there is a safe alternative
+    """The places of asks that no asset can carry out: to observe them is a safe alternative
     (CAP-10)."""
 
     def spare(self, ask: Ask, kind: AssetKind | None = None) -> list[str]:
-        """Return the free assets, of one kind if given, that act for no ask but `ask`.
+        """Return the free assets, of `kind` if given, that act for no ask other than `ask`.
 
-        If `ask` names an origin, only those from there.
+        If `ask` names an origin, only assets from there are returned.
         """
         moves, others = self.moves, [each for each in self.due if each != ask]
         return [
@@ -132,9 +145,10 @@ class PlanForOrder:
         ]
 
     def can_deal(self, ask: Ask) -> bool:
-        """Return whether an asset could look at the place of `ask`, or deal with a contact there.
+        """Return whether an asset could observe the place of `ask` or deal with a contact there.
 
-        A drone can, from its place or as a spare one; a robot once a track was seen (WF-02).
+        A drone can, if it is there or can be spared; a robot can once every track there was
+        observed (WF-02).
         """
         moves, tracks = self.moves, self.moves.tracks(ask.place)
         seen = bool(tracks) and all(track.observed for track in tracks)
@@ -145,12 +159,12 @@ class PlanForOrder:
 
 
 def is_of(moves: PlanMoves, name: str, ask: Ask) -> bool:
-    """Return whether `name` comes from the place that the order names as the origin."""
+    """Return whether the asset `name` is posted at the origin in `ask`, if it names one."""
     return ask.who.origin in ("", moves.post(name))
 
 
 def may_move(moves: PlanMoves, name: str, ask: Ask) -> bool:
-    """Return whether `name` may move for `ask`."""
+    """Return whether the asset `name` may move for `ask`."""
     if name in (*ask.who.names, ask.leaving):
         return True
     goal, fits = moves.ends(name), ask.who.kind in (None, moves.kind(name))
@@ -173,32 +187,18 @@ def may_move(moves: PlanMoves, name: str, ask: Ask) -> bool:
 
 
 def _carries_out(moves: PlanMoves, name: str, ask: Ask) -> bool:
-    """Return whether `name` carries out `ask` itself, and does not only look first (WF-02)."""
+    """Return whether the asset `name` carries out `ask`, and does not only observe (WF-02)."""
     kind = moves.kind(name)
     asked = name in ask.who.names or ask.who.kind in (None, kind)
     return may_move(moves, name, ask) and (name == ask.leaving or asked) and can_do(kind, ask.task)
 
 
-_LOOKS: frozenset[Task] = frozenset(("look", "identify", "warn", "respond"))
-"""The verbs that begin with a drone's look (WF-02)."""
-_GOES: frozenset[Task] = frozenset((*_LOOKS, "go", "mass", "home", "block", "cover", "relieve"))
-
-
-_MEETS: frozenset[Task] = frozenset(("identify", "warn", "respond"))
-"""The verbs that need a contact at the place."""
-_ONLY_FREE = re.compile(
-    r"\b(?:free|spared?|available|idle|unassigned|surplus|extra|needed|can|could|possible|rest"
-    r"|others?|remaining)\b"
-)
-"""Words, in lower case, that limit *all* to the available assets."""
-
-
 class Unmet(NamedTuple):
-    """A part of an order that a plan does not do, and the reason."""
+    """A part of an order that a plan leaves out, and the reason."""
 
     told: str
     so: bool = False
-    """True if it is already as ordered."""
+    """True if the part is already fulfilled."""
 
 
 def unmet_asks(moves: PlanMoves, reading: Reading, text: str) -> tuple[Unmet, ...]:
@@ -221,7 +221,7 @@ def unmet_asks(moves: PlanMoves, reading: Reading, text: str) -> tuple[Unmet, ..
 
 
 def _unmet(case: PlanForOrder, ask: Ask, *, every: bool) -> Iterator[tuple[str, bool]]:
-    """Yield why `ask` is not carried out and whether that is because it is so already."""
+    """Yield why `ask` is not carried out, and whether it is already fulfilled."""
     there = _there_already(case.moves, ask)
     why = _why(case, ask)
     yield why or there, not why
@@ -230,7 +230,7 @@ def _unmet(case: PlanForOrder, ask: Ask, *, every: bool) -> Iterator[tuple[str, 
 
 
 def _there_already(moves: PlanMoves, ask: Ask) -> str:
-    """Return the assets that already stand where an asset was asked for and none is sent."""
+    """Return in words the assets already at the place of `ask`, if no asset is sent there."""
     if ask.task != "go" or obstacle_to(ask, moves.world, moves.before):
         return ""
     if ask.who.names:
@@ -246,7 +246,7 @@ def _is_there(moves: PlanMoves, name: str, ask: Ask) -> bool:
 
 
 def _left(moves: PlanMoves, ask: Ask) -> Iterator[str]:
-    """Yield for each asset that an order for all does not move the reason why."""
+    """Yield, for each asset that an order for all assets does not move, why it stays."""
     if ask.who.count != "all" or ask.task not in ("go", "mass", "home"):
         return
     place = moves.world.base if ask.task == "home" else ask.place
@@ -279,7 +279,7 @@ def _why(case: PlanForOrder, ask: Ask) -> str:
 
 
 def _kept(moves: PlanMoves, ask: Ask) -> Iterator[str]:
-    """Yield the reasons that named assets do not do their part."""
+    """Yield the reasons why named assets do not do their part."""
     for name in ask.who.names:
         post = moves.post(name) if name in moves.world.assets else ""
         if why := unfit(name, ask, moves.world, moves.before):
@@ -289,13 +289,13 @@ def _kept(moves: PlanMoves, ask: Ask) -> Iterator[str]:
 
 
 def _begun(moves: PlanMoves, ask: Ask) -> bool:
-    """Return whether an asset acts for `ask`, or the one it needs stands there already."""
+    """Return whether an asset acts for `ask`, or the needed asset is already there."""
     acting = (a.agent for a in moves.plan.actions if a.verb not in STILL)
     return bool(_standing(moves, ask)) or any(may_move(moves, name, ask) for name in acting)
 
 
 def _standing(moves: PlanMoves, ask: Ask) -> list[str]:
-    """Return the assets that `ask` needs and that stand at its place."""
+    """Return the assets of the kind that `ask` needs that are already at its place."""
     place = moves.world.base if ask.task == "home" else post_of(moves, ask)
     kind = _needed(ask)
     kinds: tuple[AssetKind, ...] = (kind,) if kind else ("uav", "ugv", "robot")
@@ -303,7 +303,7 @@ def _standing(moves: PlanMoves, ask: Ask) -> list[str]:
 
 
 def _needed(ask: Ask) -> AssetKind | None:
-    """Return the kind of asset that has to be free for `ask`, None where any would do."""
+    """Return the kind of asset that has to be free for `ask`; None if any kind will do."""
     if ask.task in _LOOKS:
         return "uav"
     return "ugv" if ask.task == "block" else ask.who.kind

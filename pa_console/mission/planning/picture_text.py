@@ -1,7 +1,7 @@
-"""Step 3 in a large world: the part of the picture that a mission and the rules concern.
+"""Step 3: the digest of the picture, in a large world only of the relevant part.
 
-The prompt must not grow with the number of assets: every list here is bounded, and what is left out
-is counted. A small world is included whole.
+The prompt must not grow with the number of assets. Every list here is bounded, and the omitted
+items are counted. A small world is included whole.
 """
 
 import math
@@ -16,11 +16,20 @@ from pa_console.schema.rule import Rule
 from pa_console.schema.telemetry import AssetTelemetry, Digest, Picture, Selection, Track
 from pa_console.schema.world import KINDS, World
 
+SMALL_ASSETS, SMALL_GATES = 16, 8
+MOST_GATES, MOST_TRACKS, MOST_FRAMES = 10, 8, 16
+MOST_ASSETS, SPARES_PER_KIND = 24, 3
+COVERS_PER_GATE = 2
+MOST_MEANT = 6
+MOST_LOW = 3
+LESS = (0.75, 0.5, 0.25)
+"""The shares of these numbers that are tried, in turn, until the prompt is small enough."""
+
 
 def silence(picture: Picture, asset: AssetTelemetry) -> str:
-    """Return in words why the state of an asset is uncertain, '' if it is certain.
+    """Return in words why the state of an asset is uncertain; '' if it is certain.
 
-    A failed asset is certain.
+    The state of a failed asset is certain.
     """
     if asset.status == "failed":
         return ""
@@ -34,9 +43,10 @@ def silence(picture: Picture, asset: AssetTelemetry) -> str:
 def digest_picture(picture: Picture, world: World, selection: Selection | None = None) -> Digest:
     """Return cover per gate, free assets best first, sole covers, assets down or low, and tracks.
 
-    An asset is free when it is available, not low on battery, not on a task for a track, and no
-    gate depends on it alone; those that cover no gate come first, then the fullest battery, or what
-    `selection` puts first. Everything else that `selection` does not name is left out.
+    An asset is free if it is available, not low on battery, not on a task for a track, and not the
+    only cover of a gate. Free assets that cover no gate come first, then those with the fullest
+    battery, or in the order of `selection`. Assets, gates and tracks that are not in `selection`
+    are left out.
     """
     gates = tuple(g for g in world.gates if selection is None or g in selection.gates)
     sole = sole_covers(picture)
@@ -120,16 +130,8 @@ def _track(picture: Picture, track: Track) -> str:
     return f"{track.id}: {', '.join(facts)}"
 
 
-SMALL_ASSETS, SMALL_GATES = 16, 8
-MOST_GATES, MOST_TRACKS, MOST_FRAMES = 10, 8, 16
-MOST_ASSETS, SPARES_PER_KIND = 24, 3
-COVERS_PER_GATE = 2
-MOST_MEANT = 6
-MOST_LOW = 3
-LESS = (0.75, 0.5, 0.25)
-"""The parts of these numbers that are tried, one after the other, until the prompt has room."""
 Pick = tuple[str, str]
-"""A name and why it matters."""
+"""A name, and the reason why it is selected."""
 
 
 def is_small(world: World) -> bool:
@@ -146,8 +148,8 @@ def select(
 ) -> Selection | None:
     """Return the part of the picture in the prompt for `mission`; None (all) in a small world.
 
-    `rules` are those retrieved for it; their tags determine whether batteries matter beyond its
-    gates. A `share` below 1 limits the part, in a small world too.
+    `rules` are those retrieved for the mission; their tags determine whether batteries matter
+    beyond its gates. A `share` below 1 limits the part, even in a small world.
     """
     if share == 1.0 and is_small(world):
         return None
@@ -198,7 +200,7 @@ def _threat(track: Track) -> tuple[int, float, str]:
 
 
 def _rank_word(track: Track) -> str:
-    """Return in one word why a track matters, or why it hardly does."""
+    """Return in one word how much a track matters."""
     if track.intent == "hostile":
         return "hostile"
     if track.defiant:
@@ -211,7 +213,7 @@ def _rank_word(track: Track) -> str:
 def _gates(
     picture: Picture, world: World, mission: Mission, own: Iterable[str], tracks: Iterable[str]
 ) -> Iterator[Pick]:
-    """Yield the gates that the mission means, then those in trouble."""
+    """Yield the gates that the mission concerns, then those without known cover."""
     yield from ((gate, "named in the mission") for gate in named(world.gates, mission.text))
     if mission.gate in picture.gates:
         yield mission.gate, "the mission is about it"
@@ -260,10 +262,10 @@ def _trouble(picture: Picture, asset: AssetTelemetry) -> str:
 
 
 def _spares(picture: Picture, world: World, gates: Iterable[str], per_kind: int) -> Iterator[Pick]:
-    """Yield the free assets of every kind that are nearest to the concerned gates, in turns.
+    """Yield the free assets nearest to the concerned gates, one of each kind in turn.
 
     Without a concerned gate, the fullest batteries come first. Assets that help to cover a gate
-    come after the others.
+    come last.
     """
     goals = [world.frames[gate].at for gate in gates]
     sole = {*sole_covers(picture).values()}
@@ -287,7 +289,7 @@ def _least(position: Point, goals: Sequence[Point]) -> float:
 
 
 def _frames(world: World, mission: Mission, gates: Iterable[str]) -> tuple[str, ...]:
-    """Return the concerned gates, the base and posts, the places of the mission first."""
+    """Return the concerned gates, the base, and the posts, those named in the mission first."""
     posts = [name for name, frame in world.frames.items() if frame.kind == "post"]
     wanted = [*gates, world.base, *names_meant(posts, mission.text), *posts]
     return tuple(dict.fromkeys(wanted))

@@ -1,4 +1,4 @@
-"""Steps 3 to 5 of a mission: what the planner is asked, and what it answers."""
+"""Steps 3 to 5 of a mission: the question for the planner, and its answer."""
 
 import asyncio
 from collections.abc import Sequence
@@ -37,13 +37,13 @@ from pa_console.schema.telemetry import Digest, Picture, Selection
 from pa_console.session.confidence import Reader
 
 MOST_FACTS = 4
-"""The number of assets whose state a reason describes."""
+"""The number of assets whose state is described in a plan's reason."""
 
 
 def served_plan(asked: str, slots: Sequence[CommandSlot], digest: Digest) -> Plan:
-    """Return the plan with the commands of `slots`, with the reading `asked` as its reason.
+    """Return the plan with the commands of `slots`, each for its first agent.
 
-    The reason goes on with the state of the commanded assets.
+    The reason begins with the reading `asked` and continues with the state of the commanded assets.
     """
     actions = tuple(Action(agent=slot.agents[0], command=slot.command) for slot in slots)
     named = list(dict.fromkeys(action.agent for action in actions))[:MOST_FACTS]
@@ -52,7 +52,7 @@ def served_plan(asked: str, slots: Sequence[CommandSlot], digest: Digest) -> Pla
 
 
 def still(picture: Picture) -> tuple[CommandSlot, ...]:
-    """Return a hold: the order if no part of the reading can be carried out."""
+    """Return a hold for one asset, the order if no part of the reading can be carried out."""
     up = (name for name, asset in picture.assets.items() if asset.available)
     return tuple(CommandSlot((name,), "hold") for name in list(up)[:1])
 
@@ -61,7 +61,8 @@ def still(picture: Picture) -> tuple[CommandSlot, ...]:
 class PlanQuestion:
     """A prompt for the planner and the grammar of its answer; `digest` is the picture in it.
 
-    The answer's reason matches the regular expressions `reasons`, and begins with `asked` if given.
+    The reason in the answer matches the regular expressions `reasons`; it begins with `asked` if
+    that is given.
     """
 
     digest: Digest
@@ -77,13 +78,13 @@ class PlanQuestion:
 
 @dataclass(frozen=True)
 class NumberedPlan:
-    """A plan under its number in the mission; `confidence` is its planner's in what was asked."""
+    """A plan with its number in the mission; `confidence` is the planner's in its reading."""
 
     number: int
     plan: Plan
     confidence: float | None = None
     by_server: bool = False
-    """True if the model of a server wrote it."""
+    """True if a model on a server wrote the plan."""
 
 
 @dataclass(frozen=True)
@@ -98,22 +99,22 @@ class PlannerAnswer:
 
     @property
     def error(self) -> str:
-        """The reason why there is no plan in it; '' if there is one."""
+        """The reason why the answer has no plan; '' if it has one."""
         return self.proposal.error if self.proposal.plan is None else ""
 
     @property
     def selection(self) -> Selection | None:
-        """The part of the picture that the prompt spoke of; None means all of it."""
+        """The part of the picture in the prompt; None means all of it."""
         return self.question.digest.selection
 
     @property
     def said(self) -> str:
-        """The reading: the operator's, or else that in the answer; '' without one."""
+        """The reading: the operator's, or else the one in the answer; '' if there is none."""
         return self._words.rstrip("; ")
 
     @property
     def begun(self) -> str:
-        """The beginning of the answer up to its reading; '' without one."""
+        """The answer up to the end of its reading; '' if it has none."""
         text = self.proposal.text
         words = next((words for words in (self._words, self.said) if words in text), "")
         return text[: text.find(words) + len(words)]
@@ -135,8 +136,8 @@ def ask_for_plan(
 ) -> PlanQuestion:
     """Return the question for a plan; `reasons` are the faults of the `previous` one.
 
-    It is for `model`, by default the session's own. It includes as much of the picture as has room
-    beside the answer.
+    It is for `model`, by default the local one. It includes as much of the picture as fits beside
+    the answer.
     """
     prompt_format = model.prompt_format if model is not None else services.prompt_format
     started = perf_counter()
@@ -178,7 +179,7 @@ def ask_for_plan(
 async def ask_planner(
     context: MissionContext, retrieved: RetrievedRules, reasons: Sequence[str], previous: str
 ) -> PlannerAnswer:
-    """Run steps 3 to 5 once; `reasons` are the faults of the `previous` plan.
+    """Ask the planner once (steps 3 to 5); `reasons` are the faults of the `previous` plan.
 
     If a model on a server returns no plan, the local model plans instead.
     """
@@ -223,7 +224,7 @@ async def ask_planner(
 
 
 def without_planner(context: MissionContext, retrieved: RetrievedRules) -> PlannerAnswer:
-    """Return the question for a plan that is there already; no model is asked it."""
+    """Return an answer for a plan that already exists; no model is asked."""
     model = context.services.planners[0]
     question = ask_for_plan(context.services, retrieved, model=model)
     context.stopwatch.add("picture_s", question.picture_s)
@@ -252,7 +253,7 @@ async def _served(
 async def ask_for_others(
     context: MissionContext, answered: PlannerAnswer, *, as_asked: bool = False
 ) -> list[NumberedPlan]:
-    """Repeat step 5 with several answers at once: the other plans, most likely first.
+    """Ask for several answers at once (step 5); return the other plans, most likely first.
 
     With `as_asked`, all of them have the reading of the first answer. All of them are emitted.
     There are none if the console makes the plan.
@@ -283,7 +284,7 @@ async def ask_for_others(
 async def other_readings(context: MissionContext, answered: PlannerAnswer, count: int) -> list[str]:
     """Return the planner's other likely readings, the likeliest first.
 
-    At most `count` are tried. None if its answer has no reading.
+    At most `count` are tried. The result is empty if the planner's answer has no reading.
     """
     question = answered.question
     if not question.reasons or not answered.said or count < 1:
@@ -304,10 +305,10 @@ async def commands_for(
     most: int,
     verbs: Sequence[Verb] = (),
 ) -> list[tuple[CommandSlot, ...]]:
-    """Return the commands that serve the reading `asked`, each with the assets that may get it.
+    """Return the ways to serve the reading `asked`: commands, each with its candidate agents.
 
-    If the planner may give some commands only, the rest is left out by `verbs`. In a large world
-    the search takes a while, in a thread of its own.
+    At most `most` ways are returned. If `verbs` are given, ways with other commands are left out.
+    The search runs in a thread, because it takes a while in a large world.
     """
     fleet, reading = context.services.fleet, read_asked(asked)
     if reading is None or (retrieved.verbs and not verbs):
@@ -330,10 +331,10 @@ async def ask_who(
     slots: Sequence[CommandSlot],
     reader: Reader = "planner",
 ) -> NumberedPlan | None:
-    """Repeat step 5 with the commands of `slots` given, to assign an agent to each.
+    """Ask the planner to assign an agent to each command of `slots` (step 5).
 
-    The plan has the reading `asked`, by the model `reader`. The result is None without a plan in
-    the answer. If the console makes the plans, it also assigns the agents.
+    The plan has the reading `asked`, by the model `reader`. The result is None if the answer has no
+    plan. If the console makes the plans, it also assigns the agents.
     """
     first = context.attempts
     by_server = answered.model.server is not None

@@ -1,1 +1,1 @@
-"""Plans of several steps and patrols: planned one step after another, and carried out so."""
+"""Patrols and orders in steps: planned and carried out one step after another."""

@@ -1,7 +1,8 @@
 """Steps 2 to 6 for a patrol: legs from place to place, with relief before a battery gets low.
 
-The grammar has read it, so no planner and no reader is asked. The judge is asked about the first
-leg to each place; the rules are decided for every leg, in the picture that the ones before leave.
+A grammar has read the order, so neither planner nor second reader is asked. The judge is asked
+about the first leg to each place. The rules are checked for every leg, in the forecast that the
+legs before it leave.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,15 +26,16 @@ from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.world import AssetKind
 
 PREFERRED: tuple[AssetKind, ...] = ("uav", "robot", "ugv")
-"""The preference if the order names no asset: the first of these kinds with a free one goes."""
+"""The order of preference for kinds if the order names no asset: the first with a free asset is
+used."""
 MOST_RELIEFS = 4
 RESERVE_PCT = 2.0
-"""The charge that an asset keeps above the low mark when it is relieved or has done, percent."""
+"""The charge above the low mark that an asset keeps at the end of its last leg, percent."""
 
 
 @dataclass(frozen=True)
 class _Leg:
-    """One place of a patrol, and the asset for it; `relieves` goes home once that is there."""
+    """One place of a patrol and its asset; the asset in `relieves` goes home after its arrival."""
 
     place: str
     agent: str
@@ -78,7 +80,7 @@ def _first_agent(context: MissionContext, patrol: Patrol) -> str:
 async def _with_relief(
     context: MissionContext, patrol: Patrol, agent: str, places: Sequence[str]
 ) -> list[_Leg] | NotUnderstood:
-    """Return the legs; another asset takes over before a battery would get low."""
+    """Return the legs, with another asset from the leg on before which a battery would get low."""
     legs = [_Leg(place, agent) for place in places]
     world = context.services.fleet.world
     for _ in range(MOST_RELIEFS + 1):
@@ -99,7 +101,7 @@ async def _with_relief(
 
 
 def _first_short(plan: Plan, steps: Sequence[Rehearsal], least_pct: float) -> int | None:
-    """Return the leg, counted from 0, that a battery does not do for, with the way home."""
+    """Return the first leg, from 0, for which a battery is too low, the way home included."""
     legs = -1
     for numbers, step in zip(plan.steps, steps, strict=False):
         going = [plan.actions[n - 1] for n in numbers if plan.actions[n - 1].target is not None]
@@ -107,14 +109,14 @@ def _first_short(plan: Plan, steps: Sequence[Rehearsal], least_pct: float) -> in
         for action in going:
             began = step.before.assets[action.agent].battery_pct
             ended = step.timeline.assets[action.agent].least_battery_pct
-            # The way home is taken to need no more than this leg did.
+            # The way home is assumed to need no more charge than this leg.
             if ended - (began - ended) < least_pct:
                 return legs
     return None
 
 
 def _reliever(context: MissionContext, legs: Sequence[_Leg], number: int) -> str:
-    """Return the nearest free asset of the same kind that has no part in it; '' for none."""
+    """Return the nearest free asset of the same kind that is in no leg; '' for none."""
     scene, place = context.services.scene, legs[number].place
     kind = scene.asset(legs[number].agent).kind
     taken = {leg.agent for leg in legs}

@@ -1,7 +1,7 @@
-"""Steps 2 to 6 for an order in steps: each is planned in the picture that the ones before leave.
+"""Steps 2 to 6 for an order in steps, each planned in the forecast that the one before it leaves.
 
 A step is read, planned and judged like an order of its own. Its plan is rehearsed, and the next
-step sees what the rehearsal has ended with. The plans are joined into one, which is examined and
+step begins at the end of the rehearsal. The plans are joined into one, which is examined and
 approved as a whole.
 """
 
@@ -43,9 +43,9 @@ Planned = PlanForDecision | PlanningFailure | NotUnderstood | RefusedMission
 async def plan_steps(
     context: MissionContext, task: Mission, steps: Sequence[str], answers: Answers
 ) -> Planned:
-    """Return one plan for all `steps` of `task`; what is not clear about a step, names it.
+    """Return one plan for all `steps` of `task`; a question or a fault names its step.
 
-    A step that is blocked is the last one that is planned: nothing could follow it.
+    No step after a blocked one is planned, because nothing could follow it.
     """
     planned: list[PlanForDecision] = []
     at = ForeseenContext(context)
@@ -94,7 +94,7 @@ async def _planned(
 async def _joined(
     context: MissionContext, task: Mission, planned: Sequence[PlanForDecision], count: int
 ) -> PlanForDecision:
-    """Examine the plans of the steps as one; return it with the findings of each step."""
+    """Examine the plans of the steps as one; return it for decision, with all findings."""
     bests = [each.best for each in planned]
     whole = joined_plan(bests)
     number = context.next_attempt()
@@ -137,7 +137,7 @@ async def _joined(
 
 
 def joined_plan(bests: Sequence[Candidate]) -> Plan:
-    """Return the plans of the steps as one, in which each comes after the one before it."""
+    """Return the plans of the steps as one plan, in which each follows the one before it."""
     actions: list[Action] = []
     told: list[str] = []
     before: tuple[int, ...] = ()
@@ -152,7 +152,7 @@ def joined_plan(bests: Sequence[Candidate]) -> Plan:
 
 
 def _unplanned(bests: Sequence[Candidate], count: int) -> Iterator[Finding]:
-    """Yield a critical finding for a step that orders nothing, and for those never planned."""
+    """Yield a critical finding for each step that orders nothing, and one for unplanned steps."""
     faults = [
         f"step {number} orders nothing"
         for number, best in enumerate(bests, start=1)
@@ -165,7 +165,7 @@ def _unplanned(bests: Sequence[Candidate], count: int) -> Iterator[Finding]:
 
 
 def _mentions(bests: Sequence[Candidate]) -> MentionCheck:
-    """Return what the readings of the steps account for, as one; one baseless step is enough."""
+    """Return the checks of the steps' readings as one; a single baseless step makes it baseless."""
     found = [best.mentions for best in bests]
     return MentionCheck(
         tuple(one for each in found for one in each.mentions),

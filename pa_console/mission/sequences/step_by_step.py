@@ -1,7 +1,7 @@
-"""Step 7 of a plan in steps: each is checked, executed and verified before the next one is sent.
+"""Step 7 for a plan in steps: each is checked, executed and verified before the next one is sent.
 
-A step that waits is examined again at its moment. What comes after an action that failed, or that
-telemetry does not show, is never sent, and an event names it.
+A step that waits is examined again when its turn comes. The actions that depend on one that failed,
+or that telemetry does not show, are never sent, and an event names them.
 """
 
 import asyncio
@@ -22,7 +22,7 @@ from pa_console.schema.plan import Plan
 
 @dataclass
 class StepByStep:
-    """Carries out one `approved` plan of several steps for `task`; its `facts` are reported."""
+    """The execution of an `approved` plan in steps for `task`; its `facts` are reported."""
 
     context: MissionContext
     execution: Execution
@@ -31,9 +31,9 @@ class StepByStep:
     results: Results
     facts: ReportFacts
     goes_on: asyncio.Event
-    """Set while the next step may be sent; nothing is sent while an operator has paused it."""
+    """Set while the next step may be sent; cleared while an operator has paused the plan."""
     done: int = 0
-    """The number of steps that telemetry has shown to be done, from the first on."""
+    """The number of steps that telemetry shows to be done, counted from the first."""
     _held: frozenset[int] = frozenset()
 
     @property
@@ -41,7 +41,7 @@ class StepByStep:
         return self.approved.planned.best.examination.plan
 
     async def run(self) -> MissionResult | None:
-        """Carry the plan out; return why it ended before its end, None where all is verified."""
+        """Carry out the plan; return None if all steps are verified, otherwise the result."""
         lacks: list[MissionResult] = []
         for position, numbers in enumerate(self._plan.steps, start=1):
             if due := tuple(number for number in numbers if number not in self._held):
@@ -59,7 +59,7 @@ class StepByStep:
         return frozenset(number for step in self._plan.steps[position:] for number in step)
 
     async def _step(self, position: int, due: tuple[int, ...]) -> MissionResult | None:
-        """Check, execute and verify the actions `due`; return what keeps others from being sent."""
+        """Check, execute and verify the actions `due`; return why others are held, if they are."""
         context, count = self.context, len(self._plan.steps)
         part = self._plan.part(due)
         facts = PlanFacts(
@@ -104,7 +104,7 @@ class StepByStep:
         status: MissionStatus,
         facts: PlanFacts | None = None,
     ) -> MissionResult:
-        """Hold the actions `numbers` for good, and emit them."""
+        """Hold back the actions `numbers` for good, and emit an event that names them."""
         new = sorted({*numbers} - self._held)
         self._held |= {*new}
         actions = [self._plan.actions[number - 1] for number in new]
@@ -120,7 +120,7 @@ class StepByStep:
 
 
 def _passed(due: tuple[int, ...], seen: Verification) -> frozenset[int]:
-    """Return the actions that are verified: none where a gate has lost its cover."""
+    """Return the actions that are verified; none if a gate has lost its known cover."""
     if seen.gates_lost or seen.gates_unknown:
         return frozenset()
     outcomes = zip(due, seen.actions, strict=True)
