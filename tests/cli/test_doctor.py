@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.cli.verbs import doctor, doctor_checks
+from pa_console.cli.verbs import doctor
 from pa_console.cli.verbs import doctor as speed
 from pa_console.cli.verbs.doctor import (
     check_server,
@@ -17,7 +17,8 @@ from pa_console.cli.verbs.doctor import (
     named_models,
     speed_words,
 )
-from pa_console.cli.verbs.doctor_checks import (
+from pa_console.cli.verbs.doctor import checks as doctor_checks
+from pa_console.cli.verbs.doctor.checks import (
     Check,
     check_broker,
     check_build_tools,

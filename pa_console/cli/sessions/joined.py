@@ -8,7 +8,7 @@ from pathlib import Path
 
 import typer
 
-from pa_console.cli.progress_bars import RecordsBar
+from pa_console.cli.progress_bars import TransientBar
 from pa_console.cli.sessions.fleet import JOINED, STATION, ask_passphrase, claim_credentials
 from pa_console.cli.sessions.live import LiveSession
 from pa_console.end_signals import end_signals, exit_code_of
@@ -64,7 +64,7 @@ def shared_session(url: str, certificates: Path | None) -> Generator[FoundSessio
         if not link.wait_connected(CONNECT_S):
             raise ValueError(f"no broker lets us in at {address}: {link.problem}")
         log = SharedLog(link, folder.trust(), folder.take)
-        with RecordsBar() as bar:
+        with TransientBar("reading the session") as bar:
             before = read_so_far(log, bar.show)
         yield FoundSession(log, before, folder)
     finally:
@@ -175,7 +175,7 @@ def _site_of(
     events: list[Event], asked: Joining, settings: LoadedSettings
 ) -> tuple[World, Rulebook]:
     """Return the world and the rules of the session; raises ValueError where they are not here."""
-    world = world_of(events, asked.world, settings)
+    world = shared_world(events, asked.world, settings)
     started = started_of(events)
     rules = SessionSites((), (asked.rules,)).rules_of(started)
     if rules is None:
@@ -186,7 +186,7 @@ def _site_of(
     return world, rules
 
 
-def world_of(events: list[Event], given: str, settings: LoadedSettings) -> World:
+def shared_world(events: list[Event], given: str, settings: LoadedSettings) -> World:
     """Return the world of the session, which may be `given`; raises ValueError where it is not."""
     started = started_of(events)
     near = (settings.values.logs or default_folder()) / "log"

@@ -33,7 +33,7 @@ VERBS = {
         "Serve a session on loopback: an HTTP interface (see /docs), or the console in a browser.",
     ),
     "mcp": Verb(
-        "serve:mcp",
+        "mcp:mcp",
         "Connect an agent over MCP, on stdin and stdout, to a running console; people decide.",
     ),
     "replay": Verb(
@@ -71,7 +71,7 @@ VERBS = {
         "site:app", "Run the simulated checkpoint as a service on a message bus; more below."
     ),
     "tak": Verb(
-        "serve:tak",
+        "tak:tak",
         "Show a session on TAK maps (ATAK, WinTAK) as Cursor on Target; nothing is taken from "
         "there.",
     ),

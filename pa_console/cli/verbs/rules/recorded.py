@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from pa_console.cli.options import JsonOption
-from pa_console.cli.progress_bars import ExportBar
+from pa_console.cli.progress_bars import TransientBar
 from pa_console.evaluation.changed_decisions import (
     FLIP_KINDS,
     ChangedDecision,
@@ -147,7 +147,7 @@ def effect(
 
 
 def _sessions(logs: list[Path], new: Rulebook, sites: SessionSites, effects: Effects) -> None:
-    with ExportBar("checking sessions again", len(logs)) as bar:
+    with TransientBar("checking sessions again", len(logs)) as bar:
         for log in logs:
             try:
                 events = SessionEvents(log)
@@ -164,7 +164,7 @@ def _sessions(logs: list[Path], new: Rulebook, sites: SessionSites, effects: Eff
                     effects.unread[str(log)] = events.problem
             except (DocumentError, ValueError) as error:
                 effects.unread[str(log)] = str(error)
-            bar.advance(1)
+            bar.advance()
 
 
 def _missions(
@@ -179,10 +179,10 @@ def _missions(
     cases, worlds = load_with_worlds(path, own)
     old = load_rules(existing_data("rules", was, "rules.yaml"))
     plans, seed = tried
-    with ExportBar(f"trying orders at {cases.name}", len(cases.missions) * (plans + 1)) as bar:
+    with TransientBar(f"trying orders at {cases.name}", len(cases.missions) * (plans + 1)) as bar:
         for case in cases.missions:
             effects.found[f"{path}:{case.id}"] = effect_on_mission(
-                case, worlds[case.world], new, old, plans, seed, lambda: bar.advance(1)
+                case, worlds[case.world], new, old, plans, seed, bar.advance
             )
 
 
@@ -244,7 +244,7 @@ def trace(
     found: dict[str, list[Trail]] = {}
     unread: dict[str, str] = {}
     places = find_logs(logs)
-    with ExportBar("reading sessions", len(places)) as bar:
+    with TransientBar("reading sessions", len(places)) as bar:
         for log in places:
             try:
                 events = SessionEvents(log)
@@ -253,7 +253,7 @@ def trace(
                     unread[str(log)] = events.problem
             except DocumentError as error:
                 unread[str(log)] = str(error)
-            bar.advance(1)
+            bar.advance()
     if json:
         print_json({"rule": rule, "sessions": found, "unread": unread})
     else:

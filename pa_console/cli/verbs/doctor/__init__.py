@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from pa_console.cli.options import JsonOption
-from pa_console.cli.verbs.doctor_checks import (
+from pa_console.cli.verbs.doctor.checks import (
     Check,
     check_broker,
     check_build_tools,

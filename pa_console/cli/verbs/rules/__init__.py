@@ -9,8 +9,8 @@ from rich.text import Text
 
 from pa_console.cli import completion
 from pa_console.cli.options import JsonOption, RulesOption, WorldOption
-from pa_console.cli.progress_bars import ExportBar
-from pa_console.cli.verbs.rules_in_sessions import effect, trace
+from pa_console.cli.progress_bars import TransientBar
+from pa_console.cli.verbs.rules.recorded import effect, trace
 from pa_console.policy.authoring.differences import Change, FieldChange, compare_rules, word_changes
 from pa_console.policy.authoring.examples import run_example
 from pa_console.policy.authoring.lint import SearchDoubts, lint_rules, search_rules, search_steps
@@ -291,8 +291,8 @@ def lint(
     findings = lint_rules(document, rule_set, place)
     searched = SearchDoubts()
     if states:
-        with ExportBar("searching states", search_steps(rule_set, states)) as bar:
-            searched = search_rules(document, rule_set, place, states, seed, lambda: bar.advance(1))
+        with TransientBar("searching states", search_steps(rule_set, states)) as bar:
+            searched = search_rules(document, rule_set, place, states, seed, bar.advance)
         findings = sorted([*findings, *searched.findings], key=lambda f: (f.line, f.kind))
     counts = {name: sum(found.severity == name for found in findings) for name in STYLES}
     if json:
