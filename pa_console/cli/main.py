@@ -10,11 +10,10 @@ import traceback
 from typing import Annotated, NoReturn
 
 import typer
-from typer.core import TyperGroup
 
 from pa_console import __version__
 from pa_console.child_processes import keep_search_path
-from pa_console.cli.verbs import Verbs
+from pa_console.cli.verbs import Verbs, load_verb
 from pa_console.terminal.output import BAD_INPUT, FAILED, errors, open_closed_streams
 
 INTERRUPTED = 130
@@ -62,10 +61,9 @@ def _default(
 
     set_defaults(context, assignments or ())
     if context.invoked_subcommand is None:
-        assert isinstance(context.command, TyperGroup)
-        opened = context.command.commands["console"]
-        with opened.make_context("console", [], parent=context) as below:
-            opened.invoke(below)
+        console = load_verb("console")
+        with console.make_context("console", [], parent=context) as below:
+            console.invoke(below)
 
 
 def _print_version(json: bool) -> None:

@@ -6,40 +6,22 @@ import pty
 import re
 import signal
 import time
-from collections.abc import Callable, Generator
-from pathlib import Path
 
 import pytest
 
 from pa_console.schema.events import event as ev
-from pa_console.signing import KEY_VARIABLE
 from pa_console.terminal.typed_lines import InputLines, read_answer
 from tests.cli.inside import Call
-from tests.cli.outside import WITHIN_S, Outside
+from tests.cli.outside import WITHIN_S, Outside, Start
 from tests.tui import story
 
 pytestmark = pytest.mark.long
 
-Start = Callable[..., Outside]
 ORDER = "Fill the gap at EastGate."
 QUICK = ("--set", "approval_delay_s=0.2")
 PLAIN = (*QUICK, "console", "--plain", "--no-alarms")
 MOVES = re.compile(r"\x1b\[[0-9;?]*[A-HJKSTfhlsu]|\x1b[78]")
 """What moves the cursor or clears, in a terminal."""
-
-
-@pytest.fixture
-def start(tmp_path: Path) -> Generator[Start]:
-    """Return what starts a plain console, which is ended after the test."""
-    started: list[Outside] = []
-
-    def begin(*words: str, **how: bool) -> Outside:
-        started.append(Outside(tmp_path, *(words or PLAIN), **how))  # type: ignore[arg-type]
-        return started[-1]
-
-    yield begin
-    for program in started:
-        program.close()
 
 
 def answered(console: Outside, line: str, kind: str) -> None:
@@ -55,10 +37,8 @@ def answered(console: Outside, line: str, kind: str) -> None:
     console.until(kind, again)
 
 
-def test_a_mission_goes_through_all_steps_in_lines(
-    start: Start, tmp_path: Path, call: Call, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    console = start(terminal=True)
+def test_a_mission_goes_through_all_steps_in_lines(start: Start, call: Call) -> None:
+    console = start(*PLAIN, terminal=True)
     console.until_shown("Type a mission")
     console.type(f"{ORDER}\n")
     console.until_shown("Your answer: approve")
@@ -74,12 +54,11 @@ def test_a_mission_goes_through_all_steps_in_lines(
     console.type("quit\n")
     assert console.process.wait(WITHIN_S) == 0
     assert not MOVES.search(console.shown)
-    monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "key" / "key.pem"))
     assert call("replay", str(console.log), "--verify").code == 0
 
 
 def test_stop_is_heeded_while_a_plan_runs_and_released_after_a_yes(start: Start) -> None:
-    console = start(terminal=True)
+    console = start(*PLAIN, terminal=True)
     console.type(f"{ORDER}\n")
     console.until_shown("Your answer: approve")
     answered(console, "approve", "command_sent")
@@ -99,7 +78,7 @@ def test_stop_is_heeded_while_a_plan_runs_and_released_after_a_yes(start: Start)
 
 
 def test_ctrl_c_stops_nothing_and_says_what_would(start: Start) -> None:
-    console = start(terminal=True)
+    console = start(*PLAIN, terminal=True)
     console.type(f"{ORDER}\n")
     console.until_shown("Your answer: approve")
     console.type("\x03")
@@ -115,7 +94,7 @@ def test_ctrl_c_stops_nothing_and_says_what_would(start: Start) -> None:
 
 
 def test_over_pipes_a_plan_is_rejected_once_nobody_can_answer(start: Start) -> None:
-    console = start(piped=True)
+    console = start(*PLAIN, piped=True)
     assert console.process.stdin is not None
     printed, told = console.process.communicate(f"{ORDER}\n".encode(), timeout=WITHIN_S)
     assert console.process.returncode == 0, told
@@ -126,7 +105,7 @@ def test_over_pipes_a_plan_is_rejected_once_nobody_can_answer(start: Start) -> N
 
 
 def test_it_ends_in_order_when_told_to(start: Start) -> None:
-    console = start(piped=True)
+    console = start(*PLAIN, piped=True)
     console.until("telemetry")
     console.process.send_signal(signal.SIGTERM)
     assert console.process.wait(WITHIN_S) == 143
@@ -184,7 +163,7 @@ def test_a_plan_is_typed_anew_and_what_is_wrong_with_it_is_said() -> None:
 
 
 def test_a_session_in_lines_ends_with_its_terminal_while_a_plan_waits(start: Start) -> None:
-    console = start(terminal=True)
+    console = start(*PLAIN, terminal=True)
     console.until_shown("Type a mission")
     console.type(f"{ORDER}\n")
     console.until_shown("Your answer: approve")
@@ -209,7 +188,7 @@ async def test_the_lines_end_with_the_terminal_that_they_came_from(
 
 
 def test_a_question_is_answered_in_lines_while_a_plan_waits(start: Start) -> None:
-    console = start(terminal=True)
+    console = start(*PLAIN, terminal=True)
     console.type(f"{ORDER}\n")
     console.until_shown("Your answer: approve")
     console.type("Why not Drone_T02?\n")

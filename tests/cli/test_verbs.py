@@ -81,7 +81,7 @@ def verbs(command: object, *words: str) -> Iterator[tuple[str, ...]]:
     yield words
     if isinstance(command, TyperGroup):
         for name, below in command.commands.items():
-            yield from verbs(below, *words, name)
+            yield from verbs(below if words else load_verb(name), *words, name)
 
 
 @pytest.mark.parametrize("words", verbs(get_command(app)), ids=" ".join)
