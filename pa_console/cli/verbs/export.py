@@ -32,6 +32,10 @@ from pa_console.schema.text import count, visible
 from pa_console.session.stills import stills_folder
 from pa_console.terminal.output import errors, out, print_document
 
+DEFAULT_KINDS = ("approval_requested", "decision_made", "plan_halted", "mission_finished")
+LEAST, MOST = (40, 10), (400, 200)
+"""The smallest and the largest screen, (columns, rows)."""
+
 app = typer.Typer(
     help="Write a recorded session as Markdown, MCAP, SVG or asciinema cast.",
     no_args_is_help=True,
@@ -64,10 +68,6 @@ def opened(context: typer.Context, log: Path) -> OpenedSession:
 def written(target: Path, what: str) -> None:
     """Report the place of the export."""
     out.print_line(f"{target}: {what}")
-
-
-DEFAULT_KINDS = ("approval_requested", "decision_made", "plan_halted", "mission_finished")
-LEAST, MOST = (40, 10), (400, 200)
 
 
 @dataclass(frozen=True)

@@ -20,11 +20,21 @@ from pa_console.sim.worlds.world_generator import generate_world, world_yaml
 from pa_console.terminal.output import errors, out, print_document, print_json
 from pa_console.views.event_words import incident_truth_in_words
 
+ASSET_STATES: dict[AssetReach, str] = {
+    "moving": "is moving",
+    "arrived": "has arrived",
+    "low_battery": "is low on battery",
+    "failed": "has failed",
+    "charging": "is charging",
+    "silent": "is silent",
+}
+
 app = typer.Typer(
     no_args_is_help=True, help="Generate a checkpoint world, make one from robots, or check one."
 )
-
-
+scenarios_app = typer.Typer(
+    no_args_is_help=True, help="List, show and check the situations of a world."
+)
 OutOption = Annotated[
     Path | None, typer.Option("--out", "-o", help="File to write; stdout when left out.")
 ]
@@ -150,20 +160,6 @@ def check(
         out.print(f"gates that nobody covers at the start: {', '.join(bare)}")
 
 
-_ASSET_STATES: dict[AssetReach, str] = {
-    "moving": "is moving",
-    "arrived": "has arrived",
-    "low_battery": "is low on battery",
-    "failed": "has failed",
-    "charging": "is charging",
-    "silent": "is silent",
-}
-
-scenarios_app = typer.Typer(
-    no_args_is_help=True, help="List, show and check the situations of a world."
-)
-
-
 @scenarios_app.command("list")
 def list_(world: WorldOption = "checkpoint", json: JsonOption = False) -> None:
     """List the situations that lie beside the world file."""
@@ -228,7 +224,7 @@ def _condition(condition: IncidentCondition | None) -> str:
         case TrackIs(track=track, state=state):
             return f"when {track} is {state}"
         case AssetIs(asset=asset, state=state, at=at):
-            return f"when {asset} {_ASSET_STATES[state]}{f' at {at}' if at else ''}"
+            return f"when {asset} {ASSET_STATES[state]}{f' at {at}' if at else ''}"
         case After(event=event):
             return f"after {event}"
         case None:

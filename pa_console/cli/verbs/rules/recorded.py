@@ -26,6 +26,13 @@ from pa_console.station.assembly import SessionSites
 from pa_console.terminal.output import BAD_INPUT, FAILED, errors, out, print_json
 from pa_console.views.rule_trail import BREAKING, RuleDeed, Trail, trail_of
 
+COUNTED_DEEDS: tuple[tuple[str, tuple[RuleDeed, ...]], ...] = (
+    ("retrieved", ("retrieved",)),
+    ("decided", ("decided", "broken", "refused")),
+    ("broken", BREAKING),
+    ("prescribed", ("prescribed",)),
+)
+
 LogsArgument = Annotated[
     list[Path], typer.Argument(metavar="LOG...", help="Session logs, or folders of them.")
 ]
@@ -222,14 +229,6 @@ def _flip(flip: ChangedDecision) -> str:
     return f"  {at}{plan}: {flip.kind} {rules}: {flip.was} -> {flip.now}: {flip.words}"
 
 
-_COUNTED: tuple[tuple[str, tuple[RuleDeed, ...]], ...] = (
-    ("retrieved", ("retrieved",)),
-    ("decided", ("decided", "broken", "refused")),
-    ("broken", BREAKING),
-    ("prescribed", ("prescribed",)),
-)
-
-
 def trace(
     rule: Annotated[str, typer.Argument(metavar="RULE_ID", help="For example ROE-07.")],
     logs: LogsArgument,
@@ -280,7 +279,7 @@ def _print_trails(rule: str, found: dict[str, list[Trail]], every: bool) -> None
                     f"  event {entry.event}, tick {entry.tick}{attempt}: {entry.did}{words}"
                 )
     every_trail = [trail for trails in found.values() for trail in trails]
-    parts = [f"{name} in {_count(every_trail, what)}" for name, what in _COUNTED]
+    parts = [f"{name} in {_count(every_trail, what)}" for name, what in COUNTED_DEEDS]
     searched = f"sessions searched: {len(found)}"
     if every_trail:
         out.print_line(f"{rule}, missions: {', '.join(parts)}; {searched}")
