@@ -10,6 +10,7 @@ import time
 import pytest
 
 from pa_console.schema.events import event as ev
+from pa_console.schema.mission import Decision
 from pa_console.terminal.typed_lines import InputLines, read_answer
 from tests.cli.inside import Call
 from tests.cli.outside import WITHIN_S, Outside, Start
@@ -117,49 +118,47 @@ def request(**options: object) -> ev.ApprovalRequested:
     return next(data for data in told if isinstance(data, ev.ApprovalRequested))
 
 
+def taken(line: str, **options: object) -> tuple[Decision, str]:
+    """Return the decision that a line comes to, and what it asks a yes for."""
+    answer = read_answer(line, request(**options))
+    assert answer is not None
+    assert answer.decision is not None, answer.problem
+    return answer.decision, answer.confirm
+
+
 def test_answers_are_whole_words_and_say_what_is_missing() -> None:
-    plain = request()
-    approved = read_answer("Approve", plain)
-    assert approved is not None
-    assert approved.decision is not None
-    assert approved.decision.kind == "approve"
-    assert not approved.confirm
+    approved, confirm = taken("Approve")
+    assert (approved.kind, confirm) == ("approve", "")
     for line in ("a", "y", "yes", "approved", "app", "go on", "Show me the west gate"):
-        assert read_answer(line, plain) is None
-    rejected = read_answer("reject because the drone is needed", plain)
-    assert rejected is not None
-    assert rejected.decision is not None
-    assert rejected.decision.reason == "the drone is needed"
+        assert read_answer(line, request()) is None
+    assert taken("reject because the drone is needed")[0].reason == "the drone is needed"
+
+
+@pytest.mark.parametrize(
+    ("line", "options", "problem"),
+    [
+        ("approve", {"broken": ("WF-03",), "blocked": ("WF-03: no",)},
+         "it cannot be approved: WF-03: no"),
+        ("approve", {"verdict": "Failure"}, "approve because REASON"),
+        ("modify Drone_T04 hold; Drone_T01 fly away", {}, "action 2"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_taken_is_said(line: str, options: dict[str, object], problem: str) -> None:
+    answer = read_answer(line, request(**options))
+    assert answer is not None
+    assert (answer.decision, problem in answer.problem) == (None, True)
 
 
 def test_what_is_broken_or_objected_to_needs_a_reason_or_a_yes() -> None:
-    blocked = read_answer("approve", request(broken=("WF-03",), blocked=("WF-03: no",)))
-    assert blocked is not None
-    assert (blocked.decision, blocked.problem) == (None, "it cannot be approved: WF-03: no")
-    objected = request(verdict="Failure")
-    bare = read_answer("approve", objected)
-    assert bare is not None
-    assert "approve because REASON" in bare.problem
-    given = read_answer("approve because I see it", objected)
-    assert given is not None
-    assert given.decision is not None
-    assert (given.decision.override_judge, given.decision.reason) == (True, "I see it")
-    assert given.confirm
-    warned = read_answer("approve", request(broken=("CAP-04",)))
-    assert warned is not None
-    assert "CAP-04" in warned.confirm
+    given, confirm = taken("approve because I see it", verdict="Failure")
+    assert (given.override_judge, given.reason, bool(confirm)) == (True, "I see it", True)
+    assert "CAP-04" in taken("approve", broken=("CAP-04",))[1]
 
 
-def test_a_plan_is_typed_anew_and_what_is_wrong_with_it_is_said() -> None:
-    changed = read_answer("modify Drone_T04 observe EastGate; Ugv_T02 hold", request())
-    assert changed is not None
-    assert changed.decision is not None
-    assert changed.decision.plan is not None
-    assert [a.command for a in changed.decision.plan.actions] == ["observe EastGate", "hold"]
-    wrong = read_answer("modify Drone_T04 hold; Drone_T01 fly away", request())
-    assert wrong is not None
-    assert wrong.decision is None
-    assert "action 2" in wrong.problem
+def test_a_plan_is_typed_anew() -> None:
+    changed, _ = taken("modify Drone_T04 observe EastGate; Ugv_T02 hold")
+    assert changed.plan is not None
+    assert [a.command for a in changed.plan.actions] == ["observe EastGate", "hold"]
 
 
 def test_a_session_in_lines_ends_with_its_terminal_while_a_plan_waits(start: Start) -> None:

@@ -1,83 +1,46 @@
 """The verbs by name; the module of a verb is imported only when the verb is asked for."""
 
 from functools import cache
+from importlib import import_module
 from inspect import getdoc
-from pkgutil import resolve_name
-from typing import Any, NamedTuple
+from typing import Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup, TyperOption
 from typer.main import get_group
 
-
-class Verb(NamedTuple):
-    """The place of a verb in this package, a function or the app of a group, and its help."""
-
-    place: str
-    line: str
-
-
 VERBS = {
-    "console": Verb(
-        "console:console",
-        "Open the console: live checkpoint, policy browser, missions, trace and approval.",
-    ),
-    "mission": Verb(
-        "mission:mission",
-        "Plan, check, rehearse, judge, decide, execute and verify one mission, or a situation's.",
-    ),
-    "serve": Verb(
-        "serve:serve",
-        "Serve a session on loopback: an HTTP interface (see /docs), or the console in a browser.",
-    ),
-    "mcp": Verb(
-        "mcp:mcp",
-        "Connect an agent over MCP, on stdin and stdout, to a running console; people decide.",
-    ),
-    "replay": Verb(
-        "replay:replay",
-        "Play LOG back in the console, verify it, run it again, or compare it with another one.",
-    ),
-    "sessions": Verb(
-        "sessions:sessions",
-        "List the recorded sessions: what each was about, how it ended, whether its log is sound.",
-    ),
-    "doctor": Verb(
-        "doctor:doctor",
-        "Look for everything that the console needs; exit code 0 when nothing is missing.",
-    ),
-    "alert": Verb(
-        "alert:alert",
-        "Send a test alert to everybody who would be alerted; exit code 1 when one is not reached.",
-    ),
-    "export": Verb(
-        "export:app", "Write a recorded session as Markdown, MCAP, SVG or asciinema cast."
-    ),
-    "rules": Verb(
-        "rules:app", "List, search, check, lint, sign and compare rules, and trace what they did."
-    ),
-    "keys": Verb(
-        "keys:app",
-        "Make, list, enrol, revoke and rotate the keys of a site; sign; put a station in command.",
-    ),
-    "models": Verb("models:app", "List and pull language models."),
-    "eval": Verb(
-        "evaluate:app", "Run mission sets against models and variants of the pipeline; more below."
-    ),
-    "scenarios": Verb("world:scenarios_app", "List, show and check the situations of a world."),
-    "site": Verb(
-        "site:app", "Run the simulated checkpoint as a service on a message bus; more below."
-    ),
-    "tak": Verb(
-        "tak:tak",
-        "Show a session on TAK maps (ATAK, WinTAK) as Cursor on Target; nothing is taken from "
-        "there.",
-    ),
-    "world": Verb("world:app", "Generate a checkpoint world, make one from robots, or check one."),
-    "settings": Verb("settings:app", "Show, change and reset the settings."),
-    "manual": Verb("manual:manual", "Read the manual: list its pages, or show one of them."),
+    "console": "Open the console: live checkpoint, policy browser, missions, trace and approval.",
+    "mission": "Plan, check, rehearse, judge, decide, execute and verify one mission, or a "
+    "situation's.",
+    "serve": "Serve a session on loopback: an HTTP interface (see /docs), or the console in a "
+    "browser.",
+    "mcp": "Connect an agent over MCP, on stdin and stdout, to a running console; people decide.",
+    "replay": "Play LOG back in the console, verify it, run it again, or compare it with another "
+    "one.",
+    "sessions": "List the recorded sessions: what each was about, how it ended, whether its log is "
+    "sound.",
+    "doctor": "Look for everything that the console needs; exit code 0 when nothing is missing.",
+    "alert": "Send a test alert to everybody who would be alerted; exit code 1 when one is not "
+    "reached.",
+    "export": "Write a recorded session as Markdown, MCAP, SVG or asciinema cast.",
+    "rules": "List, search, check, lint, sign and compare rules, and trace what they did.",
+    "keys": "Make, list, enrol, revoke and rotate the keys of a site; sign; put a station in "
+    "command.",
+    "models": "List and pull language models.",
+    "eval": "Run mission sets against models and variants of the pipeline; more below.",
+    "scenarios": "List, show and check the situations of a world.",
+    "site": "Run the simulated checkpoint as a service on a message bus; more below.",
+    "tak": "Show a session on TAK maps (ATAK, WinTAK) as Cursor on Target; nothing is taken from "
+    "there.",
+    "world": "Generate a checkpoint world, make one from robots, or check one.",
+    "settings": "Show, change and reset the settings.",
+    "manual": "Read the manual: list its pages, or show one of them.",
 }
-"""The verbs in the order of the help; each says the same of itself."""
+"""The help of each verb, in order; a verb says the same of itself. It is the function of its name,
+or the `app` of a group, in the module of its name."""
+MODULES = {"eval": "evaluate"}
+"""The module of a verb whose name is taken in Python."""
 
 
 EXAMPLES = {
@@ -141,10 +104,11 @@ EXAMPLES = {
 
 @cache
 def load_verb(name: str) -> Any:
-    """Return the command of a verb, its help ended with its example; KeyError when unknown."""
+    """Return the command of a verb, its help ended with its example."""
     from pa_console.cli.options import with_field_options  # noqa: PLC0415 - the list of verbs needs none
 
-    verb = resolve_name(f"pa_console.cli.verbs.{VERBS[name].place}")
+    module = import_module(f"pa_console.cli.verbs.{MODULES.get(name, name)}")
+    verb = getattr(module, "app", None) or getattr(module, name)
     alone = typer.Typer(rich_markup_mode=None)
     if isinstance(verb, typer.Typer):
         alone.add_typer(verb, name=name)
@@ -162,8 +126,7 @@ class Verbs(TyperGroup):
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
         self.commands = {
-            name: TyperCommand(name, help=verb.line, short_help=verb.line)
-            for name, verb in VERBS.items()
+            name: TyperCommand(name, help=line, short_help=line) for name, line in VERBS.items()
         }
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:

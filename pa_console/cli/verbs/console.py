@@ -71,10 +71,9 @@ def console(
             raise ValueError(
                 "--join goes with --certificates, --world, --rules, --plain and --mouse alone"
             )
-        from pa_console.cli.sessions.joined import Joining, joining  # noqa: PLC0415 - then
+        from pa_console.cli.sessions.joined import joining  # noqa: PLC0415 - then
 
-        asked = Joining(join, options.certificates, options.world, options.rules)
-        with joining(asked, settings) as joined:
+        with joining(join, options, settings) as joined:
             if not joined.show(settings, plain=plain):
                 return
             with joined.told_unless_taken(), OpeningFrame(None) as frame:

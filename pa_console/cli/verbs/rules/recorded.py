@@ -33,9 +33,7 @@ COUNTED_DEEDS: tuple[tuple[str, tuple[RuleDeed, ...]], ...] = (
     ("prescribed", ("prescribed",)),
 )
 
-LogsArgument = Annotated[
-    list[Path], typer.Argument(metavar="LOG...", help="Session logs, or folders of them.")
-]
+LOGS = typer.Argument(metavar="LOG...", help="Session logs, or folders of them.")
 
 
 def find_logs(places: Sequence[Path]) -> list[Path]:
@@ -99,10 +97,7 @@ class Effects:
 
 def effect(
     rules: Annotated[str, typer.Argument(help="The changed rule file.")],
-    logs: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="LOG...", help="Session logs, or folders of them."),
-    ] = None,
+    logs: Annotated[list[Path] | None, LOGS] = None,
     missions: Annotated[
         list[str] | None,
         typer.Option(help="A mission set: a file, or a name beside the world; repeatable."),
@@ -231,7 +226,7 @@ def _flip(flip: ChangedDecision) -> str:
 
 def trace(
     rule: Annotated[str, typer.Argument(metavar="RULE_ID", help="For example ROE-07.")],
-    logs: LogsArgument,
+    logs: Annotated[list[Path], LOGS],
     every: Annotated[bool, typer.Option("--all", help="Show where it did not apply, too.")] = False,
     json: JsonOption = False,
 ) -> None:
