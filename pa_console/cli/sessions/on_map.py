@@ -162,24 +162,24 @@ def show(asked: FollowOptions, settings: LoadedSettings) -> int:
         ended_by = number
         over.set()
 
-    with _opened(asked, settings) as found:
-        site = placed(found.world, asked.origin, name, replay=bool(asked.replay))
-        connection = TakConnection(server, site.uid("station"), tell)
+    with _opened(asked, settings) as followed:
+        site = placed(followed.world, asked.origin, name, replay=bool(asked.replay))
+        connection = TakConnection(server, site.uid("station"), _report)
         pace = asked.speed if asked.replay else 1.0
         shown = SessionOnMap(site, connection, asked.every, pace)
         if server.open_to_all:
-            tell(f"warning: {server.warning}")
+            _report(f"warning: {server.warning}")
         try:
             with end_signals(end), connection:
-                tell(f"{found.title}; Ctrl-C ends it")
+                _report(f"{followed.title}; Ctrl-C ends it")
                 try:
-                    for event in found.events(over.is_set):
+                    for event in followed.events(over.is_set):
                         if event is not None:
                             shown.take(event)
                 finally:
                     shown.end()
         finally:
-            tell(connection.words)
+            _report(connection.words)
     return exit_code_of(ended_by) if ended_by else 0
 
 
@@ -198,11 +198,11 @@ def _opened(
         return
     from pa_console.cli.sessions.joined import shared_session, shared_world  # noqa: PLC0415
 
-    with shared_session(asked.join, asked.certificates) as found:
-        world = shared_world(found.before, asked.world or settings.values.world, settings)
-        yield JoinedEvents(found.log, found.before, world, tell)
+    with shared_session(asked.join, asked.certificates) as shared:
+        world = shared_world(shared.before, asked.world or settings.values.world, settings)
+        yield JoinedEvents(shared.log, shared.before, world, _report)
 
 
-def tell(line: str) -> None:
+def _report(line: str) -> None:
     """Print one line on stderr."""
     errors.print_line(line)

@@ -12,6 +12,7 @@ from pa_console.cli.progress_bars import TransientBar
 from pa_console.end_signals import end_signals, exit_code_of
 from pa_console.evaluation.changed_decisions import SessionEffect, decided_again
 from pa_console.evaluation.twin import Resimulation, resimulate
+from pa_console.policy.retriever import Retriever
 from pa_console.resources import find_data
 from pa_console.schema.document import DocumentError
 from pa_console.schema.events.event import Event, SessionStarted
@@ -22,7 +23,7 @@ from pa_console.session.log.chain import LogError, line_of
 from pa_console.session.log.session_index import check_index, index_path
 from pa_console.session.log.signed_head import WitnessResult, check_witness, head_path
 from pa_console.session.log.verification import VerifyResult, verify
-from pa_console.session.recording import Recording
+from pa_console.session.recording import Player, Recording
 from pa_console.settings.sources import LoadedSettings
 from pa_console.signing import is_fingerprint, known_keys
 from pa_console.sim.worlds.scenario_file import open_scenario
@@ -56,16 +57,14 @@ def read_recording(log: Path) -> Recording:
 def play(log: Path, world: str | None, settings: LoadedSettings) -> None:
     """Show the recording, with the world and the rules that it names."""
     recording = read_recording(log)
-    run_console(site_of(recording, log, world), recording, settings)
+    _run_console(_site_of(recording, log, world), recording, settings)
 
 
-def run_console(
+def _run_console(
     site: Site, recording: Recording, settings: LoadedSettings, opening: "Opening | None" = None
 ) -> None:
     """Run the console over the recording, until it is left; `opening` shows other screens first."""
-    from pa_console.policy.retriever import Retriever  # noqa: PLC0415 - only when it is shown
-    from pa_console.session.recording import Player  # noqa: PLC0415
-    from pa_console.tui.app import ConsoleApp  # noqa: PLC0415
+    from pa_console.tui.app import ConsoleApp  # noqa: PLC0415 - only when it is shown
 
     require_keys("use --verify or --compare in scripts")
     app = ConsoleApp(
@@ -84,7 +83,7 @@ def run_console(
         raise typer.Exit(exit_code_of(leaving.ended_by))
 
 
-def site_of(recording: Recording, log: Path, world: str | None) -> Site:
+def _site_of(recording: Recording, log: Path, world: str | None) -> Site:
     """Return the world and the rules of a session, and report their changes since.
 
     Raises LogError for a file that is no session, ValueError when its world is not installed here.
@@ -144,7 +143,7 @@ class Again:
         return {**asdict(self.twin), "first_line": self.line, "decided": decided}
 
 
-def run_again(log: Path, place: ReplaySetup) -> Again:
+def _run_again(log: Path, place: ReplaySetup) -> Again:
     """Run the session of `log` again with its recorded decisions and answers.
 
     Raises ValueError (DocumentError) when its world or scenario is not here, LogError for a file
@@ -170,18 +169,18 @@ def show_again(log: Path, place: ReplaySetup, json: bool) -> None:
 
     A log that cannot be read to its end is compared up to there, and then raises its LogError.
     """
-    again = run_again(log, place)
+    again = _run_again(log, place)
     if json:
         print_json(again.document())
     else:
-        print_again(log, again)
+        _print_again(log, again)
     if not again.equal:
         raise typer.Exit(FAILED)
     if again.problem is not None:
         raise again.problem
 
 
-def print_again(log: Path, again: Again) -> None:
+def _print_again(log: Path, again: Again) -> None:
     """Print what came out equal, and what did not."""
     twin, decided = again.twin, again.decided
     if twin.equal:
@@ -293,12 +292,12 @@ def show_compared(first: Path, second: Path, world: str | None, settings: Loaded
     from pa_console.tui.recordings import KnownWorld, OpenedLog, open_compared  # noqa: PLC0415
 
     recording = read_recording(first)
-    site = site_of(recording, first, world)
+    site = _site_of(recording, first, world)
     rules = {rule.id: rule for rule in site.rulebook.rules}
     known = KnownWorld(site.world, site.world_sha256)
     one = OpenedLog(first.name, recording, site.world, rules)
     other = open_compared(second, known)
-    run_console(site, recording, settings, comparison(one, other))
+    _run_console(site, recording, settings, comparison(one, other))
 
 
 def _print(
@@ -376,19 +375,24 @@ def show_verified(log: Path, trust: TrustedKeys, place: ReplaySetup | None, json
     result, index = verify(log, known), check_index(log.parent, known)
     seen = check_witness(log, result.session, trust.witness, known) if trust.witness else None
     lost = index.of(log)
-    again, problem = _again(log, place) if place is not None and result.ok else (None, "")
+    again, problem = None, ""
+    if place is not None and result.ok:
+        try:
+            again = _run_again(log, place)
+        except ValueError as error:
+            problem = str(error)
     if json:
         run = {"problem": problem} if again is None else again.document()
-        found = {"intact": result.intact and not lost, **asdict(result), "again": run}
-        print_json({**found, "index": index.all_problems, "witness": seen})
+        verdict = {"intact": result.intact and not lost, **asdict(result), "again": run}
+        print_json({**verdict, "index": index.all_problems, "witness": seen})
     else:
         _print_result(log, result, own)
         if again is not None:
-            print_again(log, again)
+            _print_again(log, again)
         if problem:
             errors.print_line(f"{log}: not run again: {problem}; or verify with --chain-only")
-        for told in index.all_problems:
-            errors.print_line(f"{index_path(log.parent)}: {told}")
+        for index_problem in index.all_problems:
+            errors.print_line(f"{index_path(log.parent)}: {index_problem}")
         if seen is not None:
             _print_statement(log, trust.witness, seen)
     if lost or (seen is not None and seen.line is not None):
@@ -397,14 +401,6 @@ def show_verified(log: Path, trust: TrustedKeys, place: ReplaySetup | None, json
         raise typer.Exit(FAILED if result.ok else BAD_INPUT)
     if not trust.accepts(result) or problem or (again is not None and not again.equal):
         raise typer.Exit(FAILED if result.ok else BAD_INPUT)
-
-
-def _again(log: Path, place: ReplaySetup) -> tuple[Again | None, str]:
-    """Return what came of the session, or why it could not be run again."""
-    try:
-        return run_again(log, place), ""
-    except ValueError as error:
-        return None, str(error)
 
 
 def _print_result(log: Path, result: VerifyResult, own: frozenset[str]) -> None:
@@ -419,9 +415,9 @@ def _print_result(log: Path, result: VerifyResult, own: frozenset[str]) -> None:
         "open": f"{by} up to line {result.vouched} only." if result.key else "not signed yet.",
         "not signed": "not signed: nothing shows that it was not written anew.",
     }[result.standing]
-    told = f"{log}: {count(result.lines, 'line')}, chain intact, {standing}"
-    told += f" {result.note[:1].upper()}{result.note[1:]}." if result.note else ""
-    out.print_line(told)
+    line = f"{log}: {count(result.lines, 'line')}, chain intact, {standing}"
+    line += f" {result.note[:1].upper()}{result.note[1:]}." if result.note else ""
+    out.print_line(line)
 
 
 def _print_statement(log: Path, witness: Path | None, seen: WitnessResult) -> None:
@@ -430,5 +426,5 @@ def _print_statement(log: Path, witness: Path | None, seen: WitnessResult) -> No
         place = f"{witness}:{seen.line}" if seen.line is not None else f"{witness}"
         errors.print_line(f"{place}: {seen.problem}")
         return
-    told = f"{log}: has all {count(seen.heads, 'head')} that {witness} has seen, the last after "
-    out.print_line(f"{told}record {seen.records}")
+    heads = f"{log}: has all {count(seen.heads, 'head')} that {witness} has seen"
+    out.print_line(f"{heads}, the last after record {seen.records}")

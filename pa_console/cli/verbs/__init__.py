@@ -41,8 +41,6 @@ VERBS = {
 or the `app` of a group, in the module of its name."""
 MODULES = {"eval": "evaluate"}
 """The module of a verb whose name is taken in Python."""
-
-
 EXAMPLES = {
     "console": "pa-console console --scenario situation-1-unauthorized",
     "mission": 'pa-console mission "Move the drone to the east gate." --approve auto',

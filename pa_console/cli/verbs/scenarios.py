@@ -31,12 +31,12 @@ app = typer.Typer(no_args_is_help=True, help="List, show and check the situation
 def list_(world: WorldOption = "checkpoint", json: JsonOption = False) -> None:
     """List the situations that lie beside the world file."""
     _, path = open_world(world)
-    found = list_scenarios(path)
+    situations = list_scenarios(path)
     if json:
-        print_json([{"name": name, "title": title} for name, title in found])
+        print_json([{"name": name, "title": title} for name, title in situations])
         return
     table = Table("Name", "What happens", box=None, pad_edge=False)
-    for name, title in found:
+    for name, title in situations:
         table.add_row(name, title)
     out.print(table)
 
@@ -51,8 +51,8 @@ def show(
     json: JsonOption = False,
 ) -> None:
     """Show what happens in a situation, and when."""
-    found, path = open_world(world)
-    scenario = open_scenario(found, path, name).scenario
+    loaded, path = open_world(world)
+    scenario = open_scenario(loaded, path, name).scenario
     if json:
         print_json(scenario)
         return
@@ -78,8 +78,8 @@ def check_scenario(
     world: WorldOption = "checkpoint",
 ) -> None:
     """Check a scenario file against a world; errors name line and field."""
-    found, path = open_world(world)
-    scenario = open_scenario(found, path, str(file)).scenario
+    loaded, path = open_world(world)
+    scenario = open_scenario(loaded, path, str(file)).scenario
     out.print_line(
         f"{file}: ok, {count(len(scenario.events), 'event')}, "
         f"{count(len(scenario.random), 'random kind')}"
